@@ -1,0 +1,136 @@
+"""The controller of Fig. 1: measured joint positions and a task velocity in, the next position reference out, once a cycle."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.laws import Law
+from redres_ros.planner import quintic
+from redres_ros.resolution import Resolution, resolve
+from redres_ros.robot_model import RobotModel, RobotState
+
+INTEGRATE_FROM = ('command', 'measurement')
+
+
+@dataclass(frozen=True)
+class Command:
+    """One tick's answer: dq (n,) [rad/s], q_ref (n,) [rad], null (n,) the part of dq in the null space, and the state it answers.
+
+    What only onlookers want is computed when asked for.
+    """
+
+    dq: np.ndarray
+    q_ref: np.ndarray
+    null: np.ndarray
+    state: RobotState
+    T: float
+
+    @cached_property
+    def ddq(self) -> np.ndarray:
+        """Joint acceleration (dq_k - dq_{k-1}) / T, (n,) [rad/s^2], Eq. (13)."""
+        return (self.dq - self.state.dq_prev) / self.T
+
+    @cached_property
+    def tau(self) -> np.ndarray:
+        """Joint torque M(q_k) ddq_k + n(q_k, dq_{k-1}), (n,) [Nm], Eq. (6)."""
+        return self.state.M @ self.ddq + self.state.n
+
+    @cached_property
+    def min_singular_value(self) -> float:
+        """Smallest singular value of the task Jacobian."""
+        return float(np.linalg.svd(self.state.J, compute_uv=False)[-1])
+
+
+class Controller:
+    """Turns task velocities into position references by the law in force, for one arm and one sampling time.
+
+    model, law, T [s] as they say. switch_time [s]: over it a change of law is blended, as are starting and stopping; 0 switches at
+    once. integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a servo's lag does not make the arm
+    creep, or the last 'measurement'. Raises RangeError for T, switch_time or the law's damping.
+    """
+
+    def __init__(self, model: RobotModel, law: Law, T: float, *, switch_time: float = 0.0, integrate_from: str = 'command') -> None:
+        if not 1e-5 <= T <= 1.0:
+            raise RangeError('T', T, 1e-5, 1.0, 's')
+        if not 0.0 <= switch_time <= 60.0:
+            raise RangeError('switch_time', switch_time, 0.0, 60.0, 's')
+        if integrate_from not in INTEGRATE_FROM:
+            raise UnknownNameError('integrate_from', integrate_from, INTEGRATE_FROM)
+        law.check_damping(T)
+        self.model, self.T, self.switch_time, self._integrate_from = model, T, switch_time, integrate_from
+        self._law, self._moving = law, True
+        self.reset()
+
+    @property
+    def law(self) -> Law:
+        """The law asked for last; a blend towards it may be under way."""
+        return self._law
+
+    @property
+    def moving(self) -> bool:
+        """Whether the law is followed (or being blended in); False after hold()."""
+        return self._moving
+
+    def switch_law(self, law: Law) -> None:
+        """Go over to another law, or to the same one with other gains. Of several asked for during one blend the last one counts.
+
+        Raises RangeError for a damping outside [0, 1/T]; the law in force then stays.
+        """
+        law.check_damping(self.T)
+        self._law = law
+
+    def hold(self) -> None:
+        """Come to a standstill; the task is left."""
+        self._moving = False
+
+    def resume(self) -> None:
+        """Follow the law again, from standing still."""
+        self._moving = True
+
+    def reset(self) -> None:
+        """Forget the last command: the next update starts at the measured position, standing still."""
+        self._q_ref: np.ndarray | None = None
+        self._dq_prev = np.zeros(self.model.n)
+        self._old: Law | None = None  # None stands for standing still
+        self._new: Law | None = None
+        self._blended = 1.0  # share of the switch time that is over; 1: only the new law acts
+
+    def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
+        """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,) [m/s], [rad/s] below it.
+
+        missed: cycles since the last update that went without one; the arm is taken to have gone on with the last velocity.
+        Raises ArrayError for a wrong shape, NaN or infinity; the controller is then as it was before.
+        """
+        state = self.model.state(q, self._dq_prev)
+        dx = np.asarray(dx, dtype=np.float64)
+        if dx.shape != (self.model.m,) or not np.isfinite(dx).all():
+            raise ArrayError(f'dx is {dx.tolist()}; expected {self.model.m} finite values')
+        self._advance_blend()
+        dq, null = self._blend(state, dx)
+        last = state.q if self._q_ref is None or self._integrate_from == 'measurement' else self._q_ref
+        q_ref = last + self.T * (missed * self._dq_prev + dq)  # footnote 1
+        self._q_ref, self._dq_prev = q_ref, dq
+        return Command(dq.copy(), q_ref.copy(), null, state, self.T)
+
+    def _advance_blend(self) -> None:
+        wanted = self._law if self._moving else None
+        if self._blended >= 1.0 and wanted != self._new:
+            self._old, self._new, self._blended = self._new, wanted, 0.0
+        if self._blended < 1.0:
+            step = self.T / self.switch_time if self.switch_time > 0.0 else 1.0
+            self._blended = min(self._blended + step, 1.0)
+
+    def _blend(self, state: RobotState, dx: np.ndarray) -> Resolution:
+        """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every mixture."""
+        new = self._resolve(self._new, state, dx)
+        if self._blended >= 1.0:
+            return new
+        old, (s, _) = self._resolve(self._old, state, dx), quintic(self._blended)
+        return Resolution((1.0 - s) * old.dq + s * new.dq, (1.0 - s) * old.null + s * new.null)
+
+    def _resolve(self, law: Law | None, state: RobotState, dx: np.ndarray) -> Resolution:
+        if law is None:
+            return Resolution(np.zeros(self.model.n), np.zeros(self.model.n))
+        return resolve(state.J, dx, law.bias(state, self.T), law.weight(state))

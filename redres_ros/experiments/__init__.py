@@ -1,0 +1,1 @@
+"""Closed loops without ROS, and what is drawn and computed from their recordings."""

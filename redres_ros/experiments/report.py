@@ -1,0 +1,33 @@
+"""What a person sees in the terminal: a progress bar and a table of peaks."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from redres_ros.experiments.recording import Recording
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
+    """A bar on standard error; yields a function that is told the share done, 0 to 1. Shows nothing where there is no terminal."""
+    bar = Progress(TextColumn('{task.description}'), BarColumn(), TextColumn('{task.percentage:3.0f} %'), TimeElapsedColumn(),
+                   transient=True, console=Console(stderr=True))
+    with bar:
+        task = bar.add_task(label, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def peaks(recordings: Mapping[str, Recording]) -> str:
+    """A table with one line a recording: end, largest norms and when, last error."""
+    lines = [f"{'law':<26}{'end [s]':>9}{'|ddq| [rad/s2]':>20}{'|dq| [rad/s]':>20}{'|tau| [Nm]':>20}{'last error [mm]':>17}"]
+    for name, recording in recordings.items():
+        if not len(recording.data):
+            lines.append(f'{name:<26}  no tick')
+            continue
+        cells = [f'{value:.3f} at {t:5.2f} s' for value, t in
+                 (recording.peak(f'joint_{what}_norm') for what in ('acceleration', 'velocity', 'torque'))]
+        lines.append(f"{name:<26}{recording['t'][-1]:9.3f}" + ''.join(f'{cell:>20}' for cell in cells)
+                     + f"{1e3 * recording['task_error'][-1]:17.4f}")
+    return '\n'.join(lines)

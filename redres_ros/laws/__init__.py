@@ -1,0 +1,35 @@
+"""The laws of the paper by name. A new law is one small class and one line in this table."""
+
+from redres_ros.errors import UnknownNameError
+from redres_ros.laws.dynamic import DynamicallyConsistent, MinimumKineticEnergy, MinimumTorque, MinimumWeightedTorque
+from redres_ros.laws.kinematic import MinimumAcceleration, MinimumVelocity
+from redres_ros.laws.law import Law
+from redres_ros.parameter import parameters
+
+LAWS: dict[str, type[Law]] = {
+    'minimum_velocity': MinimumVelocity,
+    'minimum_acceleration': MinimumAcceleration,
+    'minimum_kinetic_energy': MinimumKineticEnergy,
+    'minimum_weighted_torque': MinimumWeightedTorque,
+    'dynamically_consistent': DynamicallyConsistent,
+    'minimum_torque': MinimumTorque,
+}
+
+
+def make_law(name: str, **gains: float) -> Law:
+    """The law of that name with the given gains, as damping=10.0. Raises UnknownNameError, RangeError."""
+    if name not in LAWS:
+        raise UnknownNameError('law', name, LAWS)
+    allowed = [field.name for field in parameters(LAWS[name])]
+    for gain in gains:
+        if gain not in allowed:
+            raise UnknownNameError(f'gain of {name}', gain, allowed)
+    return LAWS[name](**gains)
+
+
+def law_name(law: Law) -> str:
+    """The law's name in the table; the class name for one that is not in it."""
+    return next((name for name, cls in LAWS.items() if type(law) is cls), type(law).__name__)
+
+
+__all__ = ['LAWS', 'Law', 'law_name', 'make_law']

@@ -1,0 +1,48 @@
+"""Laws that use the arm's dynamics M(q) ddq + n(q, dq) = tau, Eq. (6)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.laws.law import Law
+from redres_ros.robot_model import RobotState
+
+
+@dataclass(frozen=True)
+class MinimumKineticEnergy(Law):
+    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M. Has no memory, so damping changes nothing."""
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return np.zeros_like(state.q)
+
+    def weight(self, state: RobotState) -> np.ndarray:
+        return state.M
+
+
+@dataclass(frozen=True)
+class _TorqueLaw(Law):
+    """The bias that the torque laws share: where the arm would go in one tick with zero torque and null-space damping."""
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return self.forgetting(T) * state.dq_prev - T * np.linalg.solve(state.M, state.n)  # lambda dq_{k-1} - T M^-1 n
+
+
+@dataclass(frozen=True)
+class MinimumWeightedTorque(_TorqueLaw):
+    """Least torque in the norm of M^-2, Eq. (24)-(26) -> (27)."""
+
+
+@dataclass(frozen=True)
+class DynamicallyConsistent(_TorqueLaw):
+    """Least torque in the norm of M^-1, Eq. (28)-(34) -> (32); Eq. (35) is the special case damping = 1/T."""
+
+    def weight(self, state: RobotState) -> np.ndarray:
+        return state.M
+
+
+@dataclass(frozen=True)
+class MinimumTorque(_TorqueLaw):
+    """Least torque in the plain norm, Eq. (7) with (A.14)."""
+
+    def weight(self, state: RobotState) -> np.ndarray:
+        return state.M @ state.M

@@ -1,0 +1,24 @@
+"""Laws that need no dynamics: least velocity (2) and least acceleration (15), (17), (23)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.laws.law import Law
+from redres_ros.robot_model import RobotState
+
+
+@dataclass(frozen=True)
+class MinimumVelocity(Law):
+    """Least joint velocity, Eq. (2) with dq_N = 0. Has no memory, so damping changes nothing."""
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return np.zeros_like(state.q)
+
+
+@dataclass(frozen=True)
+class MinimumAcceleration(Law):
+    """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23)."""
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return self.forgetting(T) * state.dq_prev  # lambda dq_{k-1}

@@ -1,0 +1,41 @@
+"""What a law is: a choice of weight W and bias b in the one formula of resolution.py."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.errors import RangeError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robot_model import RobotState
+
+
+@dataclass(frozen=True)
+class Law(ABC):
+    """A redundancy resolution law at the velocity level: dq = argmin 1/2 (dq - b)' W (dq - b) subject to J dq = dx.
+
+    A subclass is a frozen dataclass whose fields, declared with `param`, are its gains. damping is k_d of Eq. (21); it acts through
+    the forgetting factor lambda = 1 - k_d T (Appendix B).
+    """
+
+    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e4)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @abstractmethod
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        """b, the joint velocity that the law would like best, (n,) [rad/s], for a sampling time T [s]."""
+
+    def weight(self, state: RobotState) -> np.ndarray | None:
+        """W, symmetric positive definite, (n, n); None for the identity."""
+        return None
+
+    def forgetting(self, T: float) -> float:
+        """lambda = 1 - k_d T, Eq. (23)."""
+        return 1.0 - self.damping * T
+
+    def check_damping(self, T: float) -> None:
+        """Raise RangeError unless 0 <= k_d <= 1/T: beyond it null-space motion oscillates or diverges (Appendix B)."""
+        if not 0.0 <= self.damping * T <= 1.0 + 1e-12:
+            raise RangeError('damping', self.damping, 0.0, 1.0 / T, f'0 <= k_d <= 1/T by Appendix B, with T = {T:g} s')

@@ -1,0 +1,71 @@
+"""Task velocities along the points of a task: quintic segments (36) with feedback (37)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.tasks import Task
+
+
+def quintic(xi: float) -> tuple[float, float]:
+    """s(xi) and ds/dxi of Eq. (36): from 0 to 1 with zero velocity and acceleration at both ends. xi outside [0, 1] is clipped."""
+    xi = min(max(xi, 0.0), 1.0)
+    return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the planner asks for at one tick.
+
+    dx: (3,) task velocity [m/s]; x_d: (3,) desired position [m]; error: x_d - x, (3,) [m]; segment: 1 for the way to x_1 and so on,
+    0 for an approach to x_0; finished: the last point is reached and held.
+    """
+
+    dx: np.ndarray
+    x_d: np.ndarray
+    error: np.ndarray
+    segment: int
+    finished: bool
+
+
+class Planner:
+    """Walks through a task's points, one segment after the other, and then holds the last one.
+
+    x_start: (3,) where the tip is when the task begins [m]; farther than `task.segment_time` allows no harm: unless it is x_0
+    itself to within start_tolerance [m], a first segment of its own leads to x_0. None begins at x_0.
+    """
+
+    def __init__(self, task: Task, x_start: np.ndarray | None = None, *, start_tolerance: float = 0.005) -> None:
+        self._task = task
+        approaches = x_start is not None and np.linalg.norm(x_start - task.waypoints[0]) > start_tolerance
+        self._points = np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()  # (N, 3)
+        self._first_segment = 0 if approaches else 1
+        self._index, self._t_segment, self._finished = 0, 0.0, False
+
+    def reference(self, x: np.ndarray, t: float) -> Reference:
+        """The reference for the tip at x (3,) [m] and the time t [s] since the task began; t never goes back.
+
+        The next segment begins at the first tick at which this one is over, Task.switching saying when that is.
+        """
+        while not self._finished and self._is_over(x, t):
+            self._index += 1
+            self._t_segment = t
+            self._finished = self._index == len(self._points) - 1
+        x_d, dx_d = self._desired(t - self._t_segment)
+        error = x_d - x
+        dx = dx_d + self._task.feedback_gain * error  # Eq. (37)
+        return Reference(dx, x_d, error, min(self._index, len(self._points) - 2) + self._first_segment, self._finished)
+
+    def _is_over(self, x: np.ndarray, t: float) -> bool:
+        t_s = t - self._t_segment
+        if t_s <= 0.0 or (self._task.switching == 'at_rest' and t_s < self._task.segment_time - 1e-9):
+            return False
+        return bool(np.linalg.norm(self._points[self._index + 1] - x) < self._task.tolerance)
+
+    def _desired(self, t_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """x_d and dx_d, Eq. (36), both (3,); the last point at rest once it is reached."""
+        if self._finished:
+            return self._points[-1].copy(), np.zeros(3)
+        A, B, T_AB = self._points[self._index], self._points[self._index + 1], self._task.segment_time
+        s, ds = quintic(t_s / T_AB)
+        return A + (B - A) * s, (B - A) / T_AB * ds

@@ -1,0 +1,106 @@
+"""Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
+from redres_ros.robots import Arm, find_arm
+
+TASKS = {'position': 3, 'pose': 6}  # rows of the task
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """Everything a law may ask, evaluated at one (q, dq_prev).
+
+    q, dq_prev: (n,) [rad], [rad/s]; x: (3,) tip position [m]; R: (3, 3) tip orientation, both in the base frame (the URDF's root link); J: (m, n) task
+    Jacobian, linear rows first; M: (n, n) inertia [kg m^2]; n: (n,) Coriolis, centrifugal and gravity torque n(q, dq_prev) [Nm],
+    the previous velocity being all that is known at a tick (footnote 4).
+    """
+
+    q: np.ndarray
+    dq_prev: np.ndarray
+    x: np.ndarray
+    R: np.ndarray
+    J: np.ndarray
+    M: np.ndarray
+    n: np.ndarray
+
+
+class RobotModel:
+    """An arm as Pinocchio sees it.
+
+    arm: geometry and dynamics; task: 'position' (m = 3) or 'pose' (m = 6, angular velocity below the linear one).
+    Raises FileError for a URDF that cannot be used, UnknownNameError for a frame or task that does not exist.
+    """
+
+    def __init__(self, arm: Arm, task: str = 'position') -> None:
+        if task not in TASKS:
+            raise UnknownNameError('task', task, TASKS)
+        self.arm, self.task, self.m = arm, task, TASKS[task]
+        try:
+            self._model = pin.buildModelFromXML(arm.description())
+        except ValueError as error:
+            raise FileError(f'{arm.urdf} is no URDF that can be used: {error}') from None
+        if self._model.nq != self._model.nv:
+            raise FileError(f'{arm.urdf} has joints without limits (continuous); only revolute and prismatic ones are supported')
+        if arm.armature:
+            self._model.armature[:] = arm.armature
+        self._data = self._model.createData()
+        self._tip = self._frame(arm.tip_frame)
+        self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
+        self.n = self._model.nv
+        self.joint_names = tuple(self._model.names[1:])
+        self.q_min = self._model.lowerPositionLimit.copy()  # (n,) [rad]
+        self.q_max = self._model.upperPositionLimit.copy()  # (n,) [rad]
+        self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
+
+    @classmethod
+    def named(cls, name: str, task: str = 'position', *, dynamics: str | None = None, base_offset: float | None = None,
+              tool_offset: float | None = None) -> 'RobotModel':
+        """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless given here."""
+        return cls(find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset), task)
+
+    @classmethod
+    def from_urdf(cls, path: str | Path, tip_frame: str, task: str = 'position') -> 'RobotModel':
+        """Any serial arm from a URDF file; tip_frame is the link or frame that carries out the task."""
+        return cls(Arm(Path(path), tip_frame), task)
+
+    def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
+        """All of x, J, M, n at (q, dq_prev); arrays of the state's own, never overwritten. Raises ArrayError for bad input."""
+        q, dq_prev = self.check(q, 'q'), self.check(dq_prev, 'dq_prev')
+        pin.computeAllTerms(self._model, self._data, q, dq_prev)
+        x, R = self._pose()
+        J = pin.getFrameJacobian(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED)  # (6, n)
+        return RobotState(q, dq_prev, x, R, J[:self.m], self._data.M.copy(), self._data.nle.copy())
+
+    def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
+        pin.framesForwardKinematics(self._model, self._data, self.check(q, 'q'))
+        return self._pose()
+
+    def position(self, q: np.ndarray, frame: str) -> np.ndarray:
+        """Position of a frame's origin in the base frame, (3,) [m]."""
+        pin.framesForwardKinematics(self._model, self._data, self.check(q, 'q'))
+        return self._data.oMf[self._frame(frame)].translation.copy()
+
+    def check(self, vector: np.ndarray, name: str) -> np.ndarray:
+        """A copy of the vector as (n,) float64. Raises ArrayError when it is of another shape or holds NaN or infinity."""
+        array = np.array(vector, dtype=np.float64)
+        if array.shape != (self.n,):
+            raise ArrayError(f'{name} has shape {array.shape}; expected ({self.n},), one value per joint')
+        if not np.isfinite(array).all():
+            raise ArrayError(f'{name} is {array.tolist()}; every value must be finite')
+        return array
+
+    def _pose(self) -> tuple[np.ndarray, np.ndarray]:
+        placement = pin.updateFramePlacement(self._model, self._data, self._tip)
+        return placement.translation.copy(), placement.rotation.copy()
+
+    def _frame(self, name: str) -> int:
+        if not self._model.existFrame(name):
+            raise UnknownNameError('frame', name, [frame.name for frame in self._model.frames])
+        return self._model.getFrameId(name)

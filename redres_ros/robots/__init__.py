@@ -1,0 +1,5 @@
+"""The arms: one URDF each, and a table of what a URDF does not say."""
+
+from redres_ros.robots.arm import ARMS, Arm, find_arm
+
+__all__ = ['ARMS', 'Arm', 'find_arm']

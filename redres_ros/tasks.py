@@ -1,0 +1,89 @@
+"""A task: points that the tip passes from rest to rest, and where the arm starts. Read from config/tasks/*.yaml or any file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.share import share_path
+
+SWITCHING = ('at_rest', 'within_tolerance')
+
+
+@dataclass(frozen=True)
+class Task:
+    """Points x_0 ... x_N of the tip and how to pass them.
+
+    start: (n,) joint positions q(0) [rad]; waypoints: (N + 1, 3) [m] in the base frame, x_0 being f(q(0)).
+    switching 'at_rest' goes on once a segment's time is over and the error is below tolerance; 'within_tolerance' as soon as the
+    error is, which cuts each segment short and makes a step in the task velocity.
+    """
+
+    robot: str
+    start: np.ndarray
+    waypoints: np.ndarray
+    segment_time: float = param(3.0, 'T_AB, duration of a segment [s]', 1e-3, 3600.0)
+    feedback_gain: float = param(10.0, 'k_P of Eq. (37) [1/s]', 0.0, 1e3)
+    tolerance: float = param(0.001, 'epsilon, error at which a point counts as reached [m]', 1e-9, 1.0)
+    switching: str = param('at_rest', 'when the next segment begins', choices=SWITCHING)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @property
+    def segments(self) -> int:
+        """Number of segments, one less than the waypoints."""
+        return len(self.waypoints) - 1
+
+
+def load_task(name_or_path: str) -> Task:
+    """The task of that name in config/tasks, or of that YAML file. Raises FileError, UnknownNameError, RangeError."""
+    path = Path(name_or_path)
+    if path.suffix not in ('.yaml', '.yml'):
+        folder = share_path('config/tasks')
+        path = folder / f'{name_or_path}.yaml'
+        if not path.is_file():
+            raise UnknownNameError('task', name_or_path, [file.stem for file in folder.glob('*.yaml')] + ['a path ending in .yaml'])
+    try:
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise FileError(f'cannot read the task {path}: {error.strerror}') from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise FileError(f"{path} is no YAML: {' '.join(str(error).split())}") from None
+    return _to_task(content, path)
+
+
+def _to_task(content: Any, path: Path) -> Task:
+    required, optional = ('robot', 'start', 'waypoints'), ('segment_time', 'feedback_gain', 'tolerance', 'switching')
+    if not isinstance(content, dict) or not all(key in content for key in required):
+        raise FileError(f"{path} is no task; expected the keys {', '.join(required)} and, if wished, {', '.join(optional)}")
+    for key in content:
+        if key not in required + optional:
+            raise UnknownNameError(f'key in {path}', str(key), required + optional)
+    numbers = {key: _number(content[key], key, path) for key in optional if key != 'switching' and key in content}
+    words = {'switching': content['switching']} if 'switching' in content else {}
+    start = np.radians(_numbers(content['start'], 'start', 1, path))
+    waypoints = _numbers(content['waypoints'], 'waypoints', 2, path)
+    if waypoints.shape[1] != 3 or len(waypoints) < 2:
+        raise FileError(f'{path}: waypoints has shape {waypoints.shape}; expected at least two points of three coordinates')
+    return Task(str(content['robot']), start, waypoints, **numbers, **words)
+
+
+def _number(value: Any, key: str, path: Path) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise FileError(f'{path}: {key} is {value!r}; expected a number')
+    return float(value)
+
+
+def _numbers(value: Any, key: str, dimensions: int, path: Path) -> np.ndarray:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(())
+    if array.ndim != dimensions or not np.isfinite(array).all():
+        raise FileError(f"{path}: {key} is {value!r}; expected {'a list' if dimensions == 1 else 'rows'} of finite numbers")
+    return array
