@@ -13,6 +13,11 @@ def quintic(xi: float) -> tuple[float, float]:
     return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
 
 
+def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Angle and axis that turn R (3, 3) into R_d, to first order, (3,) [rad] in the base frame."""
+    return 0.5 * np.cross(R.T, R_d.T).sum(axis=0)
+
+
 @dataclass(frozen=True)
 class Reference:
     """What the planner asks for at one tick.

@@ -9,7 +9,7 @@ import pinocchio as pin
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots import Arm, find_arm
 
-TASKS = {'position': 3, 'pose': 6}  # rows of the task
+TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class RobotState:
 class RobotModel:
     """An arm as Pinocchio sees it.
 
-    arm: geometry and dynamics; task: 'position' (m = 3) or 'pose' (m = 6, angular velocity below the linear one).
-    Raises FileError for a URDF that cannot be used, UnknownNameError for a frame or task that does not exist.
+    arm: geometry and dynamics; task_space: 'position' (m = 3) or 'pose' (m = 6, angular velocity below the linear one).
+    Raises FileError for a URDF that cannot be used, UnknownNameError for a frame or task space that does not exist.
     """
 
-    def __init__(self, arm: Arm, task: str = 'position') -> None:
-        if task not in TASKS:
-            raise UnknownNameError('task', task, TASKS)
-        self.arm, self.task, self.m = arm, task, TASKS[task]
+    def __init__(self, arm: Arm, task_space: str = 'position') -> None:
+        if task_space not in TASK_SPACES:
+            raise UnknownNameError('task space', task_space, TASK_SPACES)
+        self.arm, self.task_space, self.m = arm, task_space, TASK_SPACES[task_space]
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
@@ -59,15 +59,15 @@ class RobotModel:
         self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
 
     @classmethod
-    def named(cls, name: str, task: str = 'position', *, dynamics: str | None = None, base_offset: float | None = None,
+    def named(cls, name: str, task_space: str = 'position', *, dynamics: str | None = None, base_offset: float | None = None,
               tool_offset: float | None = None) -> 'RobotModel':
         """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless given here."""
-        return cls(find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset), task)
+        return cls(find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset), task_space)
 
     @classmethod
-    def from_urdf(cls, path: str | Path, tip_frame: str, task: str = 'position') -> 'RobotModel':
+    def from_urdf(cls, path: str | Path, tip_frame: str, task_space: str = 'position') -> 'RobotModel':
         """Any serial arm from a URDF file; tip_frame is the link or frame that carries out the task."""
-        return cls(Arm(Path(path), tip_frame), task)
+        return cls(Arm(Path(path), tip_frame), task_space)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """All of x, J, M, n at (q, dq_prev); arrays of the state's own, never overwritten. Raises ArrayError for bad input."""

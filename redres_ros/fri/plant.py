@@ -1,0 +1,239 @@
+"""What moves when the reference does: an arm in MuJoCo, or an ideal one. The only file that imports mujoco."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from redres_ros.errors import ArrayError, FileError, RangeError, RedresError, UnknownNameError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robots import Arm
+
+SAMPLES = 200  # random positions from which the largest inertia is estimated
+
+
+class IdealPlant:
+    """An arm that is where its reference says, exactly (the paper's first assumption), one period [s] later."""
+
+    def __init__(self, joint_names: Sequence[str], period: float, q0: np.ndarray) -> None:
+        self.joint_names, self.period = tuple(joint_names), period
+        self.reset(q0)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint positions, (n,) [rad]."""
+        return self._q.copy()
+
+    @property
+    def dq(self) -> np.ndarray:
+        """Mean joint velocities of the last cycle, (n,) [rad/s]."""
+        return self._dq.copy()
+
+    def step(self, q_ref: np.ndarray) -> None:
+        """Move to q_ref (n,) [rad]."""
+        self._q, self._dq = np.array(q_ref, dtype=np.float64), (q_ref - self._q) / self.period
+
+    def reset(self, q: np.ndarray) -> None:
+        """Stand still at q (n,) [rad]. Raises ArrayError."""
+        self._q = _finite_vector(q, len(self.joint_names), 'q')
+        self._dq = np.zeros_like(self._q)
+
+
+@dataclass(frozen=True)
+class MujocoSettings:
+    """The simulated arm below the level of the reference."""
+
+    step: float = param(0.0005, 'step of the simulation; the cycle must be a whole number of them [s]', 1e-5, 0.01)
+    bandwidth: float = param(100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0)
+    friction: bool = param(False, 'leave joint friction to the servos, as if no joint torque loop took it out')
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        if not self.bandwidth * self.step <= 0.5:
+            raise RangeError('bandwidth', self.bandwidth, 1.0, 0.5 / self.step, f'rad/s at a step of {self.step:g} s')
+
+
+class MujocoPlant:
+    """An arm in MuJoCo behind position servos, one cycle of `period` [s] at a time, from rest at q0 (n,) [rad].
+
+    Within a cycle the reference moves on a straight line from the last one to the new one, and its velocity is fed
+    forward, as in the fine interpolation of the real controller. Gravity is compensated by the model at every plant
+    step, as the arm's own controller does; other torques are left to the servos. All stay within the URDF's effort
+    limits, joints within their range.
+
+    The servos are scaled to the arm instead of having one stiffness for all joints: without rotor inertias the last
+    joint has a thousandth of the first one's. With k = D w^2 and d = 2 D w, where w is the bandwidth and D bounds the
+    inertia matrix, no mode is ever underdamped. At w = 100 rad/s the tip follows the paper's task to 0.25 mm, and to
+    0.1 mm where no joint is at its velocity limit.
+
+    KUKA's joint torque loop takes most of the friction out, so by default there is none. With it the tip lags by
+    0.65 mm, 0.15 mm of them after it has come to rest, and a cycle takes half as long again.
+
+    Raises RedresError if the period is not a whole number of plant steps, FileError if MuJoCo cannot use the URDF,
+    ArrayError or RangeError for q0.
+    """
+
+    def __init__(self, arm: Arm, period: float, q0: np.ndarray, settings: MujocoSettings | None = None) -> None:
+        settings = settings or MujocoSettings()
+        self._substeps = _whole_steps(period, settings.step)
+        self._model = _servo_model(arm, settings)
+        self._data = mujoco.MjData(self._model)
+        self.period = period
+        self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
+        self._reference = np.zeros(self._model.nq)  # (n,) [rad] at the end of the last cycle
+        self.reset(q0)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint positions, (n,) [rad]."""
+        return self._data.qpos.copy()
+
+    @property
+    def dq(self) -> np.ndarray:
+        """Joint velocities, (n,) [rad/s]."""
+        return self._data.qvel.copy()
+
+    def step(self, q_ref: np.ndarray) -> None:
+        """Move for one cycle, during which the reference goes on to q_ref (n,) [rad]."""
+        velocity = (q_ref - self._reference) / self.period  # (n,)
+        self._data.act[:] = self._reference  # the servos' reference; MuJoCo integrates it with ctrl
+        self._data.ctrl[:] = np.concatenate((velocity, velocity))
+        mujoco.mj_step(self._model, self._data, self._substeps)
+        self._reference = np.array(q_ref, dtype=np.float64)
+
+    def reset(self, q: np.ndarray) -> None:
+        """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the joint limits."""
+        q = _finite_vector(q, self._model.nq, 'q')
+        for name, value, lower, upper in zip(self.joint_names, q, *_joint_range(self._model, np.inf), strict=True):
+            if not lower <= value <= upper:
+                raise RangeError(name, value, lower, upper, 'rad')
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:] = q
+        self._reference = q
+
+
+class Witness:
+    """Kinematics and dynamics of an arm as MuJoCo computes them, to hold against another library.
+
+    The base frame is the root link. Raises FileError if MuJoCo cannot use the URDF, UnknownNameError if it lacks the
+    tip frame.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self._model = _compile(_load(arm), arm)
+        self._data = mujoco.MjData(self._model)
+        self._tip = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, arm.tip_frame)
+        if self._tip < 0:
+            raise UnknownNameError('frame', arm.tip_frame, [self._model.body(b).name for b in range(self._model.nbody)])
+
+    def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tip position (3,) [m], orientation (3, 3) and Jacobian (6, n), linear rows first, in the base frame."""
+        data, n = self._data, self._model.nv
+        self._forward(q, np.zeros(n))
+        J = np.zeros((6, n))
+        mujoco.mj_jacBody(self._model, data, J[:3], J[3:], self._tip)
+        return data.xpos[self._tip].copy(), data.xmat[self._tip].reshape(3, 3).copy(), J
+
+    def dynamics(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """M(q), (n, n) [kg m^2], with rotors, and n(q, dq), (n,) [Nm]: Coriolis, centrifugal and gravity torques."""
+        self._forward(q, dq)
+        return _inertia(self._model, self._data), self._data.qfrc_bias.copy()
+
+    def _forward(self, q: np.ndarray, dq: np.ndarray) -> None:
+        self._data.qpos[:], self._data.qvel[:] = q, dq
+        mujoco.mj_fwdPosition(self._model, self._data)
+        mujoco.mj_fwdVelocity(self._model, self._data)
+
+
+def _load(arm: Arm) -> mujoco.MjSpec:
+    """The arm's bodies and joints, inertias exactly as given; shapes are dropped, as nothing touches anything here."""
+    try:
+        spec = mujoco.MjSpec.from_string(arm.description())
+    except ValueError as error:
+        raise FileError(f'MuJoCo cannot read {arm.urdf}: {error}') from None
+    for shape in (*spec.geoms, *spec.meshes):
+        spec.delete(shape)
+    compiler = spec.compiler
+    compiler.fusestatic, compiler.balanceinertia, compiler.boundmass, compiler.boundinertia = False, False, 0.0, 0.0
+    if arm.armature:
+        for joint, armature in zip(spec.joints, arm.armature, strict=True):
+            joint.armature = armature
+    return spec
+
+
+def _compile(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise FileError(f"MuJoCo cannot use {arm.urdf}: {' '.join(str(error).split())}") from None
+
+
+def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
+    """The arm with gravity compensation and two actuators per joint: first all k (q_r - q), then all d (dq_r - dq).
+
+    ctrl is dq_r for both; the position actuators integrate it to q_r, their activation, so a cycle is one call into C.
+    """
+    spec = _load(arm)
+    spec.option.timestep, spec.option.integrator = settings.step, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # whatever goes wrong, an arm cannot jump to zero
+    for body in spec.bodies:
+        body.gravcomp = 1.0
+    for joint in spec.joints:
+        joint.actgravcomp = True  # counts as the motor's, towards the effort limit
+        joint.solref_limit = 4.0 * settings.step, 1.0  # a hard stop: by default a light arm gets degrees past it
+    for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
+        for joint in spec.joints:
+            spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, dyntype=dynamics,
+                              biastype=mujoco.mjtBias.mjBIAS_AFFINE)
+    model = _compile(spec, arm)
+    if not settings.friction:
+        model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+    _tune(model, settings.bandwidth)
+    return model
+
+
+def _tune(model: mujoco.MjModel, bandwidth: float) -> None:
+    n, inertia = model.nv, _inertia_bound(model)  # (n,)
+    stiffness, damping = inertia * bandwidth**2, 2.0 * inertia * bandwidth
+    model.actuator_gainprm[:n, 0], model.actuator_biasprm[:n, 1] = stiffness, -stiffness
+    model.actuator_gainprm[n:, 0], model.actuator_biasprm[n:, 2] = damping, -damping
+
+
+def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
+    """D, (n,) [kg m^2]: diag(D) - M(q) is positive semidefinite, being diagonally dominant, at all of many random q."""
+    data, random = mujoco.MjData(model), np.random.default_rng(0)
+    lower, upper = _joint_range(model, np.pi)
+    bound = np.zeros(model.nv)
+    for _ in range(SAMPLES):
+        data.qpos[:] = random.uniform(lower, upper)
+        mujoco.mj_fwdPosition(model, data)
+        bound = np.maximum(bound, np.abs(_inertia(model, data)).sum(axis=1))
+    return bound
+
+
+def _joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper position limits, both (n,) [rad], with -unlimited and unlimited for joints that have none."""
+    lower, upper = np.where(model.jnt_limited[:, None], model.jnt_range, (-unlimited, unlimited)).T
+    return lower, upper
+
+
+def _inertia(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    return M
+
+
+def _whole_steps(period: float, step: float) -> int:
+    steps = round(period / step)
+    if not (steps >= 1 and abs(period / step - steps) < 1e-6 * steps):
+        raise RedresError(f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not a whole '
+                          f'number of plant steps of {1e3 * step:g} ms')
+    return steps
+
+
+def _finite_vector(value: np.ndarray, n: int, name: str) -> np.ndarray:
+    vector = np.array(value, dtype=np.float64)
+    if vector.shape != (n,) or not np.isfinite(vector).all():
+        raise ArrayError(f'{name} is {vector.tolist()}; expected {n} finite values')
+    return vector

@@ -1,0 +1,166 @@
+"""The fake robot controller as one object: session, guard, follower and plant, moved on by one call a cycle."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from redres_ros.errors import JointNamesError, RedresError
+from redres_ros.fri.follower import Follower
+from redres_ros.fri.guard import Guard
+from redres_ros.fri.session import Session, State
+
+
+class Plant(Protocol):
+    """What moves when the reference does: q, dq (n,) [rad], [rad/s], fresh arrays; `step` is one period [s]."""
+
+    joint_names: tuple[str, ...]
+    period: float
+
+    @property
+    def q(self) -> np.ndarray: ...
+
+    @property
+    def dq(self) -> np.ndarray: ...
+
+    def step(self, q_ref: np.ndarray) -> None: ...
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A client's answer to the state of one tick.
+
+    q: (n,) commanded position [rad]; in monitor mode the position where the arm stands; latency: time from the state to
+    the arrival of the answer [s], 0 where nobody measures it.
+    """
+
+    tick: int
+    q: np.ndarray
+    latency: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Course:
+    """Where the commands are going: q (n,) [rad] at a tick, on by slope (n,) [rad] a tick, as by the last two answers.
+
+    The slope must not come from what was extrapolated before: fed back like that, a client that is always late would be
+    unstable.
+    """
+
+    tick: int
+    q: np.ndarray
+    slope: np.ndarray
+
+    def at(self, tick: int) -> np.ndarray:
+        """The command for the state of a tick, (n,) [rad]."""
+        return self.q + (tick - self.tick) * self.slope
+
+    def through(self, answer: Answer) -> '_Course':
+        """The course after another answer, to a later tick."""
+        q = np.array(answer.q, dtype=np.float64)
+        return _Course(answer.tick, q, (q - self.q) / (answer.tick - self.tick))
+
+
+class FriRobot:
+    """A robot that publishes its state at tick k and moves by the answer that it got to the state of tick k - 1.
+
+    Raises RedresError if the parts do not have the same cycle, JointNamesError if they do not have the same joints.
+    """
+
+    def __init__(self, plant: Plant, guard: Guard, session: Session) -> None:
+        if not plant.period == guard.period == session.period:
+            raise RedresError(f'plant, guard and session have cycles of {plant.period:g}, {guard.period:g} and '
+                              f'{session.period:g} s; they must be the same')
+        if plant.joint_names != guard.limits.joint_names:
+            raise JointNamesError(plant.joint_names, guard.limits.joint_names)
+        self.session = session
+        self._plant, self._guard = plant, guard
+        self._follower = Follower(guard.limits, plant.period, plant.q)
+        self._tick = 0
+        self._course = _Course(-1, plant.q, np.zeros_like(plant.q))
+        self._command = plant.q  # (n,) [rad] last one executed
+
+    @property
+    def tick(self) -> int:
+        """Number k of the present tick."""
+        return self._tick
+
+    @property
+    def period(self) -> float:
+        """The cycle [s]."""
+        return self._plant.period
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints in the order of every array."""
+        return self._plant.joint_names
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint positions measured at this tick, (n,) [rad]."""
+        return self._plant.q
+
+    @property
+    def dq(self) -> np.ndarray:
+        """Joint velocities at this tick, (n,) [rad/s]."""
+        return self._plant.dq
+
+    @property
+    def reference(self) -> np.ndarray:
+        """Reference in force, (n,) [rad]: where the plant was sent in the last cycle."""
+        return self._follower.reference
+
+    def advance(self, answer: Answer | None) -> None:
+        """Move from tick k to k + 1, given the newest answer that arrived since the last call; None if there was none.
+
+        An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An older one is late:
+        the command is taken to have gone on since then at its last velocity, as it does when no answer comes. In
+        monitor mode, and after a stop, the arm holds its position; from any motion it is braked there.
+        """
+        if self._tick > 0:  # before, no state has been sent that could be answered
+            self._receive(answer)
+        if self.session.state is State.CMD:
+            self._execute(self._course.at(self._tick - 1))
+        if self.session.state is State.MON:
+            self._follower.brake()
+        self._plant.step(self._follower.reference)
+        self._tick += 1
+
+    def reset(self) -> None:
+        """Clear the reason of a stop and monitor anew; an arm that moves is braked."""
+        self.session.reset()
+
+    def _receive(self, answer: Answer | None) -> None:
+        """Enter what arrived in the session's books; a new and valid answer gives the commands' course."""
+        if answer is None or answer.tick <= self._course.tick:
+            self.session.record(None)
+        elif refusal := self._refusal(answer):
+            self.session.record(None, refusal=refusal)
+        else:
+            self._course = self._course.through(answer)
+            self.session.record(self._tick - 1 - answer.tick, answer.latency)
+            if self.session.ready and self._follower.at_rest:
+                self._begin()
+
+    def _refusal(self, answer: Answer) -> str:
+        if answer.tick >= self._tick:
+            return f'answer to tick {answer.tick} at tick {self._tick}, before it can be due'
+        return self._guard.refusal(np.asarray(answer.q))
+
+    def _begin(self) -> None:
+        """Let the session decide whether command mode begins with this command, as from a standstill there."""
+        command = self._course.q
+        self.session.offer(float(np.abs(command - self._follower.reference).max()))
+        if self.session.state is State.CMD:
+            self._course, self._command = _Course(self._course.tick, command, np.zeros_like(command)), command
+            self._follower.begin(command)
+            self._guard.begin()
+
+    def _execute(self, command: np.ndarray) -> None:
+        """Follow the command (n,) [rad], unless the guard has a reason to stop."""
+        step = command - self._command  # (n,)
+        if reason := self._guard.violation(command, step / self.period):
+            self.session.stop(reason)
+            return
+        self._follower.follow(command, step)
+        self._command = command

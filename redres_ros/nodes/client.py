@@ -1,0 +1,40 @@
+"""Calls to the nodes' services, for those who have no ros2 command line."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import rclpy
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from redres_ros.errors import RedresError
+
+
+class CallError(RedresError):
+    """A service that is not there, does not answer, or says no."""
+
+
+def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.0) -> Any:
+    """The response of a service; the node must be spun by somebody else. Raises CallError."""
+    client = node.create_client(kind, service)
+    try:
+        if not client.wait_for_service(timeout_sec=timeout):
+            raise CallError(f'nobody offers the service {service}; is its node running in ROS domain {node.context.get_domain_id()}?')
+        future, until = client.call_async(request), time.monotonic() + timeout
+        while not future.done() and time.monotonic() < until and rclpy.ok():
+            time.sleep(0.002)
+        if not future.done():
+            raise CallError(f'{service} did not answer within {timeout:g} s')
+        return future.result()
+    finally:
+        node.destroy_client(client)
+
+
+def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
+    """Set all parameters of another node or none. Raises CallError with the node's reason."""
+    request = SetParametersAtomically.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+    result = call(node, SetParametersAtomically, f'{of}/set_parameters_atomically', request).result
+    if not result.successful:
+        raise CallError(f'{of} refused: {result.reason}')

@@ -1,0 +1,199 @@
+"""Node `controller`: one joint_states message in, one joint_command out."""
+
+import sys
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray, String
+from std_srvs.srv import SetBool
+
+from redres_ros.controller import INTEGRATE_FROM, Command, Controller
+from redres_ros.errors import RedresError
+from redres_ros.laws import law_name
+from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, from_twist, to_joint_state, to_nanoseconds, to_pose
+from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
+from redres_ros.nodes.parameters import LawParameters, declare, declare_robot, on_live_change
+from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
+from redres_ros.nodes.signals import Signals
+from redres_ros.parameter import param
+
+COMMANDING = 'CMD'  # the session state in which the robot takes commands
+
+_NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
+
+
+@dataclass(frozen=True)
+class ControllerParameters:
+    """Parameters of the node beside those of the arm and the law."""
+
+    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
+    base_frame: str = param('', "frame of cartesian_velocity; empty: the root link of the arm's URDF")
+    switch_time: float = param(0.2, 'time over which a change of law, starting and stopping are blended [s]', 0.0, 10.0, live=True)
+    integrate_from: str = param('command', 'what a reference is integrated from', choices=INTEGRATE_FROM)
+    command_timeout: float = param(0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True)
+    state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
+    bridged_misses: int = param(5, 'cycles without a state after which the controller starts anew from the measurement', 0, 1000)
+    forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
+    lockstep: bool = param(False, 'answer a state only together with the cartesian_velocity of the same stamp')
+
+
+class StampError(RedresError):
+    """A state whose stamp does not follow from the last one."""
+
+
+class _Twist(NamedTuple):
+    """A task velocity and its stamp [ns] on the robot's clock; stamp 0: none has come yet."""
+
+    stamp: int
+    dx: np.ndarray
+
+
+class ControllerNode(Node):
+    """Answers each state of the robot in the callback that brings it; it has no clock of its own."""
+
+    def __init__(self) -> None:
+        super().__init__('controller')
+        self._robot, self._settings = declare_robot(self), declare(self, ControllerParameters())
+        self._law_parameters = LawParameters(self)
+        model, rate = self._robot.model, self._settings.rate
+        self._controller = Controller(model, self._law_parameters.law, 1.0 / rate, switch_time=self._settings.switch_time,
+                                      integrate_from=self._settings.integrate_from)
+        self._frame = self._settings.base_frame or model.base_frame
+        self._joints, self._period = JointOrder(model.joint_names), round(NANOSECONDS / rate)
+        self._held = self._has_commanded = False
+        self._commanding = True  # a robot without a session always lets itself be commanded
+        self._twist = _Twist(0, np.zeros(model.m))
+        self._stamp, self._answer = 0, JointState()  # of the state answered last, and the answer
+        self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step
+        self._answered = self._skipped = 0
+        self._create_interfaces()
+        on_live_change(self, self._check, self._apply)
+
+    def _create_interfaces(self) -> None:
+        self._command = self.create_publisher(JointState, 'joint_command', PUBLISH)
+        self._forward = (self.create_publisher(Float64MultiArray, 'forward_position_controller/commands', PUBLISH)
+                         if self._settings.forward_commands else None)
+        norms = ('joint_velocity_norm', 'joint_acceleration_norm', 'null_velocity_norm', 'joint_torque_norm', 'min_singular_value')
+        self._signals = Signals(self, {'tip_pose': PoseStamped, **dict.fromkeys(norms, Float64), 'law': String})
+        self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
+        self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
+        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
+        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, NEWEST)
+        self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
+        self.create_service(SetBool, 'controller/hold', self._on_hold)
+
+    def _on_state(self, message: JointState) -> None:
+        self._watchdog.feed()
+        stamp = to_nanoseconds(message.header.stamp)
+        if stamp == self._stamp:
+            self._command.publish(self._answer)  # asked again, as in lock-step: the same answer
+        elif self._settings.lockstep and self._twist.stamp != stamp:
+            self._waiting = message
+        else:
+            self._reply(stamp, message)
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        try:
+            dx = from_twist(message, self._frame, len(self._twist.dx))
+        except RedresError as error:
+            self._refusals.refuse('cartesian_velocity', error)
+            return
+        self._refusals.accept('cartesian_velocity')
+        self._twist = _Twist(to_nanoseconds(message.header.stamp) or self._stamp, dx)  # a zero stamp means now
+        if self._waiting and to_nanoseconds(self._waiting.header.stamp) == self._twist.stamp:
+            waiting, self._waiting = self._waiting, None
+            self._reply(self._twist.stamp, waiting)
+
+    def _reply(self, stamp: int, message: JointState) -> None:
+        try:
+            command = self._update(stamp, self._joints.positions(message))
+        except RedresError as error:
+            self._refusals.refuse('joint_states', error)
+            return
+        self._answer = to_joint_state(stamp, self._joints.names, command.q_ref, command.dq)
+        self._command.publish(self._answer)
+        self._stamp = stamp
+        self._answered += 1
+        self._refusals.accept('joint_states')
+        self._publish_rest(stamp, command)
+
+    def _update(self, stamp: int, q: np.ndarray) -> Command:
+        cycles = self._cycles_since_last(stamp)
+        if not self._commanding or cycles > 1 + self._settings.bridged_misses:
+            self._controller.reset()  # the arm stands still, or is too far on to go on from the last command
+            cycles = 1
+        self._skipped += cycles - 1
+        age = (stamp - self._twist.stamp) / NANOSECONDS
+        if self._held or not self._twist.stamp or abs(age) > self._settings.command_timeout:
+            self._controller.hold()
+        else:
+            self._controller.resume()
+        return self._controller.update(q, self._twist.dx, missed=cycles - 1)
+
+    def _cycles_since_last(self, stamp: int) -> int:
+        """Cycles from the state answered last to this one; 1 in the beginning and where the clock has been set anew."""
+        elapsed = stamp - self._stamp
+        if not self._stamp or abs(elapsed) > _NEW_CLOCK:
+            self._controller.reset()
+            return 1
+        cycles = round(elapsed / self._period)
+        if cycles < 1 or abs(elapsed - cycles * self._period) > self._period / 10:
+            raise StampError(f'stamped {elapsed / 1e6:g} ms after the last; expected a multiple of {self._period / 1e6:g} ms '
+                             f'(rate {self._settings.rate:g} Hz)')
+        return cycles
+
+    def _publish_rest(self, stamp: int, command: Command) -> None:
+        """What can wait until the command is out."""
+        if self._forward:
+            self._forward.publish(Float64MultiArray(data=command.q_ref.tolist()))
+        if self._signals.heard:
+            norm, publish, state = np.linalg.norm, self._signals.publish, command.state
+            publish('tip_pose', lambda: to_pose(stamp, self._frame, state.x, state.R))
+            publish('joint_velocity_norm', lambda: float(norm(command.dq)))
+            publish('joint_acceleration_norm', lambda: float(norm(command.ddq)))
+            publish('null_velocity_norm', lambda: float(norm(command.null)))
+            publish('joint_torque_norm', lambda: float(norm(command.tau)))
+            publish('min_singular_value', lambda: command.min_singular_value)
+            publish('law', lambda: law_name(self._controller.law))
+
+    def _on_session(self, message: String) -> None:
+        self._has_commanded |= message.data == COMMANDING
+        # In lock-step the first answer begins command mode; the tick in which the news of that arrives must not matter.
+        self._commanding = message.data == COMMANDING or (self._settings.lockstep and not self._has_commanded)
+
+    def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._held = request.data
+        response.success, response.message = True, 'holding' if request.data else 'following cartesian_velocity'
+        return response
+
+    def _check(self, changes: dict[str, Any]) -> None:
+        self._law_parameters.changed(changes).check_damping(self._controller.T)
+
+    def _apply(self, changes: dict[str, Any]) -> None:
+        self._controller.switch_law(self._law_parameters.apply(changes))
+        live = {name: value for name, value in changes.items() if hasattr(self._settings, name)}
+        self._settings = replace(self._settings, **live)
+        self._controller.switch_time = self._settings.switch_time
+
+    def _health(self) -> Health:
+        figures = {'law': law_name(self._controller.law), 'damping [1/s]': self._controller.law.damping,
+                   'forgetting factor': self._controller.law.forgetting(self._controller.T), 'states answered': self._answered,
+                   'states skipped': self._skipped, 'messages refused': self._refusals.count}
+        if self._watchdog.silent:
+            return Health(ERROR, 'no joint_states', figures)
+        if self._refusals.reasons:
+            return Health(WARN, self._refusals.reasons, figures)
+        return Health(OK, 'commanding' if self._commanding else 'mirroring: the robot takes no commands', figures)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Console entry point."""
+    return run_node(ControllerNode, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,94 @@
+"""Every message to arrays and back."""
+
+from array import array
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+
+from redres_ros.errors import ArrayError, JointNamesError, RedresError
+
+NANOSECONDS = 1_000_000_000
+
+
+class FrameError(RedresError):
+    """A message in another frame than the one expected; nothing is transformed here."""
+
+
+class JointOrder:
+    """Matches joints by name, so that a publisher may list them in any order."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self._seen: list[str] = list(names)
+        self._order: np.ndarray | None = None  # of the names seen last; None: as ours
+
+    def positions(self, message: JointState) -> np.ndarray:
+        """q (n,) [rad] in our order. Raises JointNamesError, and ArrayError for a wrong length, NaN or infinity."""
+        if message.name != self._seen:
+            self._learn(message.name)
+        if len(message.position) != len(self.names):
+            raise ArrayError(f'{len(message.position)} positions for {len(self.names)} joints; expected one value per joint')
+        q = np.frombuffer(message.position)  # a view of the message's array of doubles
+        if not np.isfinite(q).all():
+            raise ArrayError(f'positions {q.tolist()}; every value must be finite')
+        return q.copy() if self._order is None else q[self._order]
+
+    def _learn(self, names: Sequence[str]) -> None:
+        names = list(names)
+        if sorted(names) != sorted(self.names):
+            raise JointNamesError(names, self.names)
+        self._order = None if names == list(self.names) else np.array([names.index(name) for name in self.names])
+        self._seen = names
+
+
+def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
+    """Positions [rad] and velocities [rad/s] with a stamp [ns]; a state of the robot or a command for it."""
+    message = JointState(name=list(names), position=array('d', q.tobytes()), velocity=array('d', dq.tobytes()))
+    message.header.stamp = to_time(stamp)
+    return message
+
+
+def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
+    """Task velocity (3,) [m/s] or (6,) with the angular part [rad/s] below."""
+    message = TwistStamped()
+    message.header.stamp, message.header.frame_id = to_time(stamp), frame
+    linear, angular = message.twist.linear, message.twist.angular
+    linear.x, linear.y, linear.z = dx[:3].tolist()
+    if len(dx) == 6:
+        angular.x, angular.y, angular.z = dx[3:].tolist()
+    return message
+
+
+def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
+    """The first `rows` rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN or infinity."""
+    if message.header.frame_id != frame:
+        raise FrameError(f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}')
+    linear, angular = message.twist.linear, message.twist.angular
+    dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
+    if not np.isfinite(dx).all():
+        raise ArrayError(f'cartesian_velocity is {dx.tolist()}; every value must be finite')
+    return dx[:rows]
+
+
+def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped:
+    """Position (3,) [m] and orientation (3, 3) as a unit quaternion."""
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = to_time(stamp), frame
+    message.pose.position.x, message.pose.position.y, message.pose.position.z = x.tolist()
+    orientation = message.pose.orientation
+    orientation.x, orientation.y, orientation.z, orientation.w = Rotation.from_matrix(R).as_quat().tolist()
+    return message
+
+
+def to_time(stamp: int) -> Time:
+    """Nanoseconds to a stamp."""
+    return Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
+
+
+def to_nanoseconds(stamp: Time) -> int:
+    """A stamp to nanoseconds."""
+    return stamp.sec * NANOSECONDS + stamp.nanosec

@@ -1,0 +1,250 @@
+"""`redres demo`: the three nodes as processes, a task from start to end, and what came of it."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from redres_ros.errors import RedresError
+from redres_ros.experiments.recording import Recording
+from redres_ros.experiments.replay import Log, replay
+from redres_ros.laws import Law, law_name, make_law
+from redres_ros.nodes.client import call, set_parameters
+from redres_ros.nodes.controller import ControllerParameters
+from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
+from redres_ros.nodes.graph import NodeProcess
+from redres_ros.nodes.runtime import LATCHED, spun
+from redres_ros.parameter import check_parameters
+from redres_ros.robot_model import RobotModel
+from redres_ros.tasks import Task
+
+EVERYTHING = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
+
+START_PATIENCE = 30.0  # [s] from starting the processes to command mode
+PATIENCE = 3.0  # a task may take this many times its nominal duration, by the robot's clock
+SILENCE = 10.0  # [s] without a state after which the robot counts as lost
+CLOCK_PATIENCE = 5.0  # [s] a machine that is no real-time one may stall for that long; the fake arm's clock then stands still
+SETTLING = 0.3  # [s] that the arm is still watched at the last point
+
+_LOOK = 0.02  # [s] between looks at the state of things
+_LAST_WORDS = 0.3  # [s] for the messages that the nodes send when they end
+
+
+class DemoError(RedresError):
+    """A run that came to nothing."""
+
+
+class Recorder(Node):
+    """Listens to all that the nodes say to each other, and keeps it."""
+
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        super().__init__('recorder')
+        self._joints = JointOrder(joint_names)
+        self.log = Log({}, {})
+        self.begun = self.newest = 0  # stamps [ns] of the planner's first velocity and of the newest state
+        self.heard = time.monotonic()  # when that came
+        self.words: dict[str, list[str]] = {'sim/session_state': [], 'sim/stop_reason': [], 'planner/state': []}
+        self.figures: dict[str, str] = {}  # the sim's newest diagnostics
+        self.create_subscription(JointState, 'joint_states', self._on_state, EVERYTHING)
+        self.create_subscription(JointState, 'joint_command', self._on_command, EVERYTHING)
+        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, EVERYTHING)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, EVERYTHING)
+        for topic, heard in self.words.items():
+            self.create_subscription(String, topic, lambda message, heard=heard: heard.append(message.data), LATCHED)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the robot has a reason why it stopped."""
+        return any(self.words['sim/stop_reason'])
+
+    @property
+    def seconds(self) -> float:
+        """Time on the robot's clock since the planner began [s]."""
+        return (self.newest - self.begun) / 1e9 if self.begun else 0.0
+
+    def final_error(self, model: RobotModel, task: Task) -> float:
+        """Distance from the tip to the last point at the newest state [m]."""
+        return float(np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1]))
+
+    def _on_state(self, message: JointState) -> None:
+        self.newest, self.heard = to_nanoseconds(message.header.stamp), time.monotonic()
+        self.log.states[self.newest] = self._joints.positions(message)
+
+    def _on_command(self, message: JointState) -> None:
+        self.log.commands[to_nanoseconds(message.header.stamp)] = (self._joints.positions(message), np.array(message.velocity))
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        self.begun = self.begun or to_nanoseconds(message.header.stamp)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name.endswith('/sim'):
+                self.figures = {pair.key: pair.value for pair in status.values}
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """What to run. dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task began); parameters: more of them, for every node that has them."""
+
+    task: str
+    law: str
+    damping: float
+    rate: float
+    dynamics: str = 'lwr'
+    switches: tuple[tuple[str, float], ...] = ()
+    lockstep: bool = False
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of it.
+
+    stop_reason: the robot's own words, empty if it was not stopped; states: those of the session, as they were passed through;
+    final_error: from the tip to the last point, when the run ended [m]; figures: the sim's last diagnostics.
+    """
+
+    recording: Recording
+    law: Law
+    stop_reason: str
+    states: tuple[str, ...]
+    final_error: float
+    figures: dict[str, str]
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the last point was reached by a robot that was not stopped."""
+        return self.recording.finished and not self.stop_reason
+
+    @property
+    def title(self) -> str:
+        """Law, damping and rate in words."""
+        T = self.recording.T
+        return f'{law_name(self.law)}, $k_d$ = {self.law.damping:g} 1/s ($\\lambda$ = {self.law.forgetting(T):g}), {1.0 / T:g} Hz'
+
+    def table(self) -> str:
+        """The summary that ends a demo."""
+        figures, recording = self.figures, self.recording
+        cycles = int(figures.get('cycles', 0))
+        waited = sum(int(figures.get(name, 0)) for name in ('late', 'missed', 'cycles waited for'))
+        peak = {name: recording.peak(f'joint_{name}_norm') for name in ('acceleration', 'velocity', 'torque')} if len(recording.data) else {}
+        lines = [
+            ('task', 'finished' if self.succeeded else 'NOT finished'),
+            ('robot', f'stopped: {self.stop_reason}' if self.stop_reason else 'not stopped'),
+            ('session states', ' > '.join(self.states)),
+            ('segments begun', f"{int(recording['segment'].max()) if peak else 0} in {recording.data[-1, 0] if peak else 0.0:.3f} s"),
+            ('error at the end', f'{1e3 * self.final_error:.3f} mm'),
+            *((f'largest joint {name}', f'{value:.3f} at {t:.3f} s') for name, (value, t) in peak.items()),
+            ('cycles', f"{cycles}, of which {cycles - waited} were answered in time ({1.0 - waited / max(cycles, 1):.1%})"),
+            ("robot's clock", f"stood still for {float(figures.get('clock stood still [s]', 0.0)):.3f} s, waiting for late answers"),
+        ]
+        return '\n'.join(f'{label:<28}{text}' for label, text in lines)
+
+
+class Demo:
+    """One run of the three nodes in the ROS domain that the environment names; out: directory for what the nodes print.
+
+    Raises UnknownNameError or RangeError for a law, damping or rate that the nodes would refuse.
+    """
+
+    def __init__(self, options: DemoOptions, task: Task, out: Path) -> None:
+        self._options, self._task, self._out = options, task, out
+        check_parameters(ControllerParameters(rate=options.rate))
+        self.model, self._T = RobotModel.named(task.robot, dynamics=options.dynamics), 1.0 / options.rate
+        self._laws = [(0, self._make_law(options.law))]  # stamp [ns] from which each is in force
+        for law, _ in options.switches:
+            self._make_law(law)
+        self._nodes: list[NodeProcess] = []
+
+    def run(self, progress: Callable[[float], None]) -> Outcome:
+        """From starting the processes to ending them. Raises GraphError or CallError when that does not work."""
+        with spun(lambda: Recorder(self.model.joint_names)) as recorder:
+            with self._processes():
+                self._await_robot(recorder)
+                call(recorder, Trigger, 'planner/start', Trigger.Request())
+                self._follow(recorder, progress)
+            time.sleep(_LAST_WORDS)
+        return self._outcome(recorder)
+
+    def _make_law(self, name: str) -> Law:
+        law = make_law(name, damping=self._options.damping)
+        law.check_damping(self._T)
+        return law
+
+    @contextmanager
+    def _processes(self) -> Iterator[None]:
+        """The sim ends first: to be left alone by the controller would be a fault of its connection."""
+        options = self._options
+        shared = {'lockstep': options.lockstep, 'rate': options.rate, 'robot': self._task.robot,
+                  'dynamics': options.dynamics, **options.parameters}
+        if options.lockstep:
+            shared['state_timeout'] = START_PATIENCE / 10.0  # nobody keeps time, and the first state waits for the planner
+        sim = {'start': tuple(self._task.start.tolist())}
+        sim |= {'monitor_time': 0.0} if options.lockstep else {'patience': CLOCK_PATIENCE}
+        own = {'sim': sim,
+               'controller': {'law': options.law, 'damping': options.damping}, 'planner': {'task': options.task}}
+        try:
+            for name, parameters in own.items():
+                self._nodes.append(NodeProcess(name, self._out / f'{name}.log', {**shared, **parameters}))
+            yield
+        finally:
+            for node in self._nodes:
+                node.end()
+
+    def _await_robot(self, recorder: Recorder) -> None:
+        until = time.monotonic() + START_PATIENCE
+        while not self._ready(recorder):
+            self._check(recorder)
+            if time.monotonic() > until:
+                raise DemoError(f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log')
+            time.sleep(_LOOK)
+
+    def _ready(self, recorder: Recorder) -> bool:
+        """Whether the task may begin: the robot is in command mode, or, in lock-step, waits for its first answer."""
+        if self._options.lockstep:
+            topics = ('joint_states', 'joint_command', 'cartesian_velocity')
+            return bool(recorder.log.states) and all(recorder.count_publishers(topic) for topic in topics)
+        return recorder.words['sim/session_state'][-1:] == ['CMD']
+
+    def _follow(self, recorder: Recorder, progress: Callable[[float], None]) -> None:
+        """Until the task is finished, the robot is stopped, or the time is over in which it should have been finished."""
+        nominal, switches = self._task.segments * self._task.segment_time, sorted(self._options.switches, key=lambda pair: pair[1])
+        t = 0.0
+        while t < PATIENCE * nominal and recorder.words['planner/state'][-1:] != ['finished']:
+            self._check(recorder)
+            if recorder.stopped:
+                return
+            t = recorder.seconds
+            while switches and t >= switches[0][1]:
+                self._switch(recorder, switches.pop(0)[0])
+            progress(min(t / nominal, 1.0))
+            time.sleep(_LOOK)
+        time.sleep(SETTLING)
+
+    def _switch(self, recorder: Recorder, law: str) -> None:
+        set_parameters(recorder, 'controller', {'law': law})
+        self._laws.append((recorder.newest, self._make_law(law)))
+
+    def _check(self, recorder: Recorder) -> None:
+        for node in self._nodes:
+            node.check()
+        if recorder.newest and time.monotonic() - recorder.heard > SILENCE:
+            raise DemoError(f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log')
+
+    def _outcome(self, recorder: Recorder) -> Outcome:
+        reason = recorder.words['sim/stop_reason'][-1] if recorder.stopped else ''
+        log = recorder.log.until(int(recorder.figures.get('stopped at [ns]', 0)) if reason else None)
+        recording = replay(log, recorder.begun, self.model, self._task, self._laws, self._T, reason)
+        return Outcome(recording, self._laws[0][1], reason, tuple(recorder.words['sim/session_state']), recorder.final_error(self.model, self._task),
+                       recorder.figures)

@@ -1,0 +1,148 @@
+"""Dataclass fields as ROS parameters: name, default, description and range are those of the field."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from redres_ros.errors import RedresError
+from redres_ros.laws import LAWS, Law, make_law
+from redres_ros.parameter import Parameter, check_parameters, param, parameters
+from redres_ros.robot_model import TASK_SPACES, RobotModel
+from redres_ros.robots import ARMS, Arm, find_arm
+from redres_ros.robots.arm import DYNAMICS
+
+P = TypeVar('P')
+
+_PAPER = ARMS['lwr4_paper']
+
+
+class ParameterError(RedresError):
+    """A parameter of the wrong type, or without a value."""
+
+
+def declare(node: Node, defaults: P) -> P:
+    """Declare every field of a dataclass instance and return one that holds the node's values.
+
+    Raises ParameterError, RangeError or UnknownNameError for a value that is not allowed.
+    """
+    values = {}
+    for field, parameter in parameters(defaults).items():
+        values[field.name] = declare_one(node, field.name, getattr(defaults, field.name), parameter)
+    declared = replace(defaults, **values)
+    check_parameters(declared)
+    return declared
+
+
+def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> Any:
+    """Declare one parameter and return its value, a tuple for an array."""
+    initial = list(default) if isinstance(default, tuple) else default
+    try:
+        value = node.declare_parameter(name, initial, _descriptor(default, parameter)).value
+    except ParameterException as error:
+        raise ParameterError(f"{' '.join(str(error).split())}; allowed for {name}: {_allowed(default, parameter)}") from None
+    return tuple(value) if isinstance(default, tuple) else value
+
+
+def on_live_change(node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]) -> None:
+    """Have changes of parameters checked before and applied after they are set; a RedresError from check refuses them all."""
+
+    def before(changed: list[RosParameter]) -> SetParametersResult:
+        try:
+            check({p.name: p.value for p in changed})
+        except RedresError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(before)
+    node.add_post_set_parameters_callback(lambda changed: apply({p.name: p.value for p in changed}))
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """Which arm, with what tool, standing where."""
+
+    robot: str = param('lwr4_paper', 'arm: geometry, limits, dynamics', choices=tuple(ARMS))
+    dynamics: str = param(_PAPER.dynamics, 'inertias: identified arm or uniform cylinders', choices=DYNAMICS)
+    base_offset: float = param(_PAPER.base_offset, "height of the arm's base above the base frame [m]", -2.0, 2.0)
+    tool_offset: float = param(_PAPER.tool_offset, 'from the flange to the tip along z [m]', -2.0, 2.0)
+    tip_frame: str = param(_PAPER.tip_frame, 'frame that carries out the task')
+    task_space: str = param('position', 'rows of the task: position 3, pose 6', choices=tuple(TASK_SPACES))
+
+    @property
+    def arm(self) -> Arm:
+        """The arm so described."""
+        return find_arm(self.robot, dynamics=self.dynamics, base_offset=self.base_offset, tool_offset=self.tool_offset,
+                        tip_frame=self.tip_frame)
+
+    @property
+    def model(self) -> RobotModel:
+        """A new model of that arm."""
+        return RobotModel(self.arm, self.task_space)
+
+
+def declare_robot(node: Node, **preferred: Any) -> RobotParameters:
+    """Declare the parameters of the arm; the defaults of the others follow from `robot`, unless the node prefers another one."""
+    field, parameter = next((f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot')
+    arm = find_arm(declare_one(node, field.name, field.default, parameter))
+    defaults = {f.name: getattr(arm, f.name) for f in fields(RobotParameters) if hasattr(arm, f.name)} | preferred
+    values = {f.name: declare_one(node, f.name, defaults.get(f.name, f.default), p)
+              for f, p in parameters(RobotParameters).items() if f is not field}
+    robot = RobotParameters(node.get_parameter(field.name).value, **values)
+    check_parameters(robot)
+    return robot
+
+
+class LawParameters:
+    """`law`, `damping` and, as `<law>.<gain>`, the gains that only one law has."""
+
+    def __init__(self, node: Node) -> None:
+        law = Parameter('redundancy resolution law', choices=tuple(LAWS), live=True)
+        self._values = {'law': declare_one(node, 'law', 'minimum_acceleration', law)}
+        for name, cls in LAWS.items():
+            for field, parameter in parameters(cls).items():
+                key = self._key(name, field.name)
+                if key not in self._values:
+                    self._values[key] = declare_one(node, key, field.default, replace(parameter, live=True))
+        self.law = self.changed({})
+
+    def changed(self, changes: dict[str, Any]) -> Law:
+        """The law after changes of parameters, without making them; other parameters among them do not matter."""
+        values = {**self._values, **{key: value for key, value in changes.items() if key in self._values}}
+        name = values['law']
+        gains = {f.name: values[self._key(name, f.name)] for f in parameters(LAWS[name])} if name in LAWS else {}
+        return make_law(name, **gains)
+
+    def apply(self, changes: dict[str, Any]) -> Law:
+        """Make the changes and return the law."""
+        self.law = self.changed(changes)
+        self._values.update({key: value for key, value in changes.items() if key in self._values})
+        return self.law
+
+    @staticmethod
+    def _key(law: str, gain: str) -> str:
+        return gain if gain == 'damping' else f'{law}.{gain}'
+
+
+def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=parameter.description, read_only=not parameter.live)
+    if parameter.choices:
+        descriptor.additional_constraints = 'one of: ' + ', '.join(parameter.choices)
+    if parameter.lower is not None and isinstance(default, float):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(parameter.lower), to_value=float(parameter.upper))]
+    elif parameter.lower is not None and isinstance(default, int):
+        descriptor.integer_range = [IntegerRange(from_value=int(parameter.lower), to_value=int(parameter.upper), step=1)]
+    return descriptor
+
+
+def _allowed(default: Any, parameter: Parameter) -> str:
+    if parameter.choices:
+        return ', '.join(parameter.choices)
+    kinds = {bool: 'true or false', int: 'a whole number', float: 'a number with a decimal point', str: 'a text',
+             tuple: 'an array of numbers with decimal points'}
+    limits = '' if parameter.lower is None else f' from {parameter.lower:g} to {parameter.upper:g}'
+    return f'{kinds[type(default)]}{limits}, for example {list(default) if isinstance(default, tuple) else default!r}'

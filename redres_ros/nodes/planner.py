@@ -1,0 +1,117 @@
+"""Node `planner`: streams the task velocities of a task, one cartesian_velocity for each joint_states."""
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32, String
+from std_srvs.srv import Trigger
+
+from redres_ros.errors import RedresError
+from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, to_nanoseconds, to_twist
+from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
+from redres_ros.nodes.parameters import declare, declare_robot
+from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
+from redres_ros.nodes.signals import Signals
+from redres_ros.parameter import param
+from redres_ros.planner import Planner, Reference, orientation_error
+from redres_ros.tasks import load_task
+
+
+@dataclass(frozen=True)
+class PlannerParameters:
+    """Parameters of the node beside those of the arm."""
+
+    task: str = param('rectangle', 'name of a task in config/tasks, or a path ending in .yaml')
+    base_frame: str = param('', "frame of cartesian_velocity; empty: the root link of the arm's URDF")
+    autostart: bool = param(False, 'begin with the first state instead of waiting for planner/start')
+    state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
+
+
+class PlannerNode(Node):
+    """Knows time only from the stamps of the states: when the robot's clock stands, so does the task."""
+
+    def __init__(self) -> None:
+        super().__init__('planner')
+        self._robot, self._settings = declare_robot(self), declare(self, PlannerParameters())
+        self._model, self._task = self._robot.model, load_task(self._settings.task)
+        self._frame = self._settings.base_frame or self._model.base_frame
+        self._joints = JointOrder(self._model.joint_names)
+        self._planner: Planner | None = None
+        self._wanted = self._settings.autostart
+        self._begun, self._R = 0, np.eye(3)  # stamp [ns] and orientation with which the task began
+        self._stamp, self._twist = 0, TwistStamped()
+        self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
+        self._state, self._state_name = self.create_publisher(String, 'planner/state', LATCHED), ''
+        self._signals = Signals(self, {'task_error': Float64, 'segment': Int32})
+        self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
+        self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
+        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
+        self.create_service(Trigger, 'planner/start', self._on_start)
+        self.create_service(Trigger, 'planner/stop', self._on_stop)
+        self._tell('idle')
+
+    def _on_state(self, message: JointState) -> None:
+        self._watchdog.feed()
+        stamp = to_nanoseconds(message.header.stamp)
+        if not self._wanted:
+            return
+        if stamp == self._stamp:
+            self._twists.publish(self._twist)  # asked again, as in lock-step: the same answer
+            return
+        try:
+            x, R = self._model.tip(self._joints.positions(message))
+        except RedresError as error:
+            self._refusals.refuse('joint_states', error)
+            return
+        self._refusals.accept('joint_states')
+        reference = self._reference(stamp, x, R)
+        self._stamp, self._twist = stamp, to_twist(stamp, self._frame, self._velocity(reference, R))
+        self._twists.publish(self._twist)
+        self._signals.publish('task_error', lambda: float(np.linalg.norm(reference.error)))
+        self._signals.publish('segment', lambda: reference.segment)
+        self._tell('finished' if reference.finished else 'moving')
+
+    def _reference(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Reference:
+        if self._planner is None or stamp < self._stamp:
+            self._planner, self._begun, self._R = Planner(self._task, x), stamp, R
+        return self._planner.reference(x, (stamp - self._begun) / NANOSECONDS)
+
+    def _velocity(self, reference: Reference, R: np.ndarray) -> np.ndarray:
+        if self._model.task_space == 'position':
+            return reference.dx
+        return np.concatenate((reference.dx, self._task.feedback_gain * orientation_error(self._R, R)))
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._planner, self._wanted = None, True
+        response.success, response.message = True, f'{self._settings.task}: begins with the next joint_states'
+        return response
+
+    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = True, 'stopped' if self._wanted else 'was not moving'
+        self._planner, self._wanted = None, False
+        self._tell('idle')
+        return response
+
+    def _tell(self, state: str) -> None:
+        if state != self._state_name:
+            self._state_name = state
+            self._state.publish(String(data=state))
+
+    def _health(self) -> Health:
+        figures = {'task': self._settings.task, 'state': self._state_name, 'messages refused': self._refusals.count}
+        if self._watchdog.silent:
+            return Health(ERROR, 'no joint_states', figures)
+        return Health(WARN, self._refusals.reasons, figures) if self._refusals.reasons else Health(OK, self._state_name, figures)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Console entry point."""
+    return run_node(PlannerNode, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

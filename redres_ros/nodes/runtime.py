@@ -1,0 +1,138 @@
+"""How a node of this package runs and ends: executor, signals, quality of service, errors in one line."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+import rclpy
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from redres_ros.errors import RangeError, RedresError
+
+# Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions take the newest sample and
+# nothing else, because a reliable one replays stale samples after a gap.
+PUBLISH = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+N = TypeVar('N', bound=Node)
+
+RCLError = rclpy_implementation.RCLError
+
+HIGHEST_DOMAIN = 101  # above it the ports run into those that Linux hands out to anyone
+
+_WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
+
+
+class StartError(RedresError):
+    """ROS cannot be started as the environment asks for."""
+
+
+class Spinner:
+    """An EventsExecutor for one node, spun until an event is set.
+
+    EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy 7.1.6 (their endless wait
+    overflows there and becomes a busy loop); spin_until_future_complete with a timeout and one Future that never completes does the
+    same work.
+    """
+
+    def __init__(self, node: Node, stopped: threading.Event) -> None:
+        self._executor, self._never, self._stopped = EventsExecutor(), Future(), stopped
+        self._executor.add_node(node)
+
+    def spin(self) -> None:
+        """Answer callbacks until the event is set; sets it itself when a callback fails."""
+        try:
+            while rclpy.ok() and not self._stopped.is_set():
+                self._executor.spin_until_future_complete(self._never, timeout_sec=_WAIT)
+        finally:
+            self._stopped.set()
+
+    def close(self) -> None:
+        """Release the executor; spin() must have returned."""
+        self._executor.shutdown()
+
+
+def start(arguments: list[str] | None = None) -> None:
+    """rclpy.init with our own signal handling. Raises StartError for an environment that cannot work."""
+    domain = os.environ.get('ROS_DOMAIN_ID', '')
+    if domain and not (domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN):
+        raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # RCLError and its kin derive from RuntimeError or Exception, as the version has it
+        raise StartError(f"ROS 2 does not start: {' '.join(str(error).split())}") from None
+
+
+@contextmanager
+def spun(make: Callable[[], N]) -> Iterator[N]:
+    """Start ROS and yield a node that is spun in a thread of its own; for programs that listen and ask. Raises StartError."""
+    start()
+    try:
+        node, stopped = make(), threading.Event()
+        spinner = Spinner(node, stopped)
+        thread = threading.Thread(target=spinner.spin, name='executor')
+        thread.start()
+        try:
+            yield node
+        finally:
+            stopped.set()
+            thread.join()
+            spinner.close()
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> int:
+    """The main of a node: make it, spin it, end it cleanly on SIGINT or SIGTERM. The exit status is 0, or 1 after an error.
+
+    A node may have `run(stopped)`, a loop of its own that ends when the event is set; it is then spun in a second thread. A node may
+    have `close()`, called while it can still publish.
+    """
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+    try:
+        start(arguments)
+        node = make()
+        _spin(node, stopped)
+    except (RedresError, RCLError) as error:
+        if isinstance(error, RCLError) and not rclpy.ok():
+            return 0  # the context went down under a call: the end, not an error
+        print(f"{Path(sys.argv[0]).stem}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def _spin(node: Node, stopped: threading.Event) -> None:
+    spinner = Spinner(node, stopped)
+    try:
+        if hasattr(node, 'run'):
+            thread = threading.Thread(target=spinner.spin, name='executor')
+            thread.start()
+            try:
+                node.run(stopped)
+            finally:
+                stopped.set()
+                thread.join()
+        else:
+            spinner.spin()
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # under ros2 launch Ctrl-C arrives twice
+        if hasattr(node, 'close'):
+            node.close()
+        spinner.close()
+        node.destroy_node()

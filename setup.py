@@ -1,0 +1,75 @@
+"""One package for two installers: colcon, beside a ROS installation, and pip, which brings ROS from PyPI along."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'redres_ros'
+ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']  # ros-rclpy alone would bring a newer ROS than Jazzy
+
+
+def shared(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
+    """The data_files rows that put the folder's matching files under share/redres_ros, in the same subfolders."""
+    files = sorted(path for path in Path(folder).rglob(pattern) if path.is_file())
+    return [(f'share/{NAME}/{path.parent.as_posix()}', [path.as_posix()]) for path in files]
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Redundancy resolution at the velocity level for robot arms, as ROS 2 nodes and as a Python library',
+    license='Apache-2.0',
+    author='redres_ros maintainers',
+    author_email='maintainers@redres-ros.example',
+    maintainer='redres_ros maintainers',
+    maintainer_email='maintainers@redres-ros.example',
+    keywords=['ROS', 'robotics', 'redundancy resolution', 'inverse kinematics'],
+    classifiers=[
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Topic :: Scientific/Engineering',
+    ],
+    python_requires='>=3.11',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed', 'robots/*.urdf']},
+    zip_safe=False,
+    install_requires=[  # the oldest versions that were tested together; older ones of numpy do not go with pin 3
+        'numpy>=2.2',
+        'scipy>=1.14.1',
+        'pin>=3.3.1',
+        'mujoco>=3.10',  # whose mj_fullM takes the data
+        'matplotlib>=3.9',
+        'PyYAML>=6.0.1',
+        'rich>=13.0',
+    ],
+    extras_require={
+        'ros': ROS,
+        'test': [
+            *ROS,
+            'pytest>=7.4',
+            'hypothesis>=6.90',
+            'colcon-common-extensions',
+            'setuptools>=70.1,<80',  # from 70.1 on it builds wheels by itself; colcon needs one below 80
+        ],
+    },
+    entry_points={
+        'console_scripts': [
+            'redres = redres_ros.cli:main',
+            # These land in bin/, which all packages of an environment share: hence the long names.
+            'redres_controller = redres_ros.nodes.controller:main',
+            'redres_planner = redres_ros.nodes.planner:main',
+            'redres_sim = redres_ros.nodes.sim:main',
+        ],
+    },
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        *shared('config', '*.yaml'),
+        *shared('launch', '*.launch.py'),
+        # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so that both installers
+        # lay out the same files, and a setup.cfg that sends the scripts themselves to lib/ is not needed.
+        (f'lib/{NAME}', ['scripts/controller', 'scripts/planner', 'scripts/sim']),
+    ],
+)

@@ -1,0 +1,297 @@
+"""Guard, joint limits and follower: what stops the arm, what only slows it, and how its reference moves meanwhile."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from redres_ros.errors import ArrayError, FileError, RangeError
+from redres_ros.fri.follower import Follower
+from redres_ros.fri.guard import Guard, GuardSettings
+from redres_ros.fri.limits import JointLimits
+from redres_ros.robots import Arm, find_arm
+
+T = 0.002  # [s]
+LIMITS = JointLimits.of(find_arm('lwr4'))
+ZERO = np.zeros(7)
+ROUNDING = 1e-12  # of sums of a few hundred terms of size 1
+
+
+def violation_on_the_way(guard: Guard, positions: np.ndarray) -> str:
+    """The first reason that the guard has to stop a stream (N, 7) that starts from rest at its first position."""
+    guard.begin()
+    for last, position in pairwise(positions):
+        if reason := guard.violation(position, (position - last) / T):
+            return reason
+    return ''
+
+
+def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
+    """Positions (cycles, 7) whose velocity grows by acceleration * T a cycle from rest at zero."""
+    positions = np.zeros((cycles, 7))
+    positions[:, joint] = acceleration * T * T * np.cumsum(np.arange(cycles))
+    return positions
+
+
+# --- limits -----------------------------------------------------------------------------------------------------------
+
+def test_limits_are_those_of_the_controller_file():
+    assert LIMITS.joint_names[4] == 'lwr_a4_joint'
+    assert np.degrees(LIMITS.upper) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
+    assert np.degrees(LIMITS.velocity) == pytest.approx([120, 120, 160, 160, 250, 220, 220])
+    assert np.degrees(LIMITS.acceleration) == pytest.approx([1200, 1200, 1600, 1600, 2500, 4400, 4400])
+    assert (LIMITS.lower == -LIMITS.upper).all()
+
+
+TWO_JOINTS = """<robot name="two">
+  <joint name="second" type="prismatic"><parent link="b"/><child link="c"/>
+    <limit lower="0" upper="0.3" velocity="2" effort="1"/></joint>
+  <joint name="fixed" type="fixed"><parent link="a"/><child link="camera"/></joint>
+  <joint name="first" type="continuous"><parent link="a"/><child link="b"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <link name="camera"/><link name="c"/><link name="b"/><link name="a"/></robot>"""
+
+
+def test_limits_go_from_base_to_tip_whatever_the_order_of_the_file(tmp_path):
+    (tmp_path / 'two.urdf').write_text(TWO_JOINTS)
+    limits = JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
+    assert limits.joint_names == ('first', 'second')
+    assert limits.lower.tolist() == [-np.inf, 0.0]
+    assert limits.upper.tolist() == [np.inf, 0.3]
+    assert limits.velocity.tolist() == [1.0, 2.0]
+    assert limits.acceleration.tolist() == [np.inf, np.inf]
+
+
+@pytest.mark.parametrize('velocity', ['', 'velocity="0"', 'velocity="nan"'])
+def test_a_joint_without_a_velocity_limit_is_an_error(tmp_path, velocity):
+    (tmp_path / 'two.urdf').write_text(TWO_JOINTS.replace('velocity="2"', velocity))
+    with pytest.raises(FileError, match='second'):
+        JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
+
+
+def test_acceleration_limits_for_other_joints_are_an_error():
+    with pytest.raises(ArrayError, match='acceleration_limit'):
+        JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=(1.0, 2.0)))
+
+
+# --- guard ------------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize('joint', range(7))
+def test_a_command_that_is_not_finite_is_refused_by_name(joint, value):
+    command = ZERO.copy()
+    command[joint] = value
+    assert LIMITS.joint_names[joint] in Guard(LIMITS, T).refusal(command)
+
+
+@pytest.mark.parametrize('command', [np.zeros(6), np.zeros(8), np.zeros((7, 1)), np.array(0.0)])
+def test_a_command_of_another_shape_is_refused(command):
+    assert 'shape' in Guard(LIMITS, T).refusal(command)
+
+
+def test_a_proper_command_is_not_refused():
+    assert Guard(LIMITS, T).refusal(ZERO) == ''
+
+
+@pytest.mark.parametrize('joint', range(7))
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_position_is_limited_at_the_margin(joint, sign):
+    command = ZERO.copy()
+    command[joint] = sign * (LIMITS.upper[joint] - np.radians(0.5) - 1e-9)
+    assert Guard(LIMITS, T).violation(command, ZERO) == ''
+    command[joint] += sign * 2e-9
+    assert LIMITS.joint_names[joint] in Guard(LIMITS, T).violation(command, ZERO)
+
+
+@pytest.mark.parametrize('joint', range(7))
+def test_acceleration_is_limited_at_the_limit(joint):
+    guard, limit = Guard(LIMITS, T), LIMITS.acceleration[joint]
+    assert violation_on_the_way(guard, accelerated(0.999 * limit, joint, 40)) == ''
+    assert LIMITS.joint_names[joint] in violation_on_the_way(guard, accelerated(1.001 * limit, joint, 40))
+
+
+def test_a_protective_stop_names_joint_window_got_and_allowed():
+    reason = violation_on_the_way(Guard(LIMITS, T), accelerated(-114.0, 4, 12))
+    # The window fills from rest: 43.6 rad/s^2 are first exceeded when 4 of its 10 cycles are at 114.
+    assert reason == 'protective stop: lwr_a4_joint commanded 45.6 rad/s^2 over 20 ms, allowed 43.6'
+
+
+def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
+    guard, jump = Guard(LIMITS, T), LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]  # ten times the limit within a cycle
+    assert guard.violation(ZERO, 0.99 * jump) == ''
+    assert 'protective stop' in Guard(LIMITS, T).violation(ZERO, 1.01 * jump)
+
+
+def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
+    random = np.random.default_rng(0)
+    noise = random.uniform(-0.5, 0.5, (5000, 7)) * LIMITS.acceleration * T * T  # twice the limit from cycle to cycle
+    ramp = np.array([accelerated(0.5 * a, j, 40)[:, j] for j, a in enumerate(LIMITS.acceleration)]).T  # (40, 7)
+    for start in range(0, 4960, 40):
+        assert violation_on_the_way(Guard(LIMITS, T), ramp + noise[start:start + 40] - noise[start]) == ''
+
+
+def test_window_and_scale_are_as_set():
+    stream = accelerated(0.9 * LIMITS.acceleration[0], 0, 40)
+    assert violation_on_the_way(Guard(LIMITS, T, GuardSettings(acceleration_scale=0.8)), stream) != ''
+    assert 'over 50 ms' in violation_on_the_way(Guard(LIMITS, T, GuardSettings(window=0.05)), 2.0 * stream)
+    assert 'over 5 ms' in Guard(LIMITS, 0.005, GuardSettings(window=0.001)).violation(ZERO, ZERO + 1.0)
+
+
+def test_no_acceleration_limit_never_stops():
+    unlimited = Guard(JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=())), T)
+    assert violation_on_the_way(unlimited, accelerated(1e3, 0, 20)) == ''
+
+
+def test_begin_forgets_the_stream():
+    guard = Guard(LIMITS, T)
+    for _ in range(20):
+        guard.violation(ZERO, 0.3 + ZERO)
+    guard.begin()
+    assert guard.violation(ZERO, -0.3 + ZERO) == ''  # -0.3 rad/s after 0.3 would be 30 rad/s^2
+
+
+@pytest.mark.parametrize('joint', range(7))
+@pytest.mark.parametrize('which', ['position', 'velocity'])
+def test_nan_never_passes(joint, which):
+    values = {'position': ZERO.copy(), 'velocity': ZERO.copy()}
+    values[which][joint] = np.nan
+    assert Guard(LIMITS, T).violation(**values) != ''
+
+
+@pytest.mark.parametrize('setting', [{'window': 0.0}, {'position_margin': -0.1}, {'acceleration_scale': np.nan}])
+def test_settings_out_of_range_are_refused(setting):
+    with pytest.raises(RangeError, match=next(iter(setting))):
+        GuardSettings(**setting)
+
+
+# --- follower ---------------------------------------------------------------------------------------------------------
+
+def follow(follower: Follower, positions: np.ndarray) -> np.ndarray:
+    """References (N - 1, 7) while the stream (N, 7) is followed from its first position."""
+    references = []
+    for last, position in pairwise(positions):
+        follower.follow(position, position - last)
+        references.append(follower.reference)
+    return np.array(references)
+
+
+def brake(follower: Follower) -> np.ndarray:
+    """References (N, 7) from the one in force until the follower is at rest."""
+    references = [follower.reference]
+    while not follower.at_rest:
+        follower.brake()
+        references.append(follower.reference)
+        assert len(references) < 1000
+    return np.array(references)
+
+
+def random_stream(seed: int, share: float, cycles: int = 400) -> np.ndarray:
+    """Positions (cycles, 7) from zero at random velocities up to a share of the limits, accelerations without limit."""
+    velocities = np.random.default_rng(seed).uniform(-share, share, (cycles - 1, 7)) * LIMITS.velocity
+    return np.vstack((ZERO, np.cumsum(velocities * T, axis=0)))
+
+
+def test_a_command_within_the_velocity_limits_is_the_reference_bit_for_bit():
+    stream = random_stream(1, 0.999)
+    assert (follow(Follower(LIMITS, T, ZERO), stream) == stream[1:]).all()
+
+
+@pytest.mark.parametrize('share', [1.5, 30.0])
+def test_the_reference_never_exceeds_the_velocity_limits(share):
+    references = np.vstack((ZERO, follow(Follower(LIMITS, T, ZERO), random_stream(2, share))))
+    steps = np.abs(np.diff(references, axis=0))
+    assert (steps <= LIMITS.velocity * T + ROUNDING).all()
+    assert (steps.max(axis=0) >= LIMITS.velocity * T - ROUNDING).all()  # and is limited, not stopped
+
+
+def too_fast_for_a_while() -> np.ndarray:
+    """Positions (N, 7): up to 1.2 of the velocity limits with half the acceleration limits, and back to rest."""
+    ramp_cycles = np.ceil(1.2 * LIMITS.velocity / (0.5 * LIMITS.acceleration * T)).max()
+    ramp = np.arange(ramp_cycles) / ramp_cycles
+    profile = np.concatenate((ramp, np.ones(60), ramp[::-1], np.zeros(300)))
+    return np.cumsum(profile[:, None] * 1.2 * LIMITS.velocity * T, axis=0)
+
+
+def test_a_lag_is_closed_without_overshoot_and_within_the_acceleration_limits():
+    stream = too_fast_for_a_while()
+    references = np.vstack((stream[0], follow(Follower(LIMITS, T, stream[0]), stream)))
+    lag = stream - references
+    assert lag.max() > 0.01  # the stream was too fast ...
+    assert lag.min() > -ROUNDING  # ... is never overtaken ...
+    assert (references[-1] == stream[-1]).all()  # ... and is caught up with
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * 1.001).all()
+
+
+def test_a_stream_that_begins_elsewhere_is_reached_gently():
+    follower, start = Follower(LIMITS, T, ZERO), 0.01 * np.array([1, -1, 1, -1, 1, -1, 0.001])
+    follower.begin(start)
+    references = np.vstack((ZERO, ZERO, follow(follower, np.tile(start, (200, 1)))))
+    assert (references[-1] == start).all()
+    assert (np.abs(references) <= np.abs(start)).all()  # no overshoot
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * (1 + 1e-9)).all()
+
+
+def test_braking_keeps_the_acceleration_limits_and_uses_them():
+    follower = Follower(LIMITS, T, ZERO)
+    at_speed = follow(follower, np.arange(100)[:, None] * (0.9 * T) * LIMITS.velocity)
+    references = np.vstack((at_speed[-2], brake(follower)))
+    changes = np.abs(np.diff(references, 2, axis=0)) / (LIMITS.acceleration * T * T)
+    assert changes.max(axis=0) == pytest.approx(np.ones(7), abs=1e-9)
+
+
+def test_braking_at_rest_changes_nothing():
+    q = np.random.default_rng(3).uniform(LIMITS.lower, LIMITS.upper)
+    follower = Follower(LIMITS, T, q)
+    follower.brake()
+    assert (follower.reference == q).all()
+
+
+def test_braking_without_acceleration_limits_ends_at_once():
+    follower = Follower(replace(LIMITS, acceleration=np.full(7, np.inf)), T, ZERO)
+    at_speed = follow(follower, np.arange(10)[:, None] * (0.9 * T) * LIMITS.velocity)
+    assert (brake(follower)[-1] == at_speed[-1]).all()
+
+
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
+    q = sign * (LIMITS.upper + 0.1)
+    follower = Follower(LIMITS, T, q)
+    inwards = q - sign * np.arange(200)[:, None] * 0.001
+    assert (follow(follower, inwards) == inwards[1:]).all()
+    follow(follower, follower.reference + sign * np.arange(400)[:, None] * 0.001)
+    assert (follower.reference == sign * LIMITS.upper).all()
+
+
+@pytest.mark.parametrize('joint', range(7))
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign):
+    speed = sign * 0.8 * LIMITS.velocity * np.eye(7)[joint]
+    guard, follower, position = Guard(LIMITS, T, GuardSettings(window=1.0)), Follower(LIMITS, T, ZERO), ZERO
+    while not (reason := guard.violation(position + T * speed, speed)):
+        follower.follow(position + T * speed, T * speed)
+        position = position + T * speed
+    references = brake(follower)
+    assert reason.startswith(f'position limit: {LIMITS.joint_names[joint]}')
+    assert 0.0 <= LIMITS.upper[joint] - np.abs(references).max() < np.radians(1.0)
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30), st.integers(5, 40))
+def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(accelerations, hold):
+    guard, follower = Guard(LIMITS, T), Follower(LIMITS, T, ZERO)
+    position, velocity, references = ZERO, ZERO, [ZERO, ZERO]
+    for share in np.repeat(accelerations, hold):
+        velocity = np.clip(velocity + 0.999 * share * LIMITS.acceleration * T, -LIMITS.velocity, LIMITS.velocity)
+        step = T * velocity
+        if guard.violation(position + step, velocity):
+            break
+        follower.follow(position + step, step)
+        position = position + step
+        references.append(follower.reference)
+    references = np.vstack((references, brake(follower)[1:]))
+    assert (np.abs(references) <= LIMITS.upper).all()
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()

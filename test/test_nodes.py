@@ -1,0 +1,283 @@
+"""The controller, planner and sim as processes over real DDS, given good and bad input."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from graph_helpers import NAMES, PERIOD, START, Probe, await_that, log_lines, nodes
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+from std_srvs.srv import SetBool, Trigger
+
+from redres_ros.controller import Controller
+from redres_ros.laws import LAWS, make_law
+from redres_ros.nodes.client import CallError, call, set_parameters
+from redres_ros.nodes.graph import own_domain
+from redres_ros.nodes.runtime import LATCHED
+from redres_ros.robot_model import RobotModel
+
+DX = np.array([0.02, -0.05, 0.03])
+
+
+BAD_STARTS = [  # node, parameters, environment, words that its one line must hold
+    ('controller', 'law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
+    ('controller', 'damping:=600.0', {}, ('600', '0 to 500', 'Appendix B')),
+    ('controller', 'damping:=.nan', {}, ('damping', 'nan')),
+    ('controller', 'rate:=500', {}, ('rate', '500', 'decimal point')),
+    ('controller', 'rate:=1.0e9', {}, ('rate', '2000')),
+    ('controller', 'robot:=r2d2', {}, ('r2d2', 'lwr4_paper')),
+    ('controller', 'tip_frame:=nose', {}, ('nose', 'tool0')),
+    ('planner', 'task:=no_such_task', {}, ('no_such_task', 'rectangle')),
+    ('planner', 'task:=/no/such/file.yaml', {}, ('/no/such/file.yaml',)),
+    ('sim', 'rate:=300.0', {}, ('300', 'whole number', 'plant steps')),
+    ('sim', 'start:=[0.0, 0.0]', {}, ('[0.0, 0.0]', '7')),
+    ('sim', 'start:=[9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]', {}, ('lwr_a1_joint', '9')),
+    ('sim', 'plant:=gazebo', {}, ('gazebo', 'mujoco')),
+    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': 'abc'}, ('ROS_DOMAIN_ID', 'abc', '0 to 101')),
+    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 101')),
+    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '-1'}, ('ROS_DOMAIN_ID', '-1', '0 to 101')),
+    ('controller', 'rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
+]
+
+
+@pytest.fixture(scope='module')
+def bad_starts() -> list[subprocess.CompletedProcess[str]]:
+    """All of them, some at a time."""
+
+    def run(module: str, parameter: str, environment: dict[str, str], _: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, '-m', f'redres_ros.nodes.{module}', '--ros-args', '-p', parameter], text=True,
+                              timeout=60, capture_output=True, env={**os.environ, **environment})
+
+    with own_domain(), ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(lambda case: run(*case), BAD_STARTS))
+
+
+@pytest.mark.parametrize('number', range(len(BAD_STARTS)), ids=lambda number: f'{BAD_STARTS[number][1]} {BAD_STARTS[number][2]}')
+def test_a_node_that_cannot_start_says_why_in_one_line(bad_starts: list[subprocess.CompletedProcess[str]], number: int) -> None:
+    done, words = bad_starts[number], BAD_STARTS[number][3]
+    assert done.returncode not in (0, -signal.SIGKILL)
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert all(word in lines[0] for word in words), lines[0]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
+    with nodes(tmp_path, sim={}, controller={}, planner={}) as (probe, processes):
+        await_that(lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes')
+        for process in processes.values():
+            os.kill(process.pid, number)
+        assert [process.wait(10.0) for process in processes.values()] == [0, 0, 0]
+    for name in processes:
+        assert 'Traceback' not in (tmp_path / f'{name}.log').read_text()
+
+
+def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
+    controller = Controller(RobotModel.named('lwr4_paper'), make_law('minimum_acceleration', damping=7.0), 0.002, switch_time=0.1)
+    with nodes(tmp_path, controller={'damping': 7.0, 'switch_time': 0.1}) as (probe, _):
+        q_ref, _ = probe.ask(START)
+        controller.hold()
+        controller.update(START, np.zeros(3))
+        controller.resume()
+        for _ in range(20):
+            probe.steer(DX)
+            q_before = q_ref
+            q_ref, dq = probe.ask(q_before)
+            expected = controller.update(q_before, DX)
+            np.testing.assert_array_equal(q_ref, expected.q_ref)
+            np.testing.assert_array_equal(dq, expected.dq)
+
+
+def test_joints_are_matched_by_name(tmp_path: Path) -> None:
+    order = np.array([3, 0, 6, 1, 5, 2, 4])
+    with nodes(tmp_path, controller={}) as (probe, _):
+        straight, _ = probe.ask(START)
+        shuffled, _ = probe.ask(START[order], tuple(NAMES[i] for i in order))
+        np.testing.assert_array_equal(straight, START)
+        np.testing.assert_array_equal(shuffled, START)
+
+
+@pytest.fixture(scope='module')
+def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Probe, Callable[[], list[str]]]]:
+    """A probe beside a controller that only ever gets bad input, and the lines that the controller has printed."""
+    directory = tmp_path_factory.mktemp('resting')
+    with nodes(directory, controller={'switch_time': 0.0, 'state_timeout': 10.0}) as (probe, _):
+        yield probe, lambda: log_lines(directory, 'controller')
+
+
+@pytest.mark.parametrize(('spoil', 'words'), [
+    (lambda message: setattr(message, 'name', ['a', *message.name[1:]]), ('missing lwr_a1_joint', 'not of this arm a')),
+    (lambda message: setattr(message, 'name', message.name[:-1]), ('missing lwr_a6_joint',)),
+    (lambda message: setattr(message, 'position', message.position[:-1]), ('6 positions', '7 joints')),
+    (lambda message: message.position.__setitem__(2, float('nan')), ('nan', 'finite')),
+    (lambda message: message.position.__setitem__(2, float('inf')), ('inf', 'finite')),
+    (lambda message: setattr(message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000), ('0.7 ms', 'rate 500 Hz')),
+])
+def test_a_bad_state_is_not_answered_and_told_once(resting: tuple[Probe, Callable[[], list[str]]], spoil: Callable[[Any], None],
+                                                   words: tuple[str, ...]) -> None:
+    probe, lines = resting
+    before, _ = probe.ask(START)
+    last_good, told = probe.stamp, len(lines())
+    for _ in range(5):  # not more than are bridged
+        message = probe.state(START)
+        spoil(message)
+        probe.send(message)
+        time.sleep(0.02)
+    assert not any(stamp > last_good for stamp in probe.answers)
+    after, _ = probe.ask(START)
+    np.testing.assert_array_equal(after, before)
+    await_that(lambda: any('accepted again' in line for line in lines()[told:]), 'the line of recovery')
+    refusals = [line for line in lines()[told:] if 'joint_states refused' in line]
+    assert len(refusals) == 1
+    assert all(word in refusals[0] for word in words), refusals[0]
+
+
+@pytest.mark.parametrize(('dx', 'frame', 'words'), [
+    (DX, 'tool0', ('tool0', 'world')),
+    (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
+    (DX, '', ("''", 'world')),
+])
+def test_a_bad_task_velocity_does_not_move_the_arm(resting: tuple[Probe, Callable[[], list[str]]], dx: np.ndarray, frame: str,
+                                                   words: tuple[str, ...]) -> None:
+    probe, lines = resting
+    q_ref, _ = probe.ask(START)
+    told = len(lines())
+    for _ in range(5):
+        probe.steer(dx, frame)
+        q_ref, dq = probe.ask(q_ref)
+        np.testing.assert_array_equal(dq, np.zeros(7))
+    await_that(lambda: any('refused' in line for line in lines()[told:]), 'the refusal in the log')
+    refusals = [line for line in lines()[told:] if 'refused' in line]
+    assert len(refusals) == 1
+    assert all(word in refusals[0] for word in words), refusals[0]
+
+
+def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: Path) -> None:
+    T, switch_time = 0.002, 0.1
+    with nodes(tmp_path, controller={'switch_time': switch_time, 'command_timeout': 0.01}) as (probe, _):
+        q_ref, _ = probe.ask(START)
+        speeds = []
+        for tick in range(200):
+            if tick < 80:
+                probe.steer(DX)
+            q_ref, dq = probe.ask(q_ref)
+            speeds.append(dq)
+    speeds = np.array(speeds)
+    cruising = np.linalg.norm(speeds[79])
+    assert cruising > 0.01
+    np.testing.assert_array_equal(speeds[-1], np.zeros(7))
+    # Blending over switch_time with the quintic changes the speed by at most 15/8 of its mean rate.
+    assert np.linalg.norm(np.diff(speeds[80:], axis=0), axis=1).max() < 2.0 * cruising * T / switch_time
+
+
+def test_silence_of_the_states_is_told_once_and_its_end_too(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={'state_timeout': 0.5}) as (probe, _):
+        probe.ask(START)
+        lines = lambda word: sum(word in line for line in log_lines(tmp_path, 'controller'))  # noqa: E731
+        told = lines('no joint_states')
+        await_that(lambda: lines('no joint_states') == told + 1, 'the warning')
+        time.sleep(1.0)
+        assert lines('no joint_states') == told + 1
+        probe.ask(START)
+        await_that(lambda: lines('joint_states is back') >= 1, 'the end of the warning')
+
+
+def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={}) as (probe, _):
+        laws = probe.listen(String, 'controller/law')
+        probe.ask(START)
+        for name in LAWS:
+            set_parameters(probe, 'controller', {'law': name, 'damping': 20.0})
+            await_that(lambda: probe.ask(START) and laws and laws[-1].data == name, f'{name} on controller/law')
+        for values, words in (({'law': 'none'}, ('none', 'minimum_torque')), ({'damping': 501.0}, ('501', '0 to 500')),
+                              ({'damping': float('nan')}, ('nan',)), ({'law': 7}, ('STRING', 'INTEGER')), ({'rate': 100.0}, ('rate',)),
+                              ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',))):
+            with pytest.raises(CallError) as refusal:
+                set_parameters(probe, 'controller', values)
+            assert all(word in str(refusal.value) for word in words), refusal.value
+        probe.ask(START)
+        assert laws[-1].data == 'minimum_torque'
+
+
+def test_signals_are_published_only_while_somebody_listens(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={}) as (probe, _):
+        norms = probe.listen(Float64, 'controller/joint_torque_norm')
+        await_that(lambda: probe.ask(START) and bool(norms), 'joint_torque_norm')
+        model = RobotModel.named('lwr4_paper')
+        # Standing still, the torque is what carries the arm.
+        assert norms[-1].data == pytest.approx(np.linalg.norm(model.state(START, np.zeros(7)).n), rel=1e-12)
+
+
+def test_hold_stops_the_arm_and_lets_it_go_again(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={'switch_time': 0.02}) as (probe, _):
+        q_ref, _ = probe.ask(START)
+
+        def speed_after(ticks: int) -> float:
+            nonlocal q_ref
+            for _ in range(ticks):
+                probe.steer(DX)
+                q_ref, dq = probe.ask(q_ref)
+            return float(np.linalg.norm(dq))
+
+        assert speed_after(15) > 0.01
+        call(probe, SetBool, 'controller/hold', SetBool.Request(data=True))
+        assert speed_after(15) == 0.0
+        call(probe, SetBool, 'controller/hold', SetBool.Request(data=False))
+        assert speed_after(15) > 0.01
+
+
+def test_a_namespace_makes_a_second_robot(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={}) as (probe, _):
+        second = subprocess.Popen([sys.executable, '-m', 'redres_ros.nodes.controller', '--ros-args', '-r', '__ns:=/left'],
+                                  stderr=subprocess.DEVNULL)
+        try:
+            expected = {'/joint_command', '/left/joint_command', '/left/controller/law'}
+            await_that(lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()}, 'the topics of both')
+        finally:
+            second.terminate()
+            second.wait(10.0)
+
+
+def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path: Path) -> None:
+    with nodes(tmp_path, sim={'plant': 'ideal'}) as (probe, _):
+        states = probe.listen(JointState, 'joint_states')
+        publisher = probe.create_publisher(JointState, 'joint_command', QoSProfile(depth=1))
+        await_that(lambda: len(states) > 10, 'states')
+        for spoiled in (np.full(7, np.nan), START + 1.0):
+            message = probe.state(spoiled)
+            publisher.publish(message)
+            time.sleep(0.05)
+        await_that(lambda: any('joint_command refused' in line for line in log_lines(tmp_path, 'sim')), 'the refusal')
+        assert all(list(state.position) == START.tolist() for state in states)
+
+
+def test_the_sim_stamps_its_states_exactly_one_period_apart(tmp_path: Path) -> None:
+    with nodes(tmp_path, sim={}) as (probe, _):
+        states = probe.listen(JointState, 'joint_states', QoSProfile(depth=1000))
+        await_that(lambda: len(states) > 500, 'states')
+    stamps = np.array([state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states])
+    assert set(np.unique((stamps - stamps[0]) % PERIOD)) == {0}
+    assert np.diff(stamps).min() == PERIOD
+
+
+def test_the_sim_reports_its_session_and_the_five_statistics(tmp_path: Path) -> None:
+    with nodes(tmp_path, sim={}) as (probe, _):
+        state, reports = probe.listen(String, 'sim/session_state', LATCHED), probe.listen(DiagnosticArray, '/diagnostics')
+        await_that(lambda: bool(state and reports), 'session state and diagnostics')
+        assert state[-1].data == 'MON'
+        keys = {pair.key for pair in reports[-1].status[0].values}
+        assert {'answer_rate', 'latency', 'jitter', 'miss_rate', 'miss_count'} <= keys
+        assert call(probe, Trigger, 'sim/reset', Trigger.Request()).success

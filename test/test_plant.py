@@ -1,0 +1,265 @@
+"""Plants: the ideal one is exact; MuJoCo's follows closely, stands still, and knows its limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from redres_ros.errors import ArrayError, FileError, RangeError, RedresError, UnknownNameError
+from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings, Witness
+from redres_ros.robots import ARMS, Arm, find_arm
+
+T = 0.002  # [s]
+Q0 = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))  # the paper's q(0)
+MOVE = np.array([1.0, -0.7, -0.8, -1.0, 0.8, 0.7, 1.0])  # away from the joint limits
+BOTH = pytest.mark.parametrize('name', sorted(ARMS))
+
+
+def plants(q0: np.ndarray) -> list[IdealPlant | MujocoPlant]:
+    mujoco_plant = MujocoPlant(find_arm('lwr4'), T, q0)
+    return [IdealPlant(mujoco_plant.joint_names, T, q0), mujoco_plant]
+
+
+def quintic(s: np.ndarray) -> np.ndarray:
+    """Rest-to-rest profile of Eq. (36), 0 before and 1 after."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10.0 + s * (6.0 * s - 15.0))
+
+
+def move(plant: MujocoPlant, way: np.ndarray, duration: float, rest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """References and measured positions, both (N, 7), of a motion from rest to rest and some time after it [s]."""
+    times = np.arange(1, round((duration + rest) / T) + 1) * T
+    references = plant.q + quintic(times / duration)[:, None] * way
+    measured = []
+    for reference in references:
+        plant.step(reference)
+        measured.append(plant.q)
+    return references, np.array(measured)
+
+
+# --- any plant --------------------------------------------------------------------------------------------------------
+
+def test_an_ideal_plant_is_where_its_reference_says():
+    plant, q = IdealPlant(('a', 'b'), T, np.zeros(2)), np.zeros(2)
+    for reference in np.random.default_rng(0).normal(size=(100, 2)):
+        plant.step(reference)
+        assert (plant.q == reference).all()
+        assert (plant.dq == (reference - q) / T).all()
+        q = reference
+
+
+def test_plants_hand_out_and_keep_copies_only():
+    for plant in plants(Q0):
+        reference = Q0.copy()
+        plant.step(reference)
+        before = plant.q.copy()
+        reference += 1.0
+        plant.q[:] = 0.0
+        plant.dq[:] = 9.0
+        assert (plant.q == before).all()
+        plant.step(Q0)
+        assert np.abs(plant.dq).max() < 1e-6
+
+
+def test_reset_stands_still_at_the_given_position():
+    for plant in plants(Q0):
+        for _ in range(20):
+            plant.step(plant.q + 0.001)
+        plant.reset(Q0)
+        assert (plant.q == Q0).all()
+        assert not plant.dq.any()
+        plant.step(Q0)
+        assert plant.q == pytest.approx(Q0, abs=1e-9)
+
+
+@pytest.mark.parametrize('q0', [np.zeros(6), np.zeros((7, 1)), np.full(7, np.nan)])
+def test_a_start_of_another_shape_or_not_finite_is_refused(q0):
+    with pytest.raises(ArrayError):
+        MujocoPlant(find_arm('lwr4'), T, q0)
+    with pytest.raises(ArrayError):
+        IdealPlant(tuple('abcdefg'), T, q0)
+
+
+def test_a_start_beyond_a_limit_is_refused_by_name():
+    with pytest.raises(RangeError, match='lwr_a2_joint'):
+        MujocoPlant(find_arm('lwr4'), T, np.array([0.0, 2.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+# --- MuJoCo's servos --------------------------------------------------------------------------------------------------
+
+@BOTH
+def test_an_arm_that_is_told_to_stand_stands(name):
+    arm = find_arm(name)
+    for q0 in np.random.default_rng(1).uniform(-2.0, 2.0, (10, 7)):
+        plant = MujocoPlant(arm, T, q0)
+        for _ in range(500):
+            plant.step(q0)
+        assert np.abs(plant.q - q0).max() < 1e-9  # gravity is compensated: what is left is rounding
+        assert np.abs(plant.dq).max() < 1e-9
+
+
+@BOTH
+def test_no_mode_of_the_servos_is_underdamped(name):
+    arm, witness = find_arm(name), Witness(find_arm(name))
+    # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is positive semidefinite.
+    D = np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0]) / MujocoSettings().bandwidth**2
+    for q in np.random.default_rng(6).uniform(-2.0, 2.0, (200, 7)):
+        assert np.linalg.eigvalsh(D - witness.dynamics(q, q)[0])[0] >= 0.0
+
+
+@BOTH
+def test_the_tip_lags_less_than_half_a_millimetre_at_half_a_metre_per_second(name):
+    arm = find_arm(name)
+    witness = Witness(arm)
+    references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
+    wanted, reached = (np.array([witness.kinematics(q)[0] for q in positions]) for positions in (references, measured))
+    assert np.linalg.norm(np.diff(wanted, axis=0), axis=1).max() / T > 0.5
+    assert np.linalg.norm(wanted - reached, axis=1).max() < 0.5e-3
+
+
+@BOTH
+def test_at_constant_velocity_there_is_no_lag_beyond_that_of_the_coriolis_torques(name):
+    plant, velocity = MujocoPlant(find_arm(name), T, np.zeros(7)), 0.5 * np.eye(7)[0]
+    for k in range(1, 501):
+        plant.step(k * T * velocity)
+    # Turning about the vertical, only the other joints need torques, against centrifugal forces; joint 1 must be where
+    # its reference is. Without the feed-forward it would lag by 2 v / bandwidth = 10 mrad.
+    assert abs(plant.q[0] - 500 * T * velocity[0]) < 1e-5
+
+
+@BOTH
+def test_after_a_motion_the_arm_settles_without_oscillation(name):
+    references, measured = move(MujocoPlant(find_arm(name), T, Q0), 0.5 * MOVE, duration=0.8, rest=0.5)
+    error = (measured - references)[round(0.8 / T):]  # (250, 7) from the end of the motion on
+    assert np.abs(error[150:]).max() < 1e-8
+    # An underdamped servo passes its goal again and again; an overdamped one may do so once per mode of a coupled arm.
+    significant = np.where(np.abs(error) > 1e-7, np.sign(error), 0.0)
+    crossings = [np.count_nonzero(np.diff(joint[joint != 0.0])) for joint in significant.T]
+    assert max(crossings) <= 3
+
+
+def test_friction_that_is_left_in_is_borne_by_the_servos():
+    arm = find_arm('lwr4')
+    lags = {}
+    for friction in (False, True):
+        plant = MujocoPlant(arm, T, Q0, MujocoSettings(friction=friction))
+        references, measured = move(plant, 0.5 * MOVE, duration=1.5)
+        lags[friction] = np.abs(measured - references).max()
+    assert 2.0 * lags[False] < lags[True] < 5e-3
+
+
+def test_no_joint_gets_more_torque_than_its_effort_limit():
+    plant = MujocoPlant(find_arm('lwr4'), T, np.zeros(7))
+    plant.step(np.eye(7)[6])  # a jump by 1 rad; the servo alone would answer with 4000 Nm
+    # 38 Nm on at least the rotor's 0.399 kg m^2, for one cycle
+    assert 0.05 < plant.dq[6] <= 38.0 / 0.399 * T
+
+
+@BOTH
+def test_the_arm_stays_within_its_joint_limits(name):
+    plant, upper = MujocoPlant(find_arm(name), T, np.zeros(7)), np.radians(120.0)
+    for k in range(1000):
+        plant.step(min(k / 500, 1.0) * (upper + 0.2) * np.eye(7)[5])
+    assert plant.q[5] == pytest.approx(upper, abs=np.radians(0.1))  # MuJoCo's limits yield a little under 38 Nm
+
+
+@BOTH
+def test_steps_of_the_reference_within_effort_limits_do_not_make_it_unstable(name):
+    plant, random = MujocoPlant(find_arm(name), T, Q0), np.random.default_rng(4)
+    for _ in range(300):
+        plant.step(Q0 + random.uniform(-0.05, 0.05, 7))
+    for _ in range(500):
+        plant.step(Q0)
+    assert plant.q == pytest.approx(Q0, abs=1e-6)
+
+
+def test_equal_references_make_equal_motions_bit_for_bit():
+    runs = [move(MujocoPlant(find_arm('lwr4'), T, Q0), 0.3 * MOVE, duration=0.3)[1] for _ in range(2)]
+    assert (runs[0] == runs[1]).all()
+
+
+@pytest.mark.parametrize('period', [0.0005, 0.001, 0.002, 0.005, 0.1])
+def test_a_cycle_may_be_any_whole_number_of_plant_steps(period):
+    plant = MujocoPlant(find_arm('lwr4'), period, Q0)
+    plant.step(Q0)
+    assert plant.q == pytest.approx(Q0, abs=1e-9)
+
+
+@pytest.mark.parametrize('rate', [300.0, 3000.0])
+def test_any_other_cycle_is_an_error_that_names_it_and_the_step(rate):
+    with pytest.raises(RedresError, match=rf'rate {rate} Hz .* plant steps of 0\.5 ms'):
+        MujocoPlant(find_arm('lwr4'), 1.0 / rate, Q0)
+
+
+@pytest.mark.parametrize('wrong', [{'step': 0.0}, {'bandwidth': np.nan}, {'bandwidth': 600.0, 'step': 0.001}])
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(RangeError, match=next(iter(wrong))):
+        MujocoSettings(**wrong)
+
+
+# --- what MuJoCo knows of the arm -------------------------------------------------------------------------------------
+
+@BOTH
+def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
+    witness, h = Witness(find_arm(name)), 1e-6
+    for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
+        changes = [witness.kinematics(q + h * e)[0] - witness.kinematics(q - h * e)[0] for e in np.eye(7)]
+        # Rounding is 1e-16 / h, the remainder of the differences h^2.
+        assert witness.kinematics(q)[2][:3] == pytest.approx(np.transpose(changes) / (2.0 * h), abs=1e-9)
+
+
+@BOTH
+def test_the_bias_holds_no_friction_and_vanishes_only_with_gravity(name):
+    witness = Witness(find_arm(name))
+    upright = witness.dynamics(np.zeros(7), np.zeros(7))[1]
+    assert np.abs(upright).max() < 1e-12  # all centres of mass above the base
+    turning = witness.dynamics(np.zeros(7), 0.1 * np.eye(7)[0])[1]
+    assert np.abs(turning).max() < 1e-12  # the friction of joint 1 would be 13 Nm
+    assert np.abs(witness.dynamics(Q0, np.zeros(7))[1]).max() > 1.0
+
+
+def test_the_rotors_add_to_the_diagonal_of_the_inertia_matrix_and_nothing_else():
+    arm = find_arm('lwr4')
+    with_rotors, without = (Witness(a).dynamics(Q0, Q0)[0] for a in (arm, replace(arm, rotor_inertia=())))
+    assert with_rotors - without == pytest.approx(np.diag(arm.rotor_inertia), abs=1e-12)
+
+
+ONE_LINK = """<robot name="one">
+  <link name="base"><visual><geometry><mesh filename="package://nowhere/a.dae"/></geometry></visual></link>
+  <joint name="j" type="revolute"><parent link="base"/><child link="l"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" velocity="1" effort="9"/></joint>
+  <link name="l"><inertial><origin xyz="0 0 0.5"/><mass value="2"/>
+    <inertia ixx="0.3" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><mesh filename="package://nowhere/b.stl"/></geometry></collision></link>
+  <joint name="f" type="fixed"><parent link="l"/><child link="tip"/><origin xyz="0 0 1"/></joint><link name="tip"/>
+</robot>"""
+
+
+def test_inertias_are_taken_as_they_are_and_shapes_are_not_needed(tmp_path):
+    (tmp_path / 'one.urdf').write_text(ONE_LINK)
+    M, n = Witness(Arm(tmp_path / 'one.urdf', 'tip')).dynamics(np.array([np.pi / 2]), np.array([3.0]))
+    assert M == pytest.approx(np.array([[0.2 + 2.0 * 0.5**2]]), rel=1e-12)
+    assert n == pytest.approx([-2.0 * 9.81 * 0.5], rel=1e-12)
+
+
+@pytest.mark.parametrize('text', ['<robot name="r"><link name="a"/>', ONE_LINK.replace('ixx="0.3"', 'ixx="3"'),
+                                  ONE_LINK.replace('<mass value="2"/>', '<mass value="0"/>')])
+def test_a_urdf_that_mujoco_cannot_use_is_a_file_error(tmp_path, text):
+    (tmp_path / 'bad.urdf').write_text(text)
+    with pytest.raises(FileError, match=r'bad\.urdf'):
+        Witness(Arm(tmp_path / 'bad.urdf', 'tip'))
+
+
+def test_holding_its_weight_takes_part_of_a_joints_effort(tmp_path):
+    horizontal = np.array([np.pi / 2])  # needs 9.81 Nm
+    for effort, falls in (('9', True), ('10', False)):
+        (tmp_path / 'one.urdf').write_text(ONE_LINK.replace('effort="9"', f'effort="{effort}"'))
+        plant = MujocoPlant(Arm(tmp_path / 'one.urdf', 'tip'), T, horizontal)
+        for _ in range(250):
+            plant.step(horizontal)
+        assert (plant.q[0] > horizontal[0] + 0.01) == falls
+
+
+def test_a_tip_frame_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(UnknownNameError, match='gripper'):
+        Witness(replace(find_arm('lwr4'), tip_frame='gripper'))

@@ -1,0 +1,233 @@
+"""Session and connection: every way into and out of command mode, and the books on which it rests."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from redres_ros.errors import RangeError
+from redres_ros.fri.connection import THRESHOLDS, WINDOW, Connection, Quality, Statistics
+from redres_ros.fri.session import TRANSITIONS, Event, Session, SessionSettings, State
+
+T = 0.002  # [s]
+
+
+def answered(session: Session, cycles: int = 1) -> Session:
+    for _ in range(cycles):
+        session.record(0)
+    return session
+
+
+def commanding(**settings: float) -> Session:
+    session = answered(Session(T, SessionSettings(monitor_time=0.0, **settings)))
+    session.offer(0.0)
+    assert session.state is State.CMD
+    return session
+
+
+def test_session_begins_in_monitor_mode_with_nothing_known():
+    session = Session(T)
+    assert (session.state, session.reason, session.quality) == (State.MON, '', Quality.UNACCEPTABLE)
+
+
+@pytest.mark.parametrize('monitor_time', [0.5, 0.1, 0.002])
+def test_command_mode_comes_after_the_monitor_time_and_not_a_cycle_earlier(monitor_time):
+    session = Session(T, SessionSettings(monitor_time=monitor_time))
+    for cycle in range(1, round(monitor_time / T) + 1):
+        assert session.state is State.MON
+        answered(session).offer(0.0)
+        assert session.ready is False or cycle == round(monitor_time / T)
+    assert session.state is State.CMD
+
+
+def test_no_monitor_time_lets_the_first_answer_command():
+    session = Session(T, SessionSettings(monitor_time=0.0))
+    session.record(None)
+    session.offer(0.0)
+    assert session.state is State.MON
+    # One miss in the window is more than PERFECT allows, until twenty packets dilute it to 5 %.
+    assert answered(session, 18).ready is False
+    assert answered(session).ready is True
+
+
+def test_imperfect_timing_starts_the_monitor_time_anew():
+    session = answered(Session(T, SessionSettings(monitor_time=0.4)), 199)
+    for _ in range(6):  # of 100: one more than PERFECT allows
+        session.record(None)
+    assert not answered(session, 94).ready  # the misses have just left the window ...
+    assert not answered(session, 199).ready  # ... and from here it takes 0.4 s
+    assert answered(session).ready
+
+
+def test_a_cycle_without_an_answer_in_time_cannot_begin_command_mode():
+    session = answered(Session(T, SessionSettings(monitor_time=0.0)), 100)
+    session.record(None)
+    session.offer(0.0)
+    assert session.quality is Quality.PERFECT
+    assert session.state is State.MON
+    assert session.reason == ''
+
+
+@pytest.mark.parametrize('gap', [0.011, math.inf, math.nan])
+def test_a_first_command_off_the_mirrored_position_is_an_interpolation_error(gap):
+    session = answered(Session(T, SessionSettings(monitor_time=0.0, entry_tolerance=0.01)))
+    session.offer(gap)
+    assert session.state is State.MON
+    assert session.reason.startswith('interpolation error')
+
+
+def test_a_first_command_within_the_tolerance_is_none():
+    session = answered(Session(T, SessionSettings(monitor_time=0.0, entry_tolerance=0.01)))
+    session.offer(0.01)
+    assert session.state is State.CMD
+
+
+@pytest.mark.parametrize('bridged', [0, 1, 5])
+def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(bridged):
+    session = answered(commanding(bridged_misses=bridged), 100)
+    for _ in range(bridged):
+        session.record(None)
+        assert session.state is State.CMD
+    session.record(None)
+    assert session.state is State.MON
+    assert session.reason == f'timing: the newest answer is {bridged + 1} cycles late, {bridged} are bridged'
+    assert session.counts.bridged == bridged
+
+
+def test_an_answer_in_time_ends_a_run_of_misses():
+    session = answered(commanding(bridged_misses=1), 100)
+    for _ in range(10):
+        session.record(None)
+        answered(session, 20)
+    assert session.state is State.CMD
+    assert session.counts.longest_run == 1
+
+
+def test_a_late_answer_is_bridged_by_its_lateness():
+    session = answered(commanding(bridged_misses=3), 100)
+    session.record(3)
+    assert session.state is State.CMD
+    session.record(4)
+    assert session.state is State.MON
+
+
+def test_an_unacceptable_connection_ends_command_mode_even_if_every_gap_is_bridged():
+    session = answered(commanding(bridged_misses=5), 100)
+    for _ in range(WINDOW):
+        session.record(None)
+        session.record(0)
+    assert session.state is State.MON
+    assert 'UNACCEPTABLE' in session.reason
+
+
+def test_the_text_of_a_refusal_reaches_the_reason():
+    session = commanding(bridged_misses=1)
+    answered(session, 100)
+    session.record(None, refusal='lwr_a1_joint commanded nan rad')
+    session.record(None)
+    assert session.reason.endswith('last refused: lwr_a1_joint commanded nan rad')
+    assert session.counts.refused == 1
+
+
+@pytest.mark.parametrize('state', list(State))
+def test_a_stop_leads_to_monitor_mode_and_its_reason_blocks_command_mode_until_reset(state):
+    session = commanding() if state is State.CMD else answered(Session(T, SessionSettings(monitor_time=0.0)))
+    session.stop('first')
+    session.stop('second')
+    answered(session, 100).offer(0.0)
+    assert (session.state, session.reason) == (State.MON, 'first')
+    session.reset()
+    answered(session).offer(0.0)
+    assert (session.state, session.reason) == (State.CMD, '')
+
+
+def test_reset_costs_a_new_monitor_time():
+    session = answered(Session(T, SessionSettings(monitor_time=0.1)), 1000)
+    session.reset()
+    assert not answered(session, 49).ready
+    assert answered(session).ready
+
+
+def test_reset_in_command_mode_falls_back_without_a_reason():
+    session = commanding()
+    session.reset()
+    assert (session.state, session.reason) == (State.MON, '')
+
+
+def test_only_a_first_command_leads_to_command_mode():
+    assert [pair for pair, state in TRANSITIONS.items() if state is State.CMD] == [(State.MON, Event.COMMAND)]
+    assert all(TRANSITIONS[state, event] is State.MON for state in State for event in (Event.FAULT, Event.RESET))
+
+
+ACTIONS = st.one_of(st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 0, 1, 7])),
+                    st.tuples(st.just('offer'), st.sampled_from([0.0, 0.1, math.nan])),
+                    st.tuples(st.sampled_from(['stop', 'reset']), st.none()))
+
+
+@given(st.lists(ACTIONS, max_size=60))
+def test_command_mode_never_goes_with_a_reason_and_begins_only_with_a_good_first_command(actions):
+    session = Session(T, SessionSettings(monitor_time=2 * T, bridged_misses=1))
+    for action, value in actions:
+        before = session.state
+        {'record': lambda v: session.record(v), 'offer': lambda v: session.offer(v),
+         'stop': lambda _: session.stop('stopped'), 'reset': lambda _: session.reset()}[action](value)
+        assert session.state is State.MON or session.reason == ''
+        if (before, session.state) == (State.MON, State.CMD):
+            assert (action, value) == ('offer', 0.0)
+
+
+def test_statistics_are_those_of_the_packets():
+    connection = Connection(T)
+    for lateness, latency in [(0, 0.001), (None, 9.0), (0, 0.002), (1, 0.003)]:
+        connection.record(lateness, latency)
+    figures = connection.statistics
+    assert figures.answer_rate == 3 / 4
+    assert figures.miss_rate == 2 / 4
+    assert figures.miss_count == 2
+    assert figures.latency == pytest.approx(0.002, rel=1e-12)
+    assert figures.jitter == pytest.approx(0.001 * math.sqrt(2 / 3), rel=1e-12)
+
+
+def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not():
+    connection = Connection(T)
+    for lateness in [None] * 30 + [2] * 20 + [0] * WINDOW:
+        connection.record(lateness, 0.0005 if lateness == 0 else 9.0)
+    assert connection.statistics == Statistics(1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50)
+    counts = connection.counts(bridged=0, refused=0)
+    assert (counts.cycles, counts.in_time, counts.late, counts.missed, counts.longest_run) == (150, 100, 20, 30, 50)
+
+
+@pytest.mark.parametrize(('missed', 'quality'), [(0, Quality.PERFECT), (5, Quality.PERFECT), (6, Quality.OK),
+                                                 (15, Quality.OK), (16, Quality.BAD), (40, Quality.BAD),
+                                                 (41, Quality.UNACCEPTABLE)])
+def test_quality_falls_with_the_miss_rate(missed, quality):
+    connection = Connection(T)
+    for packet in range(WINDOW):
+        connection.record(None if packet < missed else 0, 0.0)
+    assert connection.quality is quality
+
+
+@pytest.mark.parametrize(('cycles', 'quality'), [(0.9, Quality.PERFECT), (1.9, Quality.OK), (3.9, Quality.BAD),
+                                                 (4.1, Quality.UNACCEPTABLE), (math.nan, Quality.UNACCEPTABLE)])
+@pytest.mark.parametrize('figure', ['latency', 'jitter'])
+def test_quality_falls_with_latency_and_jitter(figure, cycles, quality):
+    connection, mean, deviation = Connection(T), cycles * (figure == 'latency'), cycles * (figure == 'jitter')
+    for packet in range(WINDOW):
+        connection.record(0, T * (mean + deviation * (-1) ** packet))
+    assert connection.quality is quality
+
+
+def test_thresholds_get_laxer_from_the_best_quality_down():
+    qualities, thresholds = list(THRESHOLDS), list(THRESHOLDS.values())
+    assert qualities == [Quality.PERFECT, Quality.OK, Quality.BAD]
+    for better, worse in pairwise(thresholds):
+        assert worse.answer_rate < better.answer_rate
+        assert (worse.miss_rate, worse.latency, worse.jitter) > (better.miss_rate, better.latency, better.jitter)
+
+
+@pytest.mark.parametrize('settings', [{'monitor_time': -1.0}, {'bridged_misses': -1}, {'entry_tolerance': math.nan}])
+def test_settings_out_of_range_are_refused(settings):
+    with pytest.raises(RangeError, match=next(iter(settings))):
+        SessionSettings(**settings)
