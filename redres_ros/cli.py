@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -148,6 +149,7 @@ def _demo(options: argparse.Namespace) -> int:
     wanted = DemoOptions(options.task, options.law, law.damping, options.rate, options.dynamics,
                          tuple(map(_switch, options.switch)), options.lockstep, {'plant': options.plant})
     demo = Demo(wanted, task, _made(options.out))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with own_domain(options.domain) as domain, progress_bar(f'{options.law} at {options.rate:g} Hz') as progress:
         print(f'ROS domain {domain}; look at it from another terminal with: redres watch --domain {domain}', flush=True)
         outcome = demo.run(progress)
@@ -180,7 +182,7 @@ def _made(directory: Path) -> Path:
 
 
 def _switch(text: str) -> tuple[str, float]:
-    law, at, seconds = text.partition('@')
+    law, _, seconds = text.partition('@')
     try:
         return law, float(seconds)
     except ValueError:

@@ -1,12 +1,12 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
+from redres_ros.errors import ArrayError, FileError, UnknownNameError
 from redres_ros.robots import Arm, find_arm
 
 TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task

@@ -1,7 +1,6 @@
 """Where the package's share files are: a source checkout, a colcon workspace or a virtual environment."""
 
 import os
-import sysconfig
 from pathlib import Path
 
 from redres_ros.errors import FileError
@@ -10,13 +9,14 @@ from redres_ros.errors import FileError
 def share_path(relative: str) -> Path:
     """Path of a share file such as 'config/tasks/rectangle.yaml'. Raises FileError that lists the places searched.
 
-    The checkout comes first, because `pip install -e` installs no share files; then the overlays of a sourced ROS workspace;
-    then the prefix of the running Python, which pip fills and of which ROS knows nothing.
+    The checkout comes first, because `pip install -e` installs no share files; then the prefix that this very package is installed
+    under, which pip and colcon fill alike; then the overlays of a sourced ROS workspace, for a package that was moved.
     """
-    overlays = [Path(prefix) / 'share/redres_ros' for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if prefix]
-    checkout = Path(__file__).resolve().parent.parent
+    here = Path(__file__).resolve()
+    checkout, prefix = here.parents[1], here.parents[4:5]  # of <prefix>/lib/python3.x/site-packages/redres_ros/share.py
+    overlays = [Path(overlay) for overlay in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if overlay]
     roots = [checkout] if (checkout / 'package.xml').is_file() else []
-    roots += [*overlays, Path(sysconfig.get_path('data')) / 'share/redres_ros']
+    roots += [place / 'share/redres_ros' for place in (*prefix, *overlays)]
     for root in roots:
         if (root / relative).exists():
             return root / relative

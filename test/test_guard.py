@@ -136,8 +136,8 @@ def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
 def test_window_and_scale_are_as_set():
     stream = accelerated(0.9 * LIMITS.acceleration[0], 0, 40)
     assert violation_on_the_way(Guard(LIMITS, T, GuardSettings(acceleration_scale=0.8)), stream) != ''
-    assert 'over 50 ms' in violation_on_the_way(Guard(LIMITS, T, GuardSettings(window=0.05)), 2.0 * stream)
-    assert 'over 5 ms' in Guard(LIMITS, 0.005, GuardSettings(window=0.001)).violation(ZERO, ZERO + 1.0)
+    assert 'over 50 ms' in violation_on_the_way(Guard(LIMITS, T, GuardSettings(acceleration_window=0.05)), 2.0 * stream)
+    assert 'over 5 ms' in Guard(LIMITS, 0.005, GuardSettings(acceleration_window=0.001)).violation(ZERO, ZERO + 1.0)
 
 
 def test_no_acceleration_limit_never_stops():
@@ -161,7 +161,7 @@ def test_nan_never_passes(joint, which):
     assert Guard(LIMITS, T).violation(**values) != ''
 
 
-@pytest.mark.parametrize('setting', [{'window': 0.0}, {'position_margin': -0.1}, {'acceleration_scale': np.nan}])
+@pytest.mark.parametrize('setting', [{'acceleration_window': 0.0}, {'position_margin': -0.1}, {'acceleration_scale': np.nan}])
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(RangeError, match=next(iter(setting))):
         GuardSettings(**setting)
@@ -269,7 +269,7 @@ def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign):
     speed = sign * 0.8 * LIMITS.velocity * np.eye(7)[joint]
-    guard, follower, position = Guard(LIMITS, T, GuardSettings(window=1.0)), Follower(LIMITS, T, ZERO), ZERO
+    guard, follower, position = Guard(LIMITS, T, GuardSettings(acceleration_window=1.0)), Follower(LIMITS, T, ZERO), ZERO
     while not (reason := guard.violation(position + T * speed, speed)):
         follower.follow(position + T * speed, T * speed)
         position = position + T * speed

@@ -186,7 +186,7 @@ def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: P
 def test_silence_of_the_states_is_told_once_and_its_end_too(tmp_path: Path) -> None:
     with nodes(tmp_path, controller={'state_timeout': 0.5}) as (probe, _):
         probe.ask(START)
-        lines = lambda word: sum(word in line for line in log_lines(tmp_path, 'controller'))  # noqa: E731
+        lines = lambda word: sum(word in line for line in log_lines(tmp_path, 'controller'))
         told = lines('no joint_states')
         await_that(lambda: lines('no joint_states') == told + 1, 'the warning')
         time.sleep(1.0)
@@ -201,7 +201,7 @@ def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Pat
         probe.ask(START)
         for name in LAWS:
             set_parameters(probe, 'controller', {'law': name, 'damping': 20.0})
-            await_that(lambda: probe.ask(START) and laws and laws[-1].data == name, f'{name} on controller/law')
+            await_that(lambda name=name: probe.ask(START) and laws and laws[-1].data == name, f'{name} on controller/law')
         for values, words in (({'law': 'none'}, ('none', 'minimum_torque')), ({'damping': 501.0}, ('501', '0 to 500')),
                               ({'damping': float('nan')}, ('nan',)), ({'law': 7}, ('STRING', 'INTEGER')), ({'rate': 100.0}, ('rate',)),
                               ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',))):

@@ -102,7 +102,7 @@ def test_an_arm_that_is_told_to_stand_stands(name):
 def test_no_mode_of_the_servos_is_underdamped(name):
     arm, witness = find_arm(name), Witness(find_arm(name))
     # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is positive semidefinite.
-    D = np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0]) / MujocoSettings().bandwidth**2
+    D = np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0]) / MujocoSettings().servo_bandwidth**2
     for q in np.random.default_rng(6).uniform(-2.0, 2.0, (200, 7)):
         assert np.linalg.eigvalsh(D - witness.dynamics(q, q)[0])[0] >= 0.0
 
@@ -142,7 +142,7 @@ def test_friction_that_is_left_in_is_borne_by_the_servos():
     arm = find_arm('lwr4')
     lags = {}
     for friction in (False, True):
-        plant = MujocoPlant(arm, T, Q0, MujocoSettings(friction=friction))
+        plant = MujocoPlant(arm, T, Q0, MujocoSettings(joint_friction=friction))
         references, measured = move(plant, 0.5 * MOVE, duration=1.5)
         lags[friction] = np.abs(measured - references).max()
     assert 2.0 * lags[False] < lags[True] < 5e-3
@@ -191,7 +191,7 @@ def test_any_other_cycle_is_an_error_that_names_it_and_the_step(rate):
         MujocoPlant(find_arm('lwr4'), 1.0 / rate, Q0)
 
 
-@pytest.mark.parametrize('wrong', [{'step': 0.0}, {'bandwidth': np.nan}, {'bandwidth': 600.0, 'step': 0.001}])
+@pytest.mark.parametrize('wrong', [{'plant_step': 0.0}, {'servo_bandwidth': np.nan}, {'servo_bandwidth': 600.0, 'plant_step': 0.001}])
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(RangeError, match=next(iter(wrong))):
         MujocoSettings(**wrong)

@@ -13,7 +13,7 @@ from redres_ros.parameter import check_parameters, param
 class GuardSettings:
     """How the limits are applied."""
 
-    window: float = param(0.02, 'time over which the commanded acceleration is averaged [s]', 1e-4, 1.0)
+    acceleration_window: float = param(0.02, 'time over which the commanded acceleration is averaged [s]', 1e-4, 1.0)
     position_margin: float = param(float(np.radians(0.5)), 'distance kept from the position limits [rad]', 0.0, 0.5)
     acceleration_scale: float = param(1.0, 'factor on the acceleration limits', 0.01, 100.0)
 
@@ -35,7 +35,7 @@ class Guard:
         self.limits = replace(limits, acceleration=limits.acceleration * settings.acceleration_scale)
         self.period = period
         self._lower, self._upper = limits.lower + settings.position_margin, limits.upper - settings.position_margin
-        self._cycles = max(1, round(settings.window / period))
+        self._cycles = max(1, round(settings.acceleration_window / period))
         self.begin()
 
     def begin(self) -> None:

@@ -44,14 +44,15 @@ class IdealPlant:
 class MujocoSettings:
     """The simulated arm below the level of the reference."""
 
-    step: float = param(0.0005, 'step of the simulation; the cycle must be a whole number of them [s]', 1e-5, 0.01)
-    bandwidth: float = param(100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0)
-    friction: bool = param(False, 'leave joint friction to the servos, as if no joint torque loop took it out')
+    plant_step: float = param(0.0005, 'step of the simulation; the cycle must be a whole number of them [s]', 1e-5, 0.01)
+    servo_bandwidth: float = param(100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0)
+    joint_friction: bool = param(False, 'leave joint friction to the servos, as if no joint torque loop took it out')
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        if not self.bandwidth * self.step <= 0.5:
-            raise RangeError('bandwidth', self.bandwidth, 1.0, 0.5 / self.step, f'rad/s at a step of {self.step:g} s')
+        if not self.servo_bandwidth * self.plant_step <= 0.5:
+            raise RangeError('servo_bandwidth', self.servo_bandwidth, 1.0, 0.5 / self.plant_step,
+                             f'rad/s at a step of {self.plant_step:g} s')
 
 
 class MujocoPlant:
@@ -76,7 +77,7 @@ class MujocoPlant:
 
     def __init__(self, arm: Arm, period: float, q0: np.ndarray, settings: MujocoSettings | None = None) -> None:
         settings = settings or MujocoSettings()
-        self._substeps = _whole_steps(period, settings.step)
+        self._substeps = _whole_steps(period, settings.plant_step)
         self._model = _servo_model(arm, settings)
         self._data = mujoco.MjData(self._model)
         self.period = period
@@ -175,21 +176,21 @@ def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
     ctrl is dq_r for both; the position actuators integrate it to q_r, their activation, so a cycle is one call into C.
     """
     spec = _load(arm)
-    spec.option.timestep, spec.option.integrator = settings.step, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.timestep, spec.option.integrator = settings.plant_step, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # whatever goes wrong, an arm cannot jump to zero
     for body in spec.bodies:
         body.gravcomp = 1.0
     for joint in spec.joints:
         joint.actgravcomp = True  # counts as the motor's, towards the effort limit
-        joint.solref_limit = 4.0 * settings.step, 1.0  # a hard stop: by default a light arm gets degrees past it
+        joint.solref_limit = 4.0 * settings.plant_step, 1.0  # a hard stop: by default a light arm gets degrees past it
     for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
         for joint in spec.joints:
             spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, dyntype=dynamics,
                               biastype=mujoco.mjtBias.mjBIAS_AFFINE)
     model = _compile(spec, arm)
-    if not settings.friction:
+    if not settings.joint_friction:
         model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
-    _tune(model, settings.bandwidth)
+    _tune(model, settings.servo_bandwidth)
     return model
 
 

@@ -1,5 +1,6 @@
 """`redres demo`: the three nodes as processes, a task from start to end, and what came of it."""
 
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -199,8 +200,10 @@ class Demo:
                 self._nodes.append(NodeProcess(name, self._out / f'{name}.log', {**shared, **parameters}))
             yield
         finally:
+            handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C must not leave a process behind
             for node in self._nodes:
                 node.end()
+            signal.signal(signal.SIGINT, handler)
 
     def _await_robot(self, recorder: Recorder) -> None:
         until = time.monotonic() + START_PATIENCE

@@ -1,6 +1,5 @@
 """A ROS graph of our own: a domain that nobody else uses on this machine, and node processes that end with us."""
 
-import ctypes
 import fcntl
 import os
 import random
@@ -15,10 +14,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.runtime import HIGHEST_DOMAIN
+from redres_ros.nodes.runtime import HIGHEST_DOMAIN, PARENT
 
 _ELSEWHERE = ('ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY', 'ROS_DISCOVERY_SERVER', 'FASTRTPS_DEFAULT_PROFILES_FILE')
-_PR_SET_PDEATHSIG = 1
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 
 
@@ -96,7 +94,7 @@ class NodeProcess:
         with log.open('wb') as output:
             self._process = subprocess.Popen(
                 [sys.executable, '-m', f'redres_ros.nodes.{name}', '--ros-args', *arguments], stdin=subprocess.DEVNULL, stdout=output,
-                stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=_die_with_parent)
+                stderr=subprocess.STDOUT, start_new_session=True, env={**os.environ, PARENT: str(os.getpid())})
 
     @property
     def pid(self) -> int:
@@ -136,7 +134,3 @@ def _yaml(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_yaml, value))}]"
     return repr(float(value)) if isinstance(value, float) else str(value)
-
-
-def _die_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

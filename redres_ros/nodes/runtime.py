@@ -1,5 +1,6 @@
 """How a node of this package runs and ends: executor, signals, quality of service, errors in one line."""
 
+import ctypes
 import os
 import signal
 import sys
@@ -17,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from redres_ros.errors import RangeError, RedresError
+from redres_ros.errors import RedresError
 
 # Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions take the newest sample and
 # nothing else, because a reliable one replays stale samples after a gap.
@@ -31,6 +32,9 @@ RCLError = rclpy_implementation.RCLError
 
 HIGHEST_DOMAIN = 101  # above it the ports run into those that Linux hands out to anyone
 
+PARENT = 'REDRES_PARENT'  # environment variable: number of the process without which a node is not to live on
+
+_PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
 
 
@@ -103,6 +107,7 @@ def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> in
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
+    _end_with_parent(stopped)
     try:
         start(arguments)
         node = make()
@@ -115,6 +120,15 @@ def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> in
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _end_with_parent(stopped: threading.Event) -> None:
+    """Have the kernel send SIGTERM when the process that the environment names has died, however that came about."""
+    parent = os.environ.get(PARENT)
+    if parent:
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != int(parent):
+            stopped.set()  # it had died before
 
 
 def _spin(node: Node, stopped: threading.Event) -> None:

@@ -11,7 +11,7 @@ from rich.live import Live
 from rich.table import Table
 from std_msgs.msg import Float64, Int32, String
 
-from redres_ros.nodes.runtime import LATCHED, NEWEST, Spinner
+from redres_ros.nodes.runtime import LATCHED, NEWEST
 
 _REFRESH = 5.0  # [Hz]
 
