@@ -46,9 +46,9 @@ class Command:
 class Controller:
     """Turns task velocities into position references by the law in force, for one arm and one sampling time.
 
-    model, law, T [s] as they say. switch_time [s]: over it a change of law is blended, as are starting and stopping; 0 switches at
-    once. integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a servo's lag does not make the arm
-    creep, or the last 'measurement'. Raises RangeError for T, switch_time or the law's damping.
+    model, law, T [s] as they say. switch_time [s]: over it a change of law is blended, as are starting and stopping; 0
+    switches at once. integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a servo's lag
+    does not make the arm creep, or the last 'measurement'. Raises RangeError for T, switch_time or the law's damping.
     """
 
     def __init__(self, model: RobotModel, law: Law, T: float, *, switch_time: float = 0.0, integrate_from: str = 'command') -> None:
@@ -100,8 +100,8 @@ class Controller:
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
         """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,) [m/s], [rad/s] below it.
 
-        missed: cycles since the last update that went without one; the arm is taken to have gone on with the last velocity.
-        Raises ArrayError for a wrong shape, NaN or infinity; the controller is then as it was before.
+        missed: cycles since the last update that went without one; the arm is taken to have gone on with the last
+        velocity. Raises ArrayError for a wrong shape, NaN or infinity; the controller is then as it was before.
         """
         state = self.model.state(q, self._dq_prev)
         dx = np.asarray(dx, dtype=np.float64)

@@ -22,8 +22,8 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
 class Reference:
     """What the planner asks for at one tick.
 
-    dx: (3,) task velocity [m/s]; x_d: (3,) desired position [m]; error: x_d - x, (3,) [m]; segment: 1 for the way to x_1 and so on,
-    0 for an approach to x_0; finished: the last point is reached and held.
+    dx: (3,) task velocity [m/s]; x_d: (3,) desired position [m]; error: x_d - x, (3,) [m]; segment: 1 for the way to
+    x_1 and so on, 0 for an approach to x_0; finished: the last point is reached and held.
     """
 
     dx: np.ndarray
@@ -36,8 +36,8 @@ class Reference:
 class Planner:
     """Walks through a task's points, one segment after the other, and then holds the last one.
 
-    x_start: (3,) where the tip is when the task begins [m]; farther than `task.segment_time` allows no harm: unless it is x_0
-    itself to within start_tolerance [m], a first segment of its own leads to x_0. None begins at x_0.
+    x_start: (3,) where the tip is when the task begins [m]; farther than `task.segment_time` allows no harm: unless it
+    is x_0 itself to within start_tolerance [m], a first segment of its own leads to x_0. None begins at x_0.
     """
 
     def __init__(self, task: Task, x_start: np.ndarray | None = None, *, start_tolerance: float = 0.005) -> None:

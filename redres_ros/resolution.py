@@ -19,10 +19,10 @@ class Resolution(NamedTuple):
 def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None = None) -> Resolution:
     """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx: Eq. (A.13) with y = dq, A = J, y_N = b.
 
-    J: (m, n) task Jacobian, m <= n; dx: (m,) task velocity; b: (n,) bias [rad/s]; W: (n, n) symmetric positive definite weight,
-    None for the identity. Near a singularity, where the least squares solution would be unbounded, the lost direction is
-    executed only in part (damped) and drops out of the projector (end of Appendix A).
-    Raises ArrayError for shapes that do not fit and for NaN or infinity.
+    J: (m, n) task Jacobian, m <= n; dx: (m,) task velocity; b: (n,) bias [rad/s]; W: (n, n) symmetric positive definite
+    weight, None for the identity. Near a singularity, where the least squares solution would be unbounded, the lost
+    direction is executed only in part (damped) and drops out of the projector (end of Appendix A). Raises ArrayError
+    for shapes that do not fit and for NaN or infinity.
     """
     _check_shapes(J, dx, b, W)
     try:
@@ -40,9 +40,9 @@ def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None =
 def damped_inverse(G: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric positive semidefinite (m, m) matrix G = A A', exact while A is well conditioned.
 
-    With s the singular values of A and e = SINGULAR_RATIO max(s): 1/s^2 for s >= e, below it 1/(s^2 + e^2 - s^2) = 1/e^2, so that
-    the pseudoinverse's gain s/e^2 is continuous, at most 1/e, and 0 for a lost direction (numerical filtering after Maciejewski
-    and Klein, 1988). A zero matrix gives zero.
+    With s the singular values of A and e = SINGULAR_RATIO max(s): 1/s^2 for s >= e, below it 1/(s^2 + e^2 - s^2) =
+    1/e^2, so that the pseudoinverse's gain s/e^2 is continuous, at most 1/e, and 0 for a lost direction (numerical
+    filtering after Maciejewski and Klein, 1988). A zero matrix gives zero.
     """
     squares, V = np.linalg.eigh(G)  # (m,) ascending, (m, m)
     floor = SINGULAR_RATIO**2 * squares[-1]

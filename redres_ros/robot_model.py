@@ -16,9 +16,10 @@ TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 class RobotState:
     """Everything a law may ask, evaluated at one (q, dq_prev).
 
-    q, dq_prev: (n,) [rad], [rad/s]; x: (3,) tip position [m]; R: (3, 3) tip orientation, both in the base frame (the URDF's root link); J: (m, n) task
-    Jacobian, linear rows first; M: (n, n) inertia [kg m^2]; n: (n,) Coriolis, centrifugal and gravity torque n(q, dq_prev) [Nm],
-    the previous velocity being all that is known at a tick (footnote 4).
+    q, dq_prev: (n,) [rad], [rad/s]; x: (3,) tip position [m]; R: (3, 3) tip orientation, both in the base frame (the
+    URDF's root link); J: (m, n) task Jacobian, linear rows first; M: (n, n) inertia [kg m^2]; n: (n,) Coriolis,
+    centrifugal and gravity torque n(q, dq_prev) [Nm], the previous velocity being all that is known at a tick (footnote
+    4).
     """
 
     q: np.ndarray

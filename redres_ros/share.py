@@ -9,8 +9,9 @@ from redres_ros.errors import FileError
 def share_path(relative: str) -> Path:
     """Path of a share file such as 'config/tasks/rectangle.yaml'. Raises FileError that lists the places searched.
 
-    The checkout comes first, because `pip install -e` installs no share files; then the prefix that this very package is installed
-    under, which pip and colcon fill alike; then the overlays of a sourced ROS workspace, for a package that was moved.
+    The checkout comes first, because `pip install -e` installs no share files; then the prefix that this very package
+    is installed under, which pip and colcon fill alike; then the overlays of a sourced ROS workspace, for a package
+    that was moved.
     """
     here = Path(__file__).resolve()
     checkout, prefix = here.parents[1], here.parents[4:5]  # of <prefix>/lib/python3.x/site-packages/redres_ros/share.py

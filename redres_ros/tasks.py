@@ -18,8 +18,8 @@ SWITCHING = ('at_rest', 'within_tolerance')
 class Task:
     """Points x_0 ... x_N of the tip and how to pass them.
 
-    start: (n,) joint positions q(0) [rad]; waypoints: (N + 1, 3) [m] in the base frame, x_0 being f(q(0)).
-    switching 'at_rest' goes on once a segment's time is over and the error is below tolerance; 'within_tolerance' as soon as the
+    start: (n,) joint positions q(0) [rad]; waypoints: (N + 1, 3) [m] in the base frame, x_0 being f(q(0)). switching
+    'at_rest' goes on once a segment's time is over and the error is below tolerance; 'within_tolerance' as soon as the
     error is, which cuts each segment short and makes a step in the task velocity.
     """
 

@@ -127,7 +127,7 @@ def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
     (('--task', 'foo'), ('foo', 'rectangle')),
     (('--switch', 'minimum_velocity'), ('minimum_velocity', 'LAW@SECONDS')),
     (('--switch', 'foo@1'), ('foo', 'minimum_velocity')),
-    (('--domain', '500'), ('500', '0 to 101')),
+    (('--domain', '500'), ('500', '0 to 232')),
     (('--out', '/dev/null/here'), ('/dev/null/here',)),
 ])
 def test_bad_options_get_one_line(tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:

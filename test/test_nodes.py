@@ -46,9 +46,9 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
     ('sim', 'start:=[0.0, 0.0]', {}, ('[0.0, 0.0]', '7')),
     ('sim', 'start:=[9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]', {}, ('lwr_a1_joint', '9')),
     ('sim', 'plant:=gazebo', {}, ('gazebo', 'mujoco')),
-    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': 'abc'}, ('ROS_DOMAIN_ID', 'abc', '0 to 101')),
-    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 101')),
-    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '-1'}, ('ROS_DOMAIN_ID', '-1', '0 to 101')),
+    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': 'abc'}, ('ROS_DOMAIN_ID', 'abc', '0 to 232')),
+    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 232')),
+    ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '-1'}, ('ROS_DOMAIN_ID', '-1', '0 to 232')),
     ('controller', 'rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
 ]
 

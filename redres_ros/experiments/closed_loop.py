@@ -19,9 +19,10 @@ def run(controller: Controller, task: Task, *, delay: int = 0, switches: Mapping
         progress: Callable[[float], None] | None = None) -> Recording:
     """The task from its start until the last point is reached, which gives no row of its own.
 
-    delay: ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a robot that takes up at tick k + 1 what
-    was computed from the state at tick k. switches: tick -> law to go over to. progress is told the share of the nominal duration
-    that is over. A loop that diverges or does not arrive in time is returned as far as it went, with finished False.
+    delay: ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a robot that takes up at tick
+    k + 1 what was computed from the state at tick k. switches: tick -> law to go over to. progress is told the share of
+    the nominal duration that is over. A loop that diverges or does not arrive in time is returned as far as it went,
+    with finished False.
     """
     planner, q, T = Planner(task), task.start, controller.T
     nominal = task.segments * task.segment_time

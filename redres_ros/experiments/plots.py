@@ -28,8 +28,8 @@ def draw_motion(recording: Recording, model: RobotModel, task: Task, title: str,
                 beside: Mapping[str, Recording] | None = None, stopped: str = '') -> None:
     """One page: the way of tip and elbow on the left, norms over time on the right.
 
-    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the robot was stopped, written under
-    the title and marked at the end of the curves. Raises FileError.
+    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the robot was stopped,
+    written under the title and marked at the end of the curves. Raises FileError.
     """
     figure = Figure(figsize=(11.0, 7.0), layout='constrained')
     figure.suptitle(f'{title}\nstopped at the red line: {stopped}' if stopped else title)

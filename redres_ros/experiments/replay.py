@@ -31,8 +31,8 @@ class Log:
 def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[tuple[int, Law]], T: float, ending: str) -> Recording:
     """The table from the stamp `begun` [ns], at which the planner began, until the last point was reached.
 
-    laws: (stamp from which it was in force, law), oldest first. Figures of a state that was recorded without its command, or the
-    other way round, are left out.
+    laws: (stamp from which it was in force, law), oldest first. Figures of a state that was recorded without its
+    command, or the other way round, are left out.
     """
     planner, rows, finished = None, [], False
     dq_prev, stamp_prev = np.zeros(model.n), 0

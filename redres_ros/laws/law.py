@@ -14,8 +14,8 @@ from redres_ros.robot_model import RobotState
 class Law(ABC):
     """A redundancy resolution law at the velocity level: dq = argmin 1/2 (dq - b)' W (dq - b) subject to J dq = dx.
 
-    A subclass is a frozen dataclass whose fields, declared with `param`, are its gains. damping is k_d of Eq. (21); it acts through
-    the forgetting factor lambda = 1 - k_d T (Appendix B).
+    A subclass is a frozen dataclass whose fields, declared with `param`, are its gains. damping is k_d of Eq. (21); it
+    acts through the forgetting factor lambda = 1 - k_d T (Appendix B).
     """
 
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e4)

@@ -8,32 +8,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TwistStamped
-from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
+from redres_ros.experiments.closed_loop import PATIENCE
 from redres_ros.experiments.recording import Recording
-from redres_ros.experiments.replay import Log, replay
+from redres_ros.experiments.replay import replay
 from redres_ros.laws import Law, law_name, make_law
 from redres_ros.nodes.client import call, set_parameters
 from redres_ros.nodes.controller import ControllerParameters
-from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
 from redres_ros.nodes.graph import NodeProcess
-from redres_ros.nodes.runtime import LATCHED, spun
+from redres_ros.nodes.recorder import Recorder
+from redres_ros.nodes.runtime import spun
 from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import Task
 
-EVERYTHING = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
-
 START_PATIENCE = 30.0  # [s] from starting the processes to command mode
-PATIENCE = 3.0  # a task may take this many times its nominal duration, by the robot's clock
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 CLOCK_PATIENCE = 5.0  # [s] a machine that is no real-time one may stall for that long; the fake arm's clock then stands still
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
@@ -46,57 +37,13 @@ class DemoError(RedresError):
     """A run that came to nothing."""
 
 
-class Recorder(Node):
-    """Listens to all that the nodes say to each other, and keeps it."""
-
-    def __init__(self, joint_names: tuple[str, ...]) -> None:
-        super().__init__('recorder')
-        self._joints = JointOrder(joint_names)
-        self.log = Log({}, {})
-        self.begun = self.newest = 0  # stamps [ns] of the planner's first velocity and of the newest state
-        self.heard = time.monotonic()  # when that came
-        self.words: dict[str, list[str]] = {'sim/session_state': [], 'sim/stop_reason': [], 'planner/state': []}
-        self.figures: dict[str, str] = {}  # the sim's newest diagnostics
-        self.create_subscription(JointState, 'joint_states', self._on_state, EVERYTHING)
-        self.create_subscription(JointState, 'joint_command', self._on_command, EVERYTHING)
-        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, EVERYTHING)
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, EVERYTHING)
-        for topic, heard in self.words.items():
-            self.create_subscription(String, topic, lambda message, heard=heard: heard.append(message.data), LATCHED)
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the robot has a reason why it stopped."""
-        return any(self.words['sim/stop_reason'])
-
-    @property
-    def seconds(self) -> float:
-        """Time on the robot's clock since the planner began [s]."""
-        return (self.newest - self.begun) / 1e9 if self.begun else 0.0
-
-    def final_error(self, model: RobotModel, task: Task) -> float:
-        """Distance from the tip to the last point at the newest state [m]."""
-        return float(np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1]))
-
-    def _on_state(self, message: JointState) -> None:
-        self.newest, self.heard = to_nanoseconds(message.header.stamp), time.monotonic()
-        self.log.states[self.newest] = self._joints.positions(message)
-
-    def _on_command(self, message: JointState) -> None:
-        self.log.commands[to_nanoseconds(message.header.stamp)] = (self._joints.positions(message), np.array(message.velocity))
-
-    def _on_twist(self, message: TwistStamped) -> None:
-        self.begun = self.begun or to_nanoseconds(message.header.stamp)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name.endswith('/sim'):
-                self.figures = {pair.key: pair.value for pair in status.values}
-
-
 @dataclass(frozen=True)
 class DemoOptions:
-    """What to run. dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task began); parameters: more of them, for every node that has them."""
+    """What to run.
+
+    dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task began); parameters:
+    more of them, for every node that has them.
+    """
 
     task: str
     law: str
@@ -112,8 +59,8 @@ class DemoOptions:
 class Outcome:
     """What came of it.
 
-    stop_reason: the robot's own words, empty if it was not stopped; states: those of the session, as they were passed through;
-    final_error: from the tip to the last point, when the run ended [m]; figures: the sim's last diagnostics.
+    stop_reason: the robot's own words, empty if it was not stopped; states: those of the session, as they were passed
+    through; final_error: from the tip to the last point, when the run ended [m]; figures: the sim's last diagnostics.
     """
 
     recording: Recording

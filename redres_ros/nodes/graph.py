@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.runtime import HIGHEST_DOMAIN, PARENT
+from redres_ros.nodes.runtime import PARENT
 
 _ELSEWHERE = ('ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY', 'ROS_DISCOVERY_SERVER', 'FASTRTPS_DEFAULT_PROFILES_FILE')
+_DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 
 
@@ -55,11 +56,11 @@ def joined_domain(domain: int | None) -> Iterator[None]:
 
 
 def _free_domain() -> tuple[IO[bytes], int]:
-    for domain in random.SystemRandom().sample(range(1, HIGHEST_DOMAIN + 1), HIGHEST_DOMAIN):
+    for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
         lock = _claim(domain)
         if lock and not _in_use(domain):
             return lock, domain
-    raise GraphError(f'every ROS domain from 1 to {HIGHEST_DOMAIN} is in use on this machine')
+    raise GraphError(f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine')
 
 
 def _claim(domain: int) -> IO[bytes] | None:

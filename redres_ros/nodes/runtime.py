@@ -1,6 +1,7 @@
 """How a node of this package runs and ends: executor, signals, quality of service, errors in one line."""
 
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -20,8 +21,8 @@ from rclpy.task import Future
 
 from redres_ros.errors import RedresError
 
-# Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions take the newest sample and
-# nothing else, because a reliable one replays stale samples after a gap.
+# Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions take the newest
+# sample and nothing else, because a reliable one replays stale samples after a gap.
 PUBLISH = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -30,7 +31,7 @@ N = TypeVar('N', bound=Node)
 
 RCLError = rclpy_implementation.RCLError
 
-HIGHEST_DOMAIN = 101  # above it the ports run into those that Linux hands out to anyone
+HIGHEST_DOMAIN = 232  # the last one whose ports exist
 
 PARENT = 'REDRES_PARENT'  # environment variable: number of the process without which a node is not to live on
 
@@ -45,9 +46,9 @@ class StartError(RedresError):
 class Spinner:
     """An EventsExecutor for one node, spun until an event is set.
 
-    EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy 7.1.6 (their endless wait
-    overflows there and becomes a busy loop); spin_until_future_complete with a timeout and one Future that never completes does the
-    same work.
+    EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy 7.1.6 (their endless
+    wait overflows there and becomes a busy loop); spin_until_future_complete with a timeout and one Future that never
+    completes does the same work.
     """
 
     def __init__(self, node: Node, stopped: threading.Event) -> None:
@@ -75,7 +76,7 @@ def start(arguments: list[str] | None = None) -> None:
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # RCLError and its kin derive from RuntimeError or Exception, as the version has it
-        raise StartError(f"ROS 2 does not start: {' '.join(str(error).split())}") from None
+        raise StartError(f"ROS 2 does not start ({type(error).__name__}): {' '.join(str(error).split())}") from None
 
 
 @contextmanager
@@ -101,8 +102,8 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
 def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> int:
     """The main of a node: make it, spin it, end it cleanly on SIGINT or SIGTERM. The exit status is 0, or 1 after an error.
 
-    A node may have `run(stopped)`, a loop of its own that ends when the event is set; it is then spun in a second thread. A node may
-    have `close()`, called while it can still publish.
+    A node may have `run(stopped)`, a loop of its own that ends when the event is set; it is then spun in a second
+    thread. A node may have `close()`, called while it can still publish.
     """
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -133,6 +134,8 @@ def _end_with_parent(stopped: threading.Event) -> None:
 
 def _spin(node: Node, stopped: threading.Event) -> None:
     spinner = Spinner(node, stopped)
+    gc.collect()
+    gc.freeze()  # what is there by now stays; the collector need not look through it in the middle of a cycle
     try:
         if hasattr(node, 'run'):
             thread = threading.Thread(target=spinner.spin, name='executor')

@@ -90,9 +90,9 @@ class SimNode(Node):
     def run(self, stopped: threading.Event) -> None:
         """Cycle after cycle until the event is set; the executor runs in another thread.
 
-        At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to tick k + 1 while the state of tick k
-        is being answered. When this process was held up, or waited with patience, the robot's clock stood still for that long: its
-        stamps are always exactly one period apart.
+        At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to tick k + 1 while the
+        state of tick k is being answered. When this process was held up, or waited with patience, the robot's clock
+        stood still for that long: its stamps are always exactly one period apart.
         """
         wait = self._wait_for_answer if self._settings.lockstep else self._wait_for_tick
         self._due = time.monotonic()

@@ -8,6 +8,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
 from std_msgs.msg import Float64, Int32, String
 
@@ -50,10 +51,10 @@ class Watch(Node):
         """The newest values; a dash for what has not come."""
         table = Table(title=f'ROS domain {self.context.get_domain_id()}', show_header=False)
         for topic, label in (('law', 'law'), *_LATCHED_WORDS.items(), ('tip', 'tip [m]')):
-            table.add_row(label, str(self._values.get(topic, '-')))
+            table.add_row(escape(label), escape(str(self._values.get(topic, '-'))))
         for topic, (_, label, unit, factor) in _NUMBERS.items():
             value = self._values.get(topic)
-            table.add_row(f'{label} [{unit}]' if unit else label, '-' if value is None else f'{value * factor:.4g}')
+            table.add_row(escape(f'{label} [{unit}]' if unit else label), '-' if value is None else f'{value * factor:.4g}')
         return table
 
     def _keep(self, name: str, value: Any) -> None:

@@ -18,9 +18,9 @@ CYLINDER_MASS, CYLINDER_RADIUS, CYLINDER_MIN_LENGTH = 1.0, 0.06, 0.001  # [kg], 
 class Arm:
     """An arm as data. `description()` is the one URDF that Pinocchio, MuJoCo and RViz read alike.
 
-    base_offset [m] raises base_link above the URDF's root link; tool_offset [m] is the way from the flange to the tip along the
-    flange's z. dynamics: 'lwr', the URDF's own inertias with rotors and friction; 'cylinders', the paper's Section 5.2 with each
-    link a body of 1 kg, here a solid cylinder because an ideal rod makes M singular.
+    base_offset [m] raises base_link above the URDF's root link; tool_offset [m] is the way from the flange to the tip
+    along the flange's z. dynamics: 'lwr', the URDF's own inertias with rotors and friction; 'cylinders', the paper's
+    Section 5.2 with each link a body of 1 kg, here a solid cylinder because an ideal rod makes M singular.
     """
 
     urdf: Path
@@ -98,7 +98,8 @@ def _length_along_z(robot: ET.Element, link: str) -> float:
 _LWR4 = Arm(
     urdf=Path(str(resources.files(__package__) / 'lwr4.urdf')),
     tip_frame='tool0', elbow_frame='link_4',
-    # Ia3..Ia7 as identified by Jubien, Gautier and Janot (2014); Ia1 and Ia2 are their ZZ1 and ZZ2 less the links' share.
+    # Ia3..Ia7 as identified by Jubien, Gautier and Janot (2014); Ia1 and Ia2 are their ZZ1 and ZZ2 less the links'
+    # share.
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
     acceleration_limit=tuple(np.radians((1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0)).tolist()),  # KRC2 file
 )

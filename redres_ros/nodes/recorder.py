@@ -1,0 +1,67 @@
+"""A listener that keeps all that the nodes say to each other."""
+
+import time
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from redres_ros.experiments.replay import Log
+from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
+from redres_ros.nodes.runtime import LATCHED
+from redres_ros.robot_model import RobotModel
+from redres_ros.tasks import Task
+
+EVERYTHING = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
+
+
+class Recorder(Node):
+    """Keeps states and commands by stamp, every word of session and planner, and the sim's newest diagnostics."""
+
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        super().__init__('recorder')
+        self._joints = JointOrder(joint_names)
+        self.log = Log({}, {})
+        self.begun = self.newest = 0  # stamps [ns] of the planner's first velocity and of the newest state
+        self.heard = time.monotonic()  # when that came
+        self.words: dict[str, list[str]] = {'sim/session_state': [], 'sim/stop_reason': [], 'planner/state': []}
+        self.figures: dict[str, str] = {}  # the sim's newest diagnostics
+        self.create_subscription(JointState, 'joint_states', self._on_state, EVERYTHING)
+        self.create_subscription(JointState, 'joint_command', self._on_command, EVERYTHING)
+        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, EVERYTHING)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, EVERYTHING)
+        for topic, heard in self.words.items():
+            self.create_subscription(String, topic, lambda message, heard=heard: heard.append(message.data), LATCHED)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the robot has a reason why it stopped."""
+        return any(self.words['sim/stop_reason'])
+
+    @property
+    def seconds(self) -> float:
+        """Time on the robot's clock since the planner began [s]."""
+        return (self.newest - self.begun) / 1e9 if self.begun else 0.0
+
+    def final_error(self, model: RobotModel, task: Task) -> float:
+        """Distance from the tip to the last point at the newest state [m]."""
+        return float(np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1]))
+
+    def _on_state(self, message: JointState) -> None:
+        self.newest, self.heard = to_nanoseconds(message.header.stamp), time.monotonic()
+        self.log.states[self.newest] = self._joints.positions(message)
+
+    def _on_command(self, message: JointState) -> None:
+        self.log.commands[to_nanoseconds(message.header.stamp)] = (self._joints.positions(message), np.array(message.velocity))
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        self.begun = self.begun or to_nanoseconds(message.header.stamp)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name.endswith('/sim'):
+                self.figures = {pair.key: pair.value for pair in status.values}
