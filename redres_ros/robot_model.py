@@ -78,6 +78,17 @@ class RobotModel:
         J = pin.getFrameJacobian(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED)  # (6, n)
         return RobotState(q, dq_prev, x, R, J[:self.m], self._data.M.copy(), self._data.nle.copy())
 
+    def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, which makes neither M nor n."""
+        q, dq, tau = self.check(q, 'q'), self.check(dq, 'dq'), self.check(tau, 'tau')
+        return pin.aba(self._model, self._data, q, dq, tau).copy()
+
+    def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
+        q, dq = self.check(q, 'q'), self.check(dq, 'dq')
+        pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
+        return pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED).vector[:self.m].copy()
+
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
         pin.framesForwardKinematics(self._model, self._data, self.check(q, 'q'))

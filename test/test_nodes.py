@@ -110,7 +110,7 @@ def test_joints_are_matched_by_name(tmp_path: Path) -> None:
         np.testing.assert_array_equal(shuffled, START)
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture(scope='class')
 def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Probe, Callable[[], list[str]]]]:
     """A probe beside a controller that only ever gets bad input, and the lines that the controller has printed."""
     directory = tmp_path_factory.mktemp('resting')
@@ -118,51 +118,53 @@ def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Probe, C
         yield probe, lambda: log_lines(directory, 'controller')
 
 
-@pytest.mark.parametrize(('spoil', 'words'), [
-    (lambda message: setattr(message, 'name', ['a', *message.name[1:]]), ('missing lwr_a1_joint', 'not of this arm a')),
-    (lambda message: setattr(message, 'name', message.name[:-1]), ('missing lwr_a6_joint',)),
-    (lambda message: setattr(message, 'position', message.position[:-1]), ('6 positions', '7 joints')),
-    (lambda message: message.position.__setitem__(2, float('nan')), ('nan', 'finite')),
-    (lambda message: message.position.__setitem__(2, float('inf')), ('inf', 'finite')),
-    (lambda message: setattr(message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000), ('0.7 ms', 'rate 500 Hz')),
-])
-def test_a_bad_state_is_not_answered_and_told_once(resting: tuple[Probe, Callable[[], list[str]]], spoil: Callable[[Any], None],
-                                                   words: tuple[str, ...]) -> None:
-    probe, lines = resting
-    before, _ = probe.ask(START)
-    last_good, told = probe.stamp, len(lines())
-    for _ in range(5):  # not more than are bridged
-        message = probe.state(START)
-        spoil(message)
-        probe.send(message)
-        time.sleep(0.02)
-    assert not any(stamp > last_good for stamp in probe.answers)
-    after, _ = probe.ask(START)
-    np.testing.assert_array_equal(after, before)
-    await_that(lambda: any('accepted again' in line for line in lines()[told:]), 'the line of recovery')
-    refusals = [line for line in lines()[told:] if 'joint_states refused' in line]
-    assert len(refusals) == 1
-    assert all(word in refusals[0] for word in words), refusals[0]
+class TestBadInput:
+    """One controller gets it all, and is none the worse for it."""
 
+    @pytest.mark.parametrize(('spoil', 'words'), [
+        (lambda message: setattr(message, 'name', ['a', *message.name[1:]]), ('missing lwr_a1_joint', 'not of this arm a')),
+        (lambda message: setattr(message, 'name', message.name[:-1]), ('missing lwr_a6_joint',)),
+        (lambda message: setattr(message, 'position', message.position[:-1]), ('6 positions', '7 joints')),
+        (lambda message: message.position.__setitem__(2, float('nan')), ('nan', 'finite')),
+        (lambda message: message.position.__setitem__(2, float('inf')), ('inf', 'finite')),
+        (lambda message: setattr(message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000), ('2.7 ms', 'rate 500 Hz')),
+    ])
+    def test_a_bad_state_is_not_answered_and_told_once(self, resting: tuple[Probe, Callable[[], list[str]]], spoil: Callable[[Any], None],
+                                                       words: tuple[str, ...]) -> None:
+        probe, lines = resting
+        before, _ = probe.ask(START)
+        last_good, told = probe.stamp, len(lines())
+        for _ in range(5):  # not more than are bridged
+            message = probe.state(START)
+            spoil(message)
+            probe.send(message)
+            time.sleep(0.02)
+        assert not any(stamp > last_good for stamp in probe.answers)
+        after, _ = probe.ask(START)
+        np.testing.assert_array_equal(after, before)
+        await_that(lambda: any('accepted again' in line for line in lines()[told:]), 'the line of recovery')
+        refusals = [line for line in lines()[told:] if 'joint_states refused' in line]
+        assert len(refusals) == 1
+        assert all(word in refusals[0] for word in words), refusals[0]
 
-@pytest.mark.parametrize(('dx', 'frame', 'words'), [
-    (DX, 'tool0', ('tool0', 'world')),
-    (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
-    (DX, '', ("''", 'world')),
-])
-def test_a_bad_task_velocity_does_not_move_the_arm(resting: tuple[Probe, Callable[[], list[str]]], dx: np.ndarray, frame: str,
-                                                   words: tuple[str, ...]) -> None:
-    probe, lines = resting
-    q_ref, _ = probe.ask(START)
-    told = len(lines())
-    for _ in range(5):
-        probe.steer(dx, frame)
-        q_ref, dq = probe.ask(q_ref)
-        np.testing.assert_array_equal(dq, np.zeros(7))
-    await_that(lambda: any('refused' in line for line in lines()[told:]), 'the refusal in the log')
-    refusals = [line for line in lines()[told:] if 'refused' in line]
-    assert len(refusals) == 1
-    assert all(word in refusals[0] for word in words), refusals[0]
+    @pytest.mark.parametrize(('dx', 'frame', 'words'), [
+        (DX, 'tool0', ('tool0', 'world')),
+        (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
+        (DX, '', ("''", 'world')),
+    ])
+    def test_a_bad_task_velocity_does_not_move_the_arm(self, resting: tuple[Probe, Callable[[], list[str]]], dx: np.ndarray, frame: str,
+                                                       words: tuple[str, ...]) -> None:
+        probe, lines = resting
+        q_ref, _ = probe.ask(START)
+        told = len(lines())
+        for _ in range(5):
+            probe.steer(dx, frame)
+            q_ref, dq = probe.ask(q_ref)
+            np.testing.assert_array_equal(dq, np.zeros(7))
+        await_that(lambda: any('refused' in line for line in lines()[told:]), 'the refusal in the log')
+        refusals = [line for line in lines()[told:] if 'refused' in line]
+        assert len(refusals) == 1
+        assert all(word in refusals[0] for word in words), refusals[0]
 
 
 def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: Path) -> None:

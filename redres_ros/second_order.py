@@ -1,0 +1,178 @@
+"""The original schemes on the acceleration and torque level, sampled: the yardsticks that the velocity laws are measured with.
+
+Written as the paper states them, with explicit pseudoinverses and the arm's dynamics instead of `resolve`, so that a law and its
+scheme can only agree because the conversion is right. J is taken to have full rank, as the paper does in Sections 3 and 4:
+unlike a law, a scheme damps nothing near a singularity.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.controller import Command
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robot_model import RobotModel, RobotState
+
+
+@dataclass(frozen=True)
+class Scheme(ABC):
+    """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4), the best one in some sense.
+
+    In a scheme dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with `param`, are its gains.
+    """
+
+    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e4)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @abstractmethod
+    def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], dJ_dq (m,) being dJ dq, the part of it that dq brings about."""
+
+    @abstractmethod
+    def pseudoinverse(self, state: RobotState) -> np.ndarray:
+        """J_W^#, (n, m), in the metric W in which the scheme chooses among the ddq."""
+
+    def preferred(self, state: RobotState) -> np.ndarray:
+        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a subclass wants something else."""
+        return -self.damping * state.dq_prev
+
+
+@dataclass(frozen=True)
+class MinimumAcceleration(Scheme):
+    """Least joint acceleration: Eq. (22), which is Eq. (16) for damping = 0 and Eq. (18) for another ddq_N."""
+
+    def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        J_pinv, ddq_N = self.pseudoinverse(state), self.preferred(state)
+        return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J @ ddq_N)  # Eq. (18)
+
+    def pseudoinverse(self, state: RobotState) -> np.ndarray:
+        return _pseudoinverse(state.J)
+
+
+@dataclass(frozen=True)
+class TorqueScheme(Scheme):
+    """A scheme that commands tau; the arm's dynamics, Eq. (6), make ddq of it.
+
+    Each is the tau nearest to tau_N = M ddq_N in a norm of its own. For ddq_N = -k_d dq that is Eq. (34), which opposes the
+    generalized momentum M dq.
+    """
+
+    def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        return model.acceleration(state.q, state.dq_prev, self.torque(state, ddx, dJ_dq))
+
+    @abstractmethod
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        """tau (n,) [Nm]; arguments as in `acceleration`."""
+
+
+@dataclass(frozen=True)
+class MinimumWeightedTorque(TorqueScheme):
+    """Least torque in the norm of M^-2: Eq. (25), with damping as ddq_N in the null space, as in Eq. (18)."""
+
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        J, M, n = state.J, state.M, state.n
+        J_pinv, ddq_N = self.pseudoinverse(state), self.preferred(state)
+        tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, n)))  # Eq. (25)
+        return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))
+
+    def pseudoinverse(self, state: RobotState) -> np.ndarray:
+        return _pseudoinverse(state.J)
+
+
+@dataclass(frozen=True)
+class DynamicallyConsistent(TorqueScheme):
+    """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
+
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        J, M, n = state.J, state.M, state.n
+        tau_N = M @ self.preferred(state)  # Eq. (34)
+        force = _solve(J @ np.linalg.solve(M, J.T), ddx - dJ_dq + J @ np.linalg.solve(M, n))  # (m,)
+        JT_pinv = self.pseudoinverse(state).T  # Eq. (30), (m, n)
+        return J.T @ force + tau_N - J.T @ (JT_pinv @ tau_N)  # Eq. (29)
+
+    def pseudoinverse(self, state: RobotState) -> np.ndarray:
+        Minv_JT = np.linalg.solve(state.M, state.J.T)  # (n, m)
+        return _solve(state.J @ Minv_JT, Minv_JT.T).T  # (J'_M^#)', Eq. (30)
+
+
+@dataclass(frozen=True)
+class MinimumTorque(TorqueScheme):
+    """Least torque in the plain norm: Eq. (7), made the tau nearest to tau_N of Eq. (34) by its part in the null space of J M^-1.
+
+    This is what the law's bias stands for. With T ddq = dq_k - dq_{k-1} and b = (1 - k_d T) dq_{k-1} - T M^-1 n, Eq. (6) gives
+    M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that the law's |dq_k - b| in the norm of M^2 is T |tau - tau_N|.
+    """
+
+    def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+        A = np.linalg.solve(state.M, state.J.T).T  # J M^-1, (m, n)
+        A_pinv, tau_N = _pseudoinverse(A), state.M @ self.preferred(state)
+        return A_pinv @ (ddx - dJ_dq + A @ state.n) + tau_N - A_pinv @ (A @ tau_N)  # Eq. (7) for tau_N = 0
+
+    def pseudoinverse(self, state: RobotState) -> np.ndarray:
+        return np.linalg.solve(state.M, _pseudoinverse(np.linalg.solve(state.M, state.J.T).T))  # M^-1 (J M^-1)^#
+
+
+SCHEMES: dict[str, type[Scheme]] = {
+    'minimum_acceleration': MinimumAcceleration,
+    'minimum_weighted_torque': MinimumWeightedTorque,
+    'dynamically_consistent': DynamicallyConsistent,
+    'minimum_torque': MinimumTorque,
+}  # by the law that a scheme becomes; the other laws are of first order, and no scheme of the paper becomes one of them
+
+
+def make_scheme(name: str, damping: float = 10.0) -> Scheme:
+    """The scheme that the law of that name was made from. Raises UnknownNameError, RangeError."""
+    if name not in SCHEMES:
+        raise UnknownNameError('scheme of second order', name, SCHEMES)
+    return SCHEMES[name](damping)
+
+
+class SecondOrderController:
+    """Turns task velocities into joint velocities by a scheme of second order, sampled and integrated.
+
+    model, scheme, T [s] as they say; used like a Controller. Before the first update everything is at rest. Raises RangeError for T.
+    """
+
+    def __init__(self, model: RobotModel, scheme: Scheme, T: float) -> None:
+        if not 1e-5 <= T <= 1.0:
+            raise RangeError('T', T, 1e-5, 1.0, 's')
+        self.model, self.scheme, self.T = model, scheme, T
+        self._last: Command | None = None
+        self._dx_prev = np.zeros(model.m)
+
+    def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
+        """The command for the joint positions q (n,) [rad] and the task velocity dx (m,) [m/s]. Raises ArrayError."""
+        dx = np.array(dx, dtype=np.float64)
+        if dx.shape != (self.model.m,) or not np.isfinite(dx).all():
+            raise ArrayError(f'dx is {dx.tolist()}; expected {self.model.m} finite values')
+        state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
+        J_prev = state.J if self._last is None else self._last.state.J
+        dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
+        q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
+        null = dq - self.scheme.pseudoinverse(state) @ (state.J @ dq)
+        self._last, self._dx_prev = Command(dq, q_ref, null, state, self.T), dx
+        return self._last
+
+
+def step(model: RobotModel, scheme: Scheme, T: float, state: RobotState, J_prev: np.ndarray, dx: np.ndarray, dx_prev: np.ndarray) -> np.ndarray:
+    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and what the tick before had: J_{k-1} (m, n), dx_{k-1} (m,)."""
+    ddx = (dx - dx_prev) / T  # Eq. (8)
+    dJ = (state.J - J_prev) / T  # Eq. (9)
+    ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)
+    return state.dq_prev + T * ddq  # Eq. (13)
+
+
+def _pseudoinverse(A: np.ndarray) -> np.ndarray:
+    """A^# = A' (A A')^-1, (n, m), of a matrix A (m, n) of full rank."""
+    return _solve(A @ A.T, A).T
+
+
+def _solve(G: np.ndarray, B: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(G, B)
+    except np.linalg.LinAlgError:
+        raise ArrayError('J has lost rank, which the schemes of second order do not allow') from None

@@ -1,0 +1,25 @@
+"""Fixtures that several test files share."""
+
+import numpy as np
+import pytest
+
+from redres_ros import RobotModel, RobotState, Task, load_task
+
+
+@pytest.fixture(scope='session')
+def model() -> RobotModel:
+    """The paper's arm with the dynamics of Section 5.2."""
+    return RobotModel.named('lwr4_paper')
+
+
+@pytest.fixture(scope='session')
+def task() -> Task:
+    """The paper's task."""
+    return load_task('rectangle')
+
+
+@pytest.fixture(scope='session')
+def states(model: RobotModel) -> list[RobotState]:
+    """A hundred random states of the paper's arm."""
+    random = np.random.default_rng(0)
+    return [model.state(q, dq) for q, dq in zip(random.uniform(-2.0, 2.0, (100, 7)), random.normal(0.0, 1.0, (100, 7)))]

@@ -1,0 +1,334 @@
+"""The laws. A law that is added to the table LAWS goes through every test of the first part by itself."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from redres_ros import LAWS, Controller, Law, RobotState, make_law, resolve
+from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.laws import law_name
+from redres_ros.parameter import param, parameters
+
+T = 0.001  # [s]
+DX = np.array((0.2, -0.1, 0.3))  # [m/s]
+# Relative to the size of what is compared. Solving with M M, whose condition stays below 1e7 here, loses 7 of 16 digits.
+ROUNDING = 1e-8
+
+
+@dataclass(frozen=True)
+class JointCentering(Law):
+    """Minimum acceleration with a joint-space spring, Eq. (19): a law that the package knows nothing about."""
+
+    k_s: float = param(4.0, 'spring gain [1/s^2]', 0.0, 1e3)
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
+
+
+CLASSES = {**LAWS, 'joint_centering': JointCentering}
+EVERY_LAW = pytest.mark.parametrize('cls', CLASSES.values(), ids=CLASSES)
+EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
+WITH_MEMORY = pytest.mark.parametrize('name', ['minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent',
+                                               'minimum_torque'])
+FORGOTTEN = 1.0 / T  # the damping that makes lambda zero
+
+
+def solve(law: Law, state: RobotState, dx: np.ndarray = DX) -> np.ndarray:
+    return resolve(state.J, dx, law.bias(state, T), law.weight(state)).dq
+
+
+def weight(law: Law, state: RobotState) -> np.ndarray:
+    W = law.weight(state)
+    return np.eye(len(state.q)) if W is None else W
+
+
+def same(got: np.ndarray, expected: np.ndarray) -> bool:
+    return np.linalg.norm(got - expected) <= ROUNDING * np.linalg.norm(expected)
+
+
+# --- every law --------------------------------------------------------------------------------------------------------
+
+@EVERY_LAW
+@EVERY_DAMPING
+def test_the_task_is_executed(cls, damping, states):
+    law = cls(damping=damping)
+    for state in states:
+        # Rounding is relative to the fastest of the motions that add up, which gravity sets in the torque laws.
+        assert np.linalg.norm(state.J @ solve(law, state) - DX) < ROUNDING * (1.0 + np.linalg.norm(law.bias(state, T)))
+
+
+@EVERY_LAW
+@EVERY_DAMPING
+def test_no_step_in_the_null_space_is_better_in_the_norm_of_the_law(cls, damping, states):
+    law = cls(damping=damping)
+    for state in states:
+        way, W = solve(law, state) - law.bias(state, T), weight(law, state)
+        gradient = null_space(state.J).T @ W @ way
+        assert np.linalg.norm(gradient) < ROUNDING * np.linalg.norm(W, 2) * np.linalg.norm(way)
+
+
+@EVERY_LAW
+def test_the_weight_is_symmetric_and_positive_definite(cls, states):
+    for state in states:
+        W = weight(cls(), state)
+        assert W == pytest.approx(W.T, rel=1e-12, abs=1e-14)
+        assert np.linalg.eigvalsh(W)[0] > 0.0
+
+
+@EVERY_LAW
+def test_the_bias_is_a_joint_velocity(cls, states):
+    bias = cls().bias(states[0], T)
+    assert bias.shape == (7,)
+    assert bias.dtype == np.float64
+    assert np.isfinite(bias).all()
+
+
+@EVERY_LAW
+def test_a_law_is_a_pure_function_of_the_state(cls, states):
+    law, state = cls(), states[0]
+    before = {field.name: getattr(state, field.name).copy() for field in fields(state)}
+    first = solve(law, state)
+    solve(law, states[1])
+    assert (solve(law, state) == first).all()
+    assert all((getattr(state, name) == array).all() for name, array in before.items())
+
+
+@EVERY_LAW
+def test_bias_and_weight_can_be_overwritten_without_harm(cls, states):
+    law, state = cls(), states[0]
+    first = solve(law, state)
+    law.bias(state, T)[:] = np.nan
+    assert (solve(law, state) == first).all()
+
+
+@EVERY_LAW
+def test_every_gain_has_a_description_and_a_range_that_holds_its_default(cls):
+    for field, parameter in parameters(cls).items():
+        assert '[' in parameter.description
+        assert parameter.lower <= field.default <= parameter.upper
+    assert set(parameters(cls)) == set(fields(cls))
+
+
+@EVERY_LAW
+def test_damping_that_is_not_a_number_is_refused(cls):
+    with pytest.raises(RangeError, match='damping is nan'):
+        cls(damping=np.nan)
+
+
+@EVERY_LAW
+@pytest.mark.parametrize('damping', [-1e-9, -1.0, np.inf])
+def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damping):
+    with pytest.raises(RangeError, match=f'damping is {damping}; allowed: 0 to'):
+        cls(damping=damping)
+
+
+@EVERY_LAW
+@pytest.mark.parametrize(('damping', 'T', 'bound'), [(1000.1, 0.001, '1000'), (501.0, 0.002, '500'), (2000.0, 0.001, '1000')])
+def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(cls, damping, T, bound):
+    with pytest.raises(RangeError, match=f'damping is {damping}; allowed: 0 to {bound} .*1/T.*T = {T}'):
+        cls(damping=damping).check_damping(T)
+
+
+@EVERY_LAW
+@pytest.mark.parametrize('T', [0.001, 0.002, 0.0003, 1.0 / 3.0])
+def test_damping_of_exactly_one_over_the_sampling_time_is_allowed(cls, T):
+    cls(damping=1.0 / T).check_damping(T)
+
+
+@EVERY_LAW
+def test_the_controller_runs_it_without_knowing_it(cls, model, task):
+    controller, dx = Controller(model, cls(), T), np.array((0.0, 0.05, 0.0))
+    q = task.start
+    for _ in range(20):
+        command = controller.update(q, dx)
+        assert same(command.dq, solve(cls(), command.state, dx))
+        assert np.linalg.norm(command.state.J @ command.dq - dx) < 1e-9
+        q = command.q_ref
+
+
+def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(model, task):
+    controller, q = Controller(model, JointCentering(damping=10.0), 0.01), task.start
+    for _ in range(500):
+        q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
+    assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-3
+    assert np.linalg.norm(q) < 0.9 * np.linalg.norm(task.start)
+    # Where the spring's force lies in the range of J' no self-motion brings the joints nearer to their centres.
+    assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J).T @ q) < 0.05 * np.linalg.norm(q)
+
+
+# --- the table --------------------------------------------------------------------------------------------------------
+
+def test_the_six_laws_of_the_paper_have_their_names():
+    assert set(LAWS) >= {'minimum_velocity', 'minimum_acceleration', 'minimum_kinetic_energy', 'minimum_weighted_torque',
+                         'dynamically_consistent', 'minimum_torque'}
+
+
+@pytest.mark.parametrize('name', LAWS)
+def test_a_law_is_made_by_name_with_its_gains(name):
+    assert make_law(name, damping=3.0) == LAWS[name](damping=3.0)
+    assert law_name(make_law(name)) == name
+
+
+def test_a_law_outside_the_table_is_called_by_its_class():
+    assert law_name(JointCentering()) == 'JointCentering'
+
+
+def test_an_unknown_law_is_refused_with_the_names_that_exist():
+    with pytest.raises(UnknownNameError, match="unknown law 'fastest'; allowed: dynamically_consistent, minimum_acc"):
+        make_law('fastest')
+
+
+def test_an_unknown_gain_is_refused_with_those_of_the_law():
+    with pytest.raises(UnknownNameError, match="unknown gain of minimum_velocity 'stiffness'; allowed: damping"):
+        make_law('minimum_velocity', stiffness=1.0)
+
+
+# --- the paper's formulas ---------------------------------------------------------------------------------------------
+
+def test_minimum_velocity_is_the_pseudoinverse(states):
+    for state in states:
+        assert same(solve(make_law('minimum_velocity'), state), np.linalg.pinv(state.J) @ DX)  # Eq. (2)
+
+
+@pytest.mark.parametrize('damping', [0.0, 10.0])
+def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_velocity(damping, states):
+    law = make_law('minimum_acceleration', damping=damping)
+    for state in states:
+        J_pinv = np.linalg.pinv(state.J)
+        P = np.eye(7) - J_pinv @ state.J
+        assert same(solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev)  # Eq. (15), (23)
+
+
+def test_the_two_forms_of_minimum_acceleration_agree(states):
+    for state in states:
+        law = make_law('minimum_acceleration', damping=0.0)
+        correction = np.linalg.pinv(state.J) @ (DX - state.J @ state.dq_prev)
+        assert same(solve(law, state), state.dq_prev + correction)  # Eq. (17)
+
+
+def test_full_damping_turns_minimum_acceleration_into_minimum_velocity(states):
+    for state in states:
+        assert (solve(make_law('minimum_acceleration', damping=FORGOTTEN), state)
+                == solve(make_law('minimum_velocity'), state)).all()
+
+
+def test_with_full_damping_dynamic_consistency_forgets_the_last_velocity(states):
+    law = make_law('dynamically_consistent', damping=FORGOTTEN)
+    for state in states:
+        M_inv = np.linalg.inv(state.M)
+        J_M = M_inv @ state.J.T @ np.linalg.inv(state.J @ M_inv @ state.J.T)  # Eq. (A.5)
+        P_M = np.eye(7) - J_M @ state.J  # Eq. (33)
+        assert same(solve(law, state), J_M @ DX - T * P_M @ M_inv @ state.n)  # Eq. (35)
+
+
+def test_minimum_kinetic_energy_has_the_least_of_all_motions_that_execute_the_task(states):
+    random = np.random.default_rng(1)
+    for state in states[:20]:
+        dq = solve(make_law('minimum_kinetic_energy'), state)
+        others = dq + random.normal(size=(50, 4)) @ null_space(state.J).T
+        assert (np.einsum('ki,ij,kj->k', others, state.M, others) >= dq @ state.M @ dq).all()
+
+
+# --- the torque-level schemes, one tick with the rules (8), (9), (10) -------------------------------------------------
+
+@dataclass(frozen=True)
+class Tick:
+    """What a torque-level scheme knows at tick k: the state, the demanded task acceleration and J̇ dq."""
+
+    state: RobotState
+    ddx: np.ndarray
+    dJdq: np.ndarray
+
+
+@pytest.fixture(scope='module')
+def ticks(model, states) -> list[Tick]:
+    """At random states, the tick before having executed its task: J_{k-1} dq_{k-1} = dx_{k-1}."""
+    result = []
+    for state in states:
+        J_prev = model.state(state.q - T * state.dq_prev, state.dq_prev).J
+        ddx = (DX - J_prev @ state.dq_prev) / T  # Eq. (8)
+        result.append(Tick(state, ddx, (state.J - J_prev) / T @ state.dq_prev))  # Eq. (9), (10)
+    return result
+
+
+def minimum_torque(tick: Tick, k_d: float) -> np.ndarray:
+    J, M_inv = tick.state.J, np.linalg.inv(tick.state.M)
+    return np.linalg.pinv(J @ M_inv, rcond=1e-12) @ (tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n)  # Eq. (7)
+
+
+def minimum_weighted_torque(tick: Tick, k_d: float) -> np.ndarray:
+    J, M = tick.state.J, tick.state.M
+    return M @ np.linalg.pinv(J) @ (tick.ddx - tick.dJdq + J @ np.linalg.inv(M) @ tick.state.n)  # Eq. (25)
+
+
+def dynamically_consistent(tick: Tick, k_d: float) -> np.ndarray:
+    J, M, M_inv = tick.state.J, tick.state.M, np.linalg.inv(tick.state.M)
+    task_inertia = np.linalg.inv(J @ M_inv @ J.T)
+    tau_N = -k_d * M @ tick.state.dq_prev  # Eq. (34)
+    P = np.eye(7) - J.T @ task_inertia @ J @ M_inv  # Eq. (30)
+    return J.T @ task_inertia @ (tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n) + P @ tau_N  # Eq. (29)
+
+
+@pytest.mark.parametrize(('scheme', 'damping'), [
+    (minimum_torque, 0.0), (minimum_weighted_torque, 0.0),
+    (dynamically_consistent, 0.0), (dynamically_consistent, 10.0), (dynamically_consistent, FORGOTTEN),
+])
+def test_a_torque_law_moves_as_its_torque_level_scheme_does(scheme, damping, ticks):
+    law = make_law(scheme.__name__, damping=damping)
+    for tick in ticks:
+        ddq = np.linalg.solve(tick.state.M, scheme(tick, damping) - tick.state.n)  # Eq. (6)
+        assert same(solve(law, tick.state), tick.state.dq_prev + T * ddq)  # Eq. (13)
+
+
+def test_minimum_acceleration_moves_as_its_acceleration_level_scheme_does(ticks):
+    for tick in ticks:
+        J_pinv = np.linalg.pinv(tick.state.J)
+        P = np.eye(7) - J_pinv @ tick.state.J
+        ddq = J_pinv @ (tick.ddx - tick.dJdq) - 10.0 * P @ tick.state.dq_prev  # Eq. (22)
+        assert same(solve(make_law('minimum_acceleration', damping=10.0), tick.state), tick.state.dq_prev + T * ddq)
+
+
+@pytest.mark.parametrize(('name', 'power'), [('minimum_weighted_torque', -2), ('dynamically_consistent', -1), ('minimum_torque', 0)])
+def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, states):
+    law = make_law(name, damping=0.0)
+    for state in states:
+        tau = state.M @ (solve(law, state) - state.dq_prev) / T + state.n
+        norm = np.linalg.matrix_power(np.linalg.inv(state.M), -power)  # M^power
+        torques = state.M @ null_space(state.J)  # of accelerations that leave the task as it is
+        assert np.linalg.norm(torques.T @ norm @ tau) < ROUNDING * np.linalg.norm(torques.T @ norm, 2) * np.linalg.norm(tau) * 10.0
+
+
+# --- Appendix B: no task, so all of the last velocity is in the null space --------------------------------------------
+
+def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.ndarray:
+    """q_k (ticks + 1, n) of an arm without task and without gravity that moves at dq_prev in the beginning."""
+    law, q, dq, history = LAWS[name](damping=damping), state.q, state.dq_prev, [state.q]
+    for _ in range(ticks):
+        q = q + T * dq
+        history.append(q)
+        alone = replace(state, q=q, dq_prev=dq, J=np.zeros((3, 7)), n=np.zeros(7))
+        dq = solve(law, alone, np.zeros(3))
+    return np.array(history)
+
+
+@WITH_MEMORY
+@pytest.mark.parametrize('damping', [10.0, 500.0, 1.0 / T])
+def test_free_motion_ends_where_appendix_b_says(name, damping, states):
+    state, forgetting = states[0], 1.0 - damping * T
+    limit = state.q + T * state.dq_prev / (1.0 - forgetting)  # Eq. (B.2)
+    assert free_motion(name, damping, state, 4000)[-1] == pytest.approx(limit, abs=1e-9)  # 0.99^4000 = 3e-18
+
+
+@WITH_MEMORY
+@pytest.mark.parametrize('damping', [0.0, 10.0, 500.0, 1.0 / T])
+def test_free_motion_never_turns_back_within_the_allowed_damping(name, damping, states):
+    steps = np.diff(free_motion(name, damping, states[0], 300), axis=0) * np.sign(states[0].dq_prev)
+    assert (steps > -1e-15).all()  # half an ulp of q
+
+
+@WITH_MEMORY
+def test_free_motion_turns_back_beyond_the_allowed_damping(name, states):
+    steps = np.diff(free_motion(name, 1.2 / T, states[0], 5), axis=0) * np.sign(states[0].dq_prev)
+    assert (steps[1] < 0.0).all()
