@@ -41,6 +41,10 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     _add_demo(commands)
     _add_simulate(commands)
+    _add_compare(commands)
+    reproduce = commands.add_parser('reproduce', help="the paper's figures and claims, without ROS", formatter_class=_Help)
+    reproduce.add_argument('--out', type=Path, default=Path('redres_reproduce'), metavar='DIR', help='directory for figures and table')
+    reproduce.set_defaults(run=_reproduce)
     laws = commands.add_parser('laws', help='the laws and their equations')
     laws.set_defaults(run=_laws)
     law = commands.add_parser('law', help='switch the law of a running controller')
@@ -58,14 +62,28 @@ def _parser() -> argparse.ArgumentParser:
 def _add_simulate(commands: Any) -> None:
     simulate = commands.add_parser('simulate', help="the paper's ideal loop, without ROS", formatter_class=_Help)
     _add_law(simulate)
-    simulate.add_argument('--period', type=float, default=0.001, metavar='S', help='sampling time T [s]')
-    simulate.add_argument('--task', default='rectangle', metavar='NAME|FILE.yaml', help='points to pass')
-    simulate.add_argument('--dynamics', metavar='NAME', help="cylinders (Section 5.2) or lwr; default: the task's robot's own")
+    _add_loop(simulate)
     simulate.add_argument('--switching', metavar='RULE', help="at_rest or within_tolerance; default: the task's own")
     simulate.add_argument('--switch-time', type=float, default=0.0, metavar='S', help='blend the start over this time [s]')
     simulate.add_argument('--delay', type=int, default=0, metavar='TICKS', help='the arm uses each reference this many ticks late')
     simulate.add_argument('--out', type=Path, metavar='FILE.csv', help='write every tick at full precision')
     simulate.set_defaults(run=_simulate)
+
+
+def _add_compare(commands: Any) -> None:
+    compare = commands.add_parser('compare', help='laws side by side on a task, without ROS', formatter_class=_Help)
+    compare.add_argument('--laws', default='minimum_velocity,minimum_acceleration,minimum_weighted_torque', metavar='A,B,...',
+                         help='names from `redres laws`, each with a damping of its own if wished, as minimum_acceleration@5')
+    compare.add_argument('--damping', type=float, metavar='K_D', help='of the laws that have none of their own; default: 10')
+    _add_loop(compare)
+    compare.add_argument('--out', type=Path, default=Path('redres_compare'), metavar='DIR', help='directory for plot and data')
+    compare.set_defaults(run=_compare)
+
+
+def _add_loop(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--period', type=float, default=0.001, metavar='S', help='sampling time T [s]')
+    parser.add_argument('--task', default='rectangle', metavar='NAME|FILE.yaml', help='points to pass')
+    parser.add_argument('--dynamics', metavar='NAME', help="cylinders (Section 5.2) or lwr; default: the task's robot's own")
 
 
 def _add_demo(commands: Any) -> None:
@@ -179,6 +197,55 @@ def _made(directory: Path) -> Path:
     except OSError as error:
         raise FileError(f'cannot make the directory {directory}: {error.strerror}') from None
     return directory
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from redres_ros.controller import Controller
+    from redres_ros.experiments.closed_loop import run
+    from redres_ros.experiments.comparison import Effort, draw, table
+    from redres_ros.experiments.report import progress_bar
+    from redres_ros.laws import make_law
+    from redres_ros.robot_model import RobotModel
+    from redres_ros.tasks import load_task
+
+    task, out = load_task(options.task), _made(options.out)
+    model = RobotModel.named(task.robot, dynamics=options.dynamics)
+    recordings = {}
+    laws = [_law_and_damping(text, options.damping) for text in options.laws.split(',')]
+    controllers = {f'{name}, k_d = {law.damping:g} 1/s': Controller(model, law, options.period)
+                   for name, law in ((name, make_law(name, **gains)) for name, gains in laws)}
+    for label, controller in controllers.items():
+        with progress_bar(label) as progress:
+            recordings[label] = run(controller, task, progress=progress)
+        recordings[label].write_csv(out / f"{label.split(',')[0]}_{controller.law.damping:g}.csv")
+    draw(recordings, f'{options.task}, T = {1e3 * options.period:g} ms, ideal arm', out / 'comparison.png')
+    print(table({label: Effort.of(recording, model) for label, recording in recordings.items()}))
+    print(f'plot {out}/comparison.png, every tick in {out}/*.csv')
+    return 0 if all(recording.finished for recording in recordings.values()) else 1
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from redres_ros.experiments.claims import CLAIMS, check_all, table, write_csv
+    from redres_ros.experiments.figures import Runs, draw_all
+    from redres_ros.experiments.report import progress_bar
+
+    runs, out = Runs(), _made(options.out)
+    with progress_bar('figures') as progress:
+        draw_all(out, progress, runs)
+    with progress_bar('claims') as progress:
+        findings = check_all(CLAIMS, runs, progress)
+    write_csv(findings, out / 'claims.csv')
+    print(table(findings))
+    print(f'figures {out}/figure_*.png, table {out}/claims.csv')
+    return 0
+
+
+def _law_and_damping(text: str, damping: float | None) -> tuple[str, dict[str, float]]:
+    name, at, own = text.strip().partition('@')
+    try:
+        return name, {'damping': float(own)} if at else {} if damping is None else {'damping': damping}
+    except ValueError:
+        raise OptionError(f'--laws {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5') from None
 
 
 def _switch(text: str) -> tuple[str, float]:

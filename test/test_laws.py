@@ -96,7 +96,7 @@ def test_a_law_is_a_pure_function_of_the_state(cls, states):
 
 
 @EVERY_LAW
-def test_bias_and_weight_can_be_overwritten_without_harm(cls, states):
+def test_a_bias_that_is_overwritten_does_no_harm(cls, states):
     law, state = cls(), states[0]
     first = solve(law, state)
     law.bias(state, T)[:] = np.nan
@@ -149,13 +149,13 @@ def test_the_controller_runs_it_without_knowing_it(cls, model, task):
 
 
 def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(model, task):
-    controller, q = Controller(model, JointCentering(damping=10.0), 0.01), task.start
-    for _ in range(500):
+    controller, q = Controller(model, JointCentering(damping=4.0), 0.01), task.start  # critically damped, 2/s
+    for _ in range(1000):
         q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
-    assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-3
-    assert np.linalg.norm(q) < 0.9 * np.linalg.norm(task.start)
-    # Where the spring's force lies in the range of J' no self-motion brings the joints nearer to their centres.
-    assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J).T @ q) < 0.05 * np.linalg.norm(q)
+    assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-6
+    # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls tenfold every 2.5 s or faster
+    # (the arm's curvature works against the spring, else it would fall with exp(-2 t)).
+    assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J).T @ q) < 1e-3
 
 
 # --- the table --------------------------------------------------------------------------------------------------------
@@ -318,7 +318,7 @@ def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.
 def test_free_motion_ends_where_appendix_b_says(name, damping, states):
     state, forgetting = states[0], 1.0 - damping * T
     limit = state.q + T * state.dq_prev / (1.0 - forgetting)  # Eq. (B.2)
-    assert free_motion(name, damping, state, 4000)[-1] == pytest.approx(limit, abs=1e-9)  # 0.99^4000 = 3e-18
+    assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(limit, abs=1e-9)  # 0.99^2500 = 1e-11
 
 
 @WITH_MEMORY

@@ -20,7 +20,7 @@ NORMS = {
     'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
 }
 
-_BESIDE = np.array((0.0, 0.03, 0.03))  # [m] from a point to its label
+_BESIDE = 0.06  # [m] from a point to its label, away from the middle of all points
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
 
 
@@ -53,8 +53,10 @@ def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: Task) ->
     if len(elbow):
         ax.plot(*elbow.T, color='tab:blue', label='elbow')
     ax.plot(*task.waypoints.T, 'o', color='tab:red', ms=4, label='points of the task')
-    for number, point in enumerate(task.waypoints):
-        ax.text(*(point + _BESIDE), f'$x_{number}$', color='tab:red')
+    outwards = task.waypoints - task.waypoints.mean(axis=0)  # (N, 3)
+    labels = task.waypoints + _BESIDE * outwards / np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE)
+    for number, label in enumerate(labels):
+        ax.text(*label, f'$x_{number}$', color='tab:red', ha='center', va='center')
     for axis, name in ((ax.xaxis, 'x'), (ax.yaxis, 'y'), (ax.zaxis, 'z')):
         axis.set_major_locator(MaxNLocator(4 if name == 'z' else 3))
         axis.set_tick_params(labelsize='small')

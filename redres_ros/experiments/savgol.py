@@ -9,6 +9,7 @@ from redres_ros.errors import ArrayError
 
 WINDOW = 400  # W, samples
 DEGREE = 5
+LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,6 @@ def differentiate(q: np.ndarray, T: float) -> Motion:
     """
     if len(q) <= WINDOW:
         raise ArrayError(f'{len(q)} positions; expected at least {WINDOW + 1} for the Savitzky-Golay filter')
-    inner = slice(WINDOW // 2, len(q) - WINDOW // 2)
+    inner = slice(LEFT_OUT, len(q) - LEFT_OUT)
     dq, ddq = (savgol_filter(q, WINDOW + 1, DEGREE, deriv=order, delta=T, axis=0)[inner] for order in (1, 2))
     return Motion(T * np.arange(len(q))[inner], q[inner], dq, ddq)

@@ -1,0 +1,148 @@
+"""The command line, as far as it needs no ROS: what it writes, what it refuses, and its exit status."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
+from redres_ros.cli import main
+from redres_ros.experiments.closed_loop import run
+from redres_ros.experiments.recording import columns
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> str:
+    """A task of 0.2 s from the paper's start."""
+    path = tmp_path / 'short.yaml'
+    path.write_text('robot: lwr4_paper\nstart: [28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0]\n'
+                    'waypoints: [[-0.4, 0.36, 0.01], [-0.4, 0.35, 0.01]]\nsegment_time: 0.2\n')
+    return str(path)
+
+
+def simulate(short: str, path: Path, *options: str) -> np.ndarray:
+    """The table that `redres simulate` writes."""
+    assert main(['simulate', '--task', short, '--out', str(path), *options]) == 0
+    return np.loadtxt(path, delimiter=',', skiprows=1)
+
+
+# --- simulate ---------------------------------------------------------------------------------------------------------
+
+def test_simulate_writes_the_columns_that_users_rely_on(short, tmp_path):
+    simulate(short, tmp_path / 'motion.csv')
+    assert (tmp_path / 'motion.csv').read_text().splitlines()[0] == ','.join(columns(7))
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
+    table = simulate(short, tmp_path / 'motion.csv', '--law', law, '--damping', '20', '--period', '0.002')
+    controller = Controller(RobotModel.named('lwr4_paper'), make_law(law, damping=20.0), 0.002)
+    assert table.tobytes() == run(controller, load_task(short)).data.tobytes()
+
+
+def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_unless_told_otherwise(short, tmp_path):
+    table = simulate(short, tmp_path / 'a.csv')
+    explicit = simulate(short, tmp_path / 'b.csv', '--law', 'minimum_acceleration', '--damping', '10', '--period', '0.001')
+    assert (table == explicit).all()
+
+
+@pytest.mark.parametrize(('factor', 'damping', 'period'), [('0.99', '10', '0.001'), ('0.99', '5', '0.002'), ('0', '1000', '0.001'),
+                                                           ('1', '0', '0.001')])
+def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor, damping, period):
+    a = simulate(short, tmp_path / 'a.csv', '--forgetting-factor', factor, '--period', period, '--law', 'dynamically_consistent')
+    b = simulate(short, tmp_path / 'b.csv', '--damping', damping, '--period', period, '--law', 'dynamically_consistent')
+    assert a == pytest.approx(b, abs=1e-9)  # (1 - 0.99) / T is not quite 10
+
+
+@pytest.mark.parametrize('options', [('--dynamics', 'lwr'), ('--delay', '1'), ('--switch-time', '0.1'), ('--law', 'minimum_torque'),
+                                     ('--damping', '100'), ('--switching', 'within_tolerance'), ('--period', '0.002')])
+def test_every_option_acts(short, tmp_path, options):
+    law = ('--law', 'dynamically_consistent') if '--law' not in options else ()
+    a, b = (simulate(short, tmp_path / 'motion.csv', '--law', 'dynamically_consistent'),
+            simulate(short, tmp_path / 'motion.csv', *law, *options))
+    assert a.shape != b.shape or (a != b).any()
+
+
+def test_simulate_tells_how_it_ended_and_the_peaks(short, capsys):
+    assert main(['simulate', '--task', short, '--law', 'minimum_velocity']) == 0
+    out = capsys.readouterr().out
+    assert 'reached the last point after 0.200 s' in out
+    assert 'minimum_velocity' in out
+
+
+def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
+    far = tmp_path / 'far.yaml'
+    far.write_text(Path(short).read_text().replace('0.35', '3.0'))
+    assert main(['simulate', '--task', str(far), '--law', 'minimum_velocity', '--out', str(tmp_path / 'motion.csv')]) == 1
+    assert 'did not reach the last point' in capsys.readouterr().out
+    assert (tmp_path / 'motion.csv').is_file()  # how it went is what one wants to see then
+
+
+# --- what cannot be done ----------------------------------------------------------------------------------------------
+
+REFUSED = [
+    (('--law', 'fastest'), "unknown law 'fastest'; allowed: dynamically_consistent, "),
+    (('--task', 'circle'), "unknown task 'circle'; allowed: "),
+    (('--task', 'none.yaml'), 'cannot read the task none.yaml'),
+    (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, lwr"),
+    (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
+    (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
+    (('--damping', '-1'), 'damping is -1.0; allowed: 0 to'),
+    (('--damping', '1001'), 'damping is 1001.0; allowed: 0 to 1000'),
+    (('--forgetting-factor', '1.1'), 'forgetting factor is 1.1; allowed: 0 to 1'),
+    (('--forgetting-factor', 'nan'), 'forgetting factor is nan; allowed: 0 to 1'),
+    (('--period', '0'), 'T is 0.0; allowed: 1e-05 to 1'),
+    (('--period', 'inf'), 'T is inf; allowed: 1e-05 to 1'),
+    (('--switch-time', '-1'), 'switch_time is -1.0; allowed: 0 to 60'),
+    (('--delay', '-1'), 'delay is -1; allowed: 0 to 1000'),
+]
+
+
+@pytest.mark.parametrize(('options', 'message'), REFUSED, ids=[' '.join(options) for options, _ in REFUSED])
+def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, capsys):
+    assert main(['simulate', *options]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ''
+    assert captured.err.startswith(f'redres simulate: {message}')
+    assert captured.err.count('\n') == 1
+
+
+def test_a_file_that_cannot_be_written_is_refused(short, tmp_path, capsys):
+    assert main(['simulate', '--task', short, '--out', str(tmp_path)]) == 1
+    assert f'redres simulate: cannot write {tmp_path}: Is a directory' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('arguments', [[], ['dance'], ['simulate', '--damping', 'much'], ['simulate', '--delay', '0.5'],
+                                       ['simulate', '--damping', '1', '--forgetting-factor', '1'], ['simulate', '--speed', '1']])
+def test_a_wrong_command_line_has_status_two_and_says_why(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert 'error: ' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('arguments', 'status'), [(['laws'], 0), (['simulate', '--law', 'fastest'], 1), (['simulate', '--x'], 2)])
+def test_the_exit_status_of_the_process_is_that_of_main_and_no_traceback_is_shown(arguments, status):
+    result = subprocess.run([sys.executable, '-m', 'redres_ros.cli', *arguments], capture_output=True, text=True, timeout=120)
+    assert result.returncode == status
+    assert 'Traceback' not in result.stderr
+    assert (result.stderr == '') == (status == 0)
+
+
+# --- laws -------------------------------------------------------------------------------------------------------------
+
+def test_laws_lists_every_law_with_its_equation(capsys):
+    assert main(['laws']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name in LAWS:
+        assert [line for line in lines if line.startswith(f'{name} ') and 'Eq. (' in line]
+
+
+@pytest.mark.parametrize('command', [[], ['simulate'], ['demo'], ['laws'], ['law'], ['watch']])
+def test_help_is_there(command, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([*command, '--help'])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out.startswith(' '.join(['usage: redres', *command]))

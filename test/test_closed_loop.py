@@ -1,0 +1,196 @@
+"""The paper's ideal loop: tick by tick the same as a loop written from the equations alone, and with the figures expected."""
+
+from dataclasses import replace
+from functools import cache
+
+import independent
+import numpy as np
+import pytest
+
+from redres_ros import LAWS, Controller, RobotModel, Task, load_task, make_law
+from redres_ros.experiments.closed_loop import run
+from redres_ros.experiments.recording import Recording
+
+MODEL, TASK = RobotModel.named('lwr4_paper'), load_task('rectangle')
+PERIODS = pytest.mark.parametrize('T', [0.001, 0.002])
+K_D = 10.0  # [1/s]
+FORGETFUL = -1.0  # stands for the damping 1/T
+
+
+@cache
+def simulated(law: str, T: float, k_d: float = K_D) -> Recording:
+    """The whole task under a law; every test asks for the same few runs."""
+    return run(Controller(MODEL, make_law(law, damping=1.0 / T if k_d == FORGETFUL else k_d), T), TASK)
+
+
+def one_segment(task: Task = TASK) -> Task:
+    """The first 3 s."""
+    return replace(task, waypoints=task.waypoints[:2])
+
+
+# --- against a loop of its own ----------------------------------------------------------------------------------------
+
+DAMPED = [*((law, K_D) for law in independent.LAWS), ('dynamically_consistent', FORGETFUL)]
+UNDAMPED = ['minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque']
+
+
+@cache
+def damped_loops(T: float) -> np.ndarray:
+    """q (ticks, rows of DAMPED, 7) of the whole task."""
+    laws, k_d = zip(*DAMPED)
+    dampings = np.where(np.array(k_d) == FORGETFUL, 1.0 / T, k_d)
+    return independent.loop(list(laws), dampings, T, np.tile(independent.Q0, (len(laws), 1)), 9.0)
+
+
+@cache
+def undamped_loops(T: float) -> tuple[np.ndarray, np.ndarray]:
+    """q (ticks, rows of UNDAMPED, 7) of the first segment, and of twins that start 1e-12 rad away."""
+    twins = independent.Q0 + 1e-12 * np.random.default_rng(0).normal(size=(len(UNDAMPED), 7))
+    start = np.concatenate((np.tile(independent.Q0, (len(UNDAMPED), 1)), twins))
+    with np.errstate(all='ignore'):  # the torque laws run away in the end
+        q = independent.loop(UNDAMPED * 2, np.zeros(len(start)), T, start, 3.0)
+    return q[:, :len(UNDAMPED)], q[:, len(UNDAMPED):]
+
+
+@PERIODS
+@pytest.mark.parametrize(('law', 'k_d'), DAMPED)
+def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d, T):
+    q, expected = simulated(law, T, k_d).vectors('q1'), damped_loops(T)[:, DAMPED.index((law, k_d))]
+    ticks = min(len(q), len(expected))  # minimum_torque arrives some ticks late
+    assert ticks == round(9.0 / T)
+    # A start that differs by 1e-12 rad ends 1e-10 rad off with minimum_torque and 1e-11 with the others; rounding is far below.
+    assert np.abs(q[:ticks] - expected).max() < 1e-8
+
+
+@PERIODS
+@pytest.mark.parametrize('law', UNDAMPED)
+def test_without_damping_the_motion_is_the_same_for_as_long_as_rounding_allows(law, T):
+    q, twin = (loops[:, UNDAMPED.index(law)] for loops in undamped_loops(T))
+    got = run(Controller(MODEL, make_law(law, damping=0.0), T), one_segment()).vectors('q1')
+    apart = np.abs(q - twin).max(axis=1)
+    steady = int(np.argmax(apart > 1e-9)) if (apart > 1e-9).any() else len(q)  # ticks in which errors grow up to 1000 times
+    assert steady * T > (0.5 if law == 'minimum_torque' else 1.9)
+    assert np.abs(got[:steady] - q[:steady]).max() < 1e-6
+
+
+def test_every_law_of_the_package_is_held_against_the_independent_loop():
+    assert set(LAWS) == set(independent.LAWS)
+
+
+# --- the figures ------------------------------------------------------------------------------------------------------
+
+FIGURES = pytest.mark.parametrize(('law', 'k_d', 'acceleration', 'at', 'velocity', 'torque'), [
+    ('minimum_velocity', K_D, (64.0, 0.05), 7.76, 4.01, 21.4),
+    ('minimum_acceleration', K_D, (8.67, 0.005), 7.35, 2.04, 21.3),
+    ('minimum_acceleration', 0.0, (244.0, 0.5), 5.97, 8.57, 76.15),
+    ('dynamically_consistent', FORGETFUL, (88.5, 0.05), 0.0, 4.00, 22.9),
+])
+
+
+@FIGURES
+def test_the_peaks_are_those_expected(law, k_d, acceleration, at, velocity, torque):
+    recording = simulated(law, 0.001, k_d)
+    value, t = recording.peak('joint_acceleration_norm')
+    assert value == pytest.approx(acceleration[0], abs=acceleration[1])  # each to the digits that are known
+    assert t == pytest.approx(at, abs=0.0051)
+    assert recording.peak('joint_velocity_norm')[0] == pytest.approx(velocity, abs=0.0051)
+    assert recording.peak('joint_torque_norm')[0] == pytest.approx(torque, abs=0.051)
+
+
+@FIGURES
+def test_the_task_ends_after_nine_seconds(law, k_d, acceleration, at, velocity, torque):
+    recording = simulated(law, 0.001, k_d)
+    assert recording.finished
+    assert recording['t'][-1] == pytest.approx(8.999, abs=1e-9)
+    assert 'reached the last point after 9.000 s' in recording.ending
+
+
+@pytest.mark.parametrize(('T', 'k_d', 'times'), [(0.001, 10.0, 28.0), (0.002, 5.0, 36.0)])
+def test_without_forgetting_the_acceleration_peaks_some_thirty_times_as_high(T, k_d, times):
+    undamped, damped = (simulated('minimum_acceleration', T, k).peak('joint_acceleration_norm')[0] for k in (0.0, k_d))
+    assert undamped / damped == pytest.approx(times, rel=0.05)  # at the loop's own rounding, which lambda = 1 amplifies
+
+
+def test_minimum_velocity_peaks_late_and_seven_times_as_high_as_damped_minimum_acceleration():
+    (high, t), (low, _) = (simulated(law, 0.001).peak('joint_acceleration_norm') for law in ('minimum_velocity', 'minimum_acceleration'))
+    assert t > 7.0
+    assert high > 7.0 * low
+
+
+def test_dynamic_consistency_moves_faster_than_minimum_acceleration():
+    fast, slow = simulated('dynamically_consistent', 0.001, FORGETFUL), simulated('minimum_acceleration', 0.001)
+    assert fast.peak('joint_velocity_norm')[0] > 1.5 * slow.peak('joint_velocity_norm')[0]
+
+
+@PERIODS
+@pytest.mark.parametrize('law', [law for law in LAWS if law != 'minimum_torque'])  # at 80 rad/s J is not constant for a tick
+def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law, T):
+    assert simulated(law, T)['task_error'].max() < TASK.tolerance
+
+
+def test_the_columns_belong_together():
+    recording = simulated('minimum_acceleration', 0.002)
+    q, dq, T = recording.vectors('q1'), recording.vectors('dq1'), 0.002
+    ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
+    assert q[1:] == pytest.approx(q[:-1] + T * dq[:-1], abs=1e-14)
+    assert recording['joint_acceleration_norm'] == pytest.approx(np.linalg.norm(ddq, axis=1), abs=1e-9)
+    assert recording['task_error'] == pytest.approx(np.linalg.norm(recording.vectors('x_d') - recording.vectors('x'), axis=1), abs=1e-15)
+    assert recording['t'] == pytest.approx(T * np.arange(len(q)), abs=1e-12)
+    assert recording['segment'][[0, 1499, 1500, 2999, 3000, 4499]].tolist() == [1, 1, 2, 2, 3, 3]
+
+
+# --- the loop's own options -------------------------------------------------------------------------------------------
+
+T = 0.002  # [s]
+
+
+def short(**options: object) -> Recording:
+    """The first segment under damped minimum acceleration."""
+    return run(Controller(MODEL, make_law('minimum_acceleration'), T), one_segment(), **options)
+
+
+def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():
+    for delay in (0, 1, 3):
+        recording = short(delay=delay)
+        q, references = recording.vectors('q1'), TASK.start + T * np.cumsum(recording.vectors('dq1'), axis=0)
+        assert (q[:delay + 1] == TASK.start).all()
+        assert q[delay + 1:] == pytest.approx(references[:-delay - 1], abs=1e-12)
+
+
+def test_switches_act_from_their_tick_on():
+    plain, switched = short(), short(switches={500: make_law('minimum_kinetic_energy')})
+    assert (plain.data[:500] == switched.data[:500]).all()
+    assert np.linalg.norm(switched.vectors('dq1')[500] - plain.vectors('dq1')[500]) > 0.1
+
+
+def test_progress_goes_from_nothing_to_all():
+    shares: list[float] = []
+    short(progress=shares.append)
+    assert shares[0] == 0.0
+    assert 0.9 < shares[-1] <= 1.0
+    assert shares == sorted(shares)
+
+
+def test_the_same_run_twice_gives_the_same_bits():
+    assert short().data.tobytes() == short().data.tobytes()
+
+
+def test_a_loop_that_diverges_ends_and_says_so():
+    recording = run(Controller(MODEL, make_law('minimum_torque', damping=0.0), T), TASK)
+    assert not recording.finished
+    assert recording.ending.startswith('diverged at 1.7')
+    assert len(recording.data) > 500
+    assert np.isfinite(recording.data).all()
+
+
+def test_a_point_out_of_reach_ends_the_loop_in_time_and_says_so():
+    task = replace(TASK, waypoints=np.array((TASK.waypoints[0], (-0.4, 0.36, 0.02), (0.0, 0.0, 1.5))), segment_time=0.1)
+    recording = run(Controller(MODEL, make_law('minimum_velocity'), T), task)
+    assert not recording.finished
+    assert recording.ending == 'did not reach the last point within 0.6 s'
+
+
+def test_the_last_point_gives_no_row():
+    recording = short()
+    assert recording.finished
+    assert len(recording.data) == round(3.0 / T)

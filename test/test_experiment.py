@@ -1,0 +1,136 @@
+"""The experiment without ROS: what the paper's robot did, in time with the fake robot's clock, the same every time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.errors import ArrayError
+from redres_ros.experiments.closed_loop import run
+from redres_ros.experiments.experiment import AFTERMATH, Client, Experiment, experiment
+from redres_ros.experiments.savgol import LEFT_OUT, WINDOW, differentiate
+from redres_ros.robots import find_arm
+from redres_ros.second_order import SecondOrderController, make_scheme
+
+T = 0.002  # [s]
+TASK = load_task('rectangle')
+ARM = find_arm(TASK.robot, dynamics='lwr')
+# Half of the first segment: long enough to move, short enough for a test.
+SHORT = replace(TASK, waypoints=np.array((TASK.waypoints[0], TASK.waypoints[:2].mean(axis=0))), segment_time=1.5)
+
+
+def controller(law: str, damping: float = 5.0, switch_time: float = 0.2) -> Controller:
+    return Controller(RobotModel(ARM), make_law(law, damping=damping), T, switch_time=switch_time)
+
+
+def short(client: Client) -> Experiment:
+    return experiment(client, SHORT, ARM)
+
+
+@pytest.fixture(scope='module')
+def stopped() -> Experiment:
+    return experiment(controller('minimum_velocity'), TASK, ARM)
+
+
+@pytest.fixture(scope='module')
+def finished() -> Experiment:
+    return experiment(controller('minimum_acceleration'), TASK, ARM)
+
+
+# --- the paper's two outcomes -----------------------------------------------------------------------------------------
+
+def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
+    assert not stopped.recording.finished
+    assert stopped.stop_reason.startswith('protective stop')
+    assert 7.0 < stopped.recording['t'][-1] < 9.0
+    assert stopped.stop_reason in stopped.recording.ending
+
+
+def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):
+    assert finished.recording.finished
+    assert not finished.stop_reason
+    assert np.linalg.norm(RobotModel(ARM).tip(finished.q[-1])[0] - TASK.waypoints[-1]) < 0.001
+
+
+def test_a_stopped_arm_comes_to_rest_and_is_watched_doing_so(stopped):
+    assert len(stopped.q) == len(stopped.recording.data) + round(AFTERMATH / T)
+    assert np.abs(stopped.q[-1] - stopped.q[-50]).max() < 1e-6
+
+
+def test_a_finished_arm_is_held_at_the_last_point_without_a_jump(finished):
+    end = len(finished.recording.data)
+    assert len(finished.q) == end + round(AFTERMATH / T)
+    accelerations = np.diff(finished.q[end - 100:], 2, axis=0) / T**2
+    assert np.abs(accelerations).max() < 5.0  # what the end of a segment takes; to drop a speed of 0.1 rad/s at once takes 50
+
+
+def test_measured_positions_are_those_of_the_recording(finished):
+    assert (finished.q[:len(finished.recording.data)] == finished.recording.vectors('q1')).all()
+
+
+def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
+    limit = RobotModel(ARM).dq_max
+    assert (np.abs(finished.recording.vectors('dq1')) > limit).any()
+    # The arm behind its servos may be faster than its reference by what they make up for.
+    assert (np.abs(np.diff(finished.q, axis=0) / T) < 1.02 * limit).all()
+
+
+# --- the loop ---------------------------------------------------------------------------------------------------------
+
+def test_the_arm_moves_as_an_ideal_one_that_uses_each_answer_a_tick_late():
+    real, ideal = short(controller('minimum_acceleration')).recording, run(controller('minimum_acceleration'), SHORT, delay=1)
+    ticks = min(len(real.data), len(ideal.data))
+    apart = {delay: np.abs(real.vectors('q1')[delay:ticks] - ideal.vectors('q1')[:ticks - delay]).max() for delay in (0, 1, 2)}
+    assert apart[0] < 1e-3  # [rad]; a tick is 2e-3 at the joints' speed of 1 rad/s
+    assert apart[0] == min(apart.values())
+
+
+def test_a_scheme_of_second_order_runs_in_it_and_moves_the_arm_as_its_law_does():
+    law = short(controller('minimum_acceleration', switch_time=0.0))
+    scheme = short(SecondOrderController(RobotModel(ARM), make_scheme('minimum_acceleration', 5.0), T))
+    assert scheme.recording.finished
+    assert np.abs(law.q - scheme.q).max() < 1e-12  # rounding, which the closed loop does not let grow
+
+
+def test_the_same_experiment_gives_the_same_bits():
+    first, second = (short(controller('dynamically_consistent', 1.0 / T)) for _ in range(2))
+    assert (first.recording.data == second.recording.data).all()
+    assert (first.q == second.q).all()
+
+
+def test_a_task_that_is_never_finished_ends_all_the_same():
+    lazy = replace(SHORT, feedback_gain=0.0, tolerance=1e-9, segment_time=0.2, waypoints=SHORT.waypoints[:1] + np.array(((0.0,) * 3, (0.0, -0.002, 0.0))))
+    recording = experiment(controller('minimum_acceleration'), lazy, ARM).recording
+    assert not recording.finished
+    assert recording.ending == 'did not reach the last point within 0.6 s'
+
+
+# --- Savitzky-Golay ---------------------------------------------------------------------------------------------------
+
+def test_a_polynomial_of_fifth_degree_is_differentiated_exactly():
+    polynomial, t = np.polynomial.Polynomial(np.random.default_rng(0).uniform(-1.0, 1.0, 6)), T * np.arange(1000) - 1.0  # [s]
+    motion, inner = differentiate(polynomial(t)[:, None], T), slice(LEFT_OUT, -LEFT_OUT)
+    # scipy fits the window's powers, up to 200^5, as they are: its coefficients have about eight good digits.
+    assert motion.dq[:, 0] == pytest.approx(polynomial.deriv(1)(t)[inner], abs=1e-6)
+    assert motion.ddq[:, 0] == pytest.approx(polynomial.deriv(2)(t)[inner], abs=1e-6)
+
+
+def test_half_a_window_is_left_out_at_either_end():
+    q = np.random.default_rng(1).uniform(size=(1000, 7))
+    motion = differentiate(q, T)
+    assert WINDOW == 400
+    assert motion.t == pytest.approx(T * np.arange(200, 800))
+    assert (motion.q == q[200:800]).all()
+    assert motion.dq.shape == motion.ddq.shape == (600, 7)
+
+
+def test_too_few_samples_for_the_window_are_an_error():
+    with pytest.raises(ArrayError, match='400 positions'):
+        differentiate(np.zeros((400, 7)), T)
+    assert differentiate(np.zeros((401, 7)), T).dq.shape == (1, 7)
+
+
+def test_the_motion_that_was_measured_is_the_one_that_was_commanded(finished):
+    commanded = finished.recording.vectors('dq1')[LEFT_OUT:1400]  # the first segment, in which no joint is near its limit
+    assert finished.motion.dq[:len(commanded)] == pytest.approx(commanded, abs=0.01)

@@ -1,0 +1,208 @@
+"""The paper's figures: all there, readable, the same every time, with or without a renderer."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from redres_ros.errors import FileError
+from redres_ros.experiments.experiment import Experiment
+from redres_ros.experiments.figures import FIGURES, Runs, draw_all, motions
+from redres_ros.experiments.figures.differences import difference
+from redres_ros.experiments.figures.norms import torque_norm
+from redres_ros.experiments.savgol import Motion
+from redres_ros.fri import render as rendering
+from redres_ros.fri.render import Film, RenderError, render
+from redres_ros.robots import Arm, find_arm
+from redres_ros.tasks import Task
+
+FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
+WITH_UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
+
+
+def shortened(task: Task) -> Task:
+    """Half of the first segment, so that a run takes a second instead of nine."""
+    return replace(task, waypoints=np.array((task.waypoints[0], task.waypoints[:2].mean(axis=0))), segment_time=1.5)
+
+
+def grey_pictures(arm: Arm, film: Film) -> np.ndarray:
+    return np.full((len(film.q), 6, 5, 3), 200, dtype=np.uint8)
+
+
+@pytest.fixture(scope='module')
+def runs() -> Runs:
+    runs = Runs()
+    runs.task, runs.reversed_task = shortened(runs.task), shortened(runs.reversed_task)
+    return runs
+
+
+@pytest.fixture(scope='module')
+def figures(runs: Runs) -> dict[int, Figure]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(motions, 'render', grey_pictures)
+        return {number: draw(runs) for number, draw in FIGURES.items()}
+
+
+def plots(figure: Figure) -> list[Axes]:
+    """The axes that are no pictures."""
+    return [ax for ax in figure.axes if ax.axison]
+
+
+every_figure = pytest.mark.parametrize('number', FIGURES)
+
+
+def test_every_figure_of_the_paper_but_the_block_diagram_is_there():
+    assert list(FIGURES) == list(range(2, 17))
+
+
+@every_figure
+def test_a_figure_has_a_title_that_tells_its_number(figures, number):
+    titles = [figures[number].get_suptitle(), *(ax.get_title() for ax in figures[number].axes)]
+    assert any(title.startswith(f'Figure {number}. ') for title in titles)
+
+
+@every_figure
+def test_every_axis_is_labelled_with_its_unit(figures, number):
+    for ax in plots(figures[number]):
+        axes = [ax.yaxis, ax.zaxis] if hasattr(ax, 'zaxis') else [ax.yaxis]
+        lowest = ax.get_subplotspec().is_last_row()  # panels above it share its time axis
+        for axis in [ax.xaxis, *axes] if lowest else axes:
+            assert axis.get_label_text().endswith(WITH_UNITS)
+
+
+@every_figure
+def test_where_there_are_several_curves_a_legend_tells_them_apart(figures, number):
+    panels = plots(figures[number])
+    labels = {str(line.get_label()) for ax in panels for line in ax.lines if not str(line.get_label()).startswith('_')}
+    if len(labels) > 1:
+        shown = {text.get_text() for ax in panels if ax.get_legend() for text in ax.get_legend().get_texts()}
+        assert labels <= shown
+
+
+@every_figure
+def test_no_curve_is_empty(figures, number):
+    for ax in plots(figures[number]):
+        for line in ax.lines:
+            assert np.isfinite(np.asarray(line.get_ydata(), dtype=np.float64)).any()
+
+
+@pytest.mark.parametrize('number', [3, 6, 9, 11, 14])
+def test_a_motion_is_shown_as_paths_and_as_a_row_of_pictures(figures, number):
+    paths = [ax for ax in figures[number].axes if ax.name == '3d']
+    pictures = [ax for ax in figures[number].axes if ax.images]
+    assert (len(paths), len(pictures)) == (1, FRAMES)
+
+
+@pytest.mark.parametrize(('number', 'panels'), [(4, 3), (7, 2), (10, 2), (12, 2), (15, 2), (5, 1), (8, 1), (13, 1), (16, 1)])
+def test_the_panels_are_those_of_the_paper(figures, number, panels):
+    assert len(figures[number].axes) == panels
+
+
+def test_a_stop_is_marked_and_told(runs, figures, monkeypatch):
+    tried = runs.experiment_minimum_velocity
+    cut = replace(tried.recording, finished=False, ending='stopped after 1.000 s: protective stop')
+    stopped = Runs()
+    stopped.experiment_minimum_velocity = Experiment(cut, 'protective stop', tried.q)
+    monkeypatch.setattr(motions, 'render', grey_pictures)
+    assert 'protective stop' in FIGURES[9](stopped).get_suptitle()
+    assert 'stopped' in [text.get_text() for text in FIGURES[10](stopped).axes[0].get_legend().get_texts()]
+
+
+def test_the_files_are_named_for_their_numbers_and_progress_is_told(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(motions, 'render', grey_pictures)
+    shares: list[float] = []
+    files = draw_all(tmp_path / 'new', shares.append, runs)
+    assert [path.name for path in files.values()] == [f'figure_{number:02d}.png' for number in range(2, 17)]
+    assert all(min(matplotlib.image.imread(path).shape[:2]) > 500 for path in files.values())
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_place_that_cannot_be_written_is_an_error_of_ours(runs):
+    with pytest.raises(FileError, match='/proc/nowhere'):
+        draw_all(Path('/proc/nowhere'), runs=runs)
+
+
+def test_a_run_is_kept(runs):
+    assert runs.ideal_damped is runs.ideal_damped
+
+
+# --- what is drawn ----------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('law', 'scheme'), [('ideal_damped', 'ideal_22'), ('ideal_undamped', 'ideal_16'), ('ideal_35', 'ideal_29')])
+def test_laws_and_schemes_differ_by_rounding_in_simulations(runs, law, scheme):
+    dq_I, dq_II = (getattr(runs, name).vectors('dq1') for name in (law, scheme))
+    assert difference(dq_I, dq_II).max() < 1e-10  # the law divides nothing by T, the scheme does: 1e-16 / 1e-3 a tick
+
+
+@pytest.mark.parametrize(('law', 'scheme'), [('experiment_damped_unblended', 'experiment_22'), ('experiment_35_unblended', 'experiment_29')])
+def test_laws_and_schemes_differ_by_rounding_in_experiments(runs, law, scheme):
+    assert difference(getattr(runs, law).motion.dq, getattr(runs, scheme).motion.dq).max() < 1e-10
+
+
+def test_differences_are_taken_as_long_as_there_are_both():
+    assert difference(np.zeros((5, 7)), np.ones((3, 7))) == pytest.approx(np.full(3, np.sqrt(7.0)))
+
+
+def test_an_arm_at_rest_needs_the_torque_of_gravity(runs):
+    model, q = runs.experiment_model, runs.task.start
+    rest = Motion(np.zeros(1), q[None], np.zeros((1, 7)), np.zeros((1, 7)))
+    assert torque_norm(rest, model) == pytest.approx([np.linalg.norm(model.state(q, np.zeros(7)).n)])
+
+
+def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
+    model, q, ddq = runs.experiment_model, runs.task.start, np.arange(1.0, 8.0)
+    state = model.state(q, np.zeros(7))
+    moved = Motion(np.zeros(1), q[None], np.zeros((1, 7)), ddq[None])
+    assert torque_norm(moved, model) == pytest.approx([np.linalg.norm(state.M @ ddq + state.n)])
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+
+def film(runs: Runs) -> Film:
+    recording = runs.ideal_damped
+    return motions._film(recording, np.array([0, len(recording.data) - 1]), runs.model, runs.task)
+
+
+def test_a_film_begins_without_paths_and_ends_with_all_of_them(runs):
+    assert film(runs).traced == pytest.approx([0.0, 1.0])
+
+
+def test_pictures_show_the_arm_move_and_are_the_same_every_time(runs):
+    try:
+        first, second = (render(find_arm('lwr4_paper'), film(runs)) for _ in range(2))
+    except RenderError as error:
+        pytest.skip(str(error))
+    assert first.dtype == np.uint8
+    assert (first == second).all()
+    red, green, blue = np.moveaxis(first.astype(int), -1, 0)
+    orange = (red > 150) & (red - blue > 100) & (green < 170)  # (2, height, width) the arm's colour
+    assert (orange.mean(axis=(1, 2)) > 0.01).all()
+    assert (orange[0] != orange[1]).any()
+    assert np.median(first) > 200  # light, not the black of an empty picture
+
+
+def test_without_a_renderer_the_figure_says_why(runs, monkeypatch):
+    monkeypatch.delenv('MUJOCO_GL', raising=False)
+    monkeypatch.setattr(rendering, 'BACKENDS', ('disable', 'no_such_library'))
+    note = [text.get_text().replace('\n', ' ') for ax in FIGURES[3](runs).axes for text in ax.texts if 'No pictures' in text.get_text()]
+    assert len(note) == 1
+    assert 'disable' in note[0]
+    assert 'no_such_library' in note[0]
+    assert 'libegl1' in note[0]
+
+
+def test_a_library_that_takes_its_process_along_is_survived(runs, monkeypatch):
+    monkeypatch.setattr(rendering.sys, 'executable', '/bin/false')
+    with pytest.raises(RenderError, match='ended with status 1'):
+        render(find_arm('lwr4_paper'), film(runs))
+
+
+def test_the_choice_of_the_environment_is_respected(runs, monkeypatch):
+    monkeypatch.setenv('MUJOCO_GL', 'disable')
+    with pytest.raises(RenderError, match=r'\(disable: [^;]*\);'):
+        render(find_arm('lwr4_paper'), film(runs))

@@ -1,0 +1,66 @@
+"""Parameters: declared once, read by everybody, and checked."""
+
+from dataclasses import dataclass, fields
+
+import pytest
+
+from redres_ros.errors import RangeError, RedresError, UnknownNameError
+from redres_ros.parameter import check_parameters, check_value, param, parameters
+
+
+@dataclass(frozen=True)
+class Settings:
+    """As any class of the package declares its parameters."""
+
+    gain: float = param(2.0, 'feedback gain [1/s]', 0.0, 10.0, live=True)
+    shape: str = param('round', 'form of the thing', choices=('round', 'square'))
+    free: bool = param(True, 'may be anything')
+    plain: int = 3
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+def test_the_declaration_is_read_back_from_class_and_instance_alike():
+    for source in (Settings, Settings(gain=3.0)):
+        declared = {field.name: parameter for field, parameter in parameters(source).items()}
+        assert list(declared) == ['gain', 'shape', 'free']
+        assert declared['gain'].description == 'feedback gain [1/s]'
+        assert (declared['gain'].lower, declared['gain'].upper, declared['gain'].live) == (0.0, 10.0, True)
+        assert (declared['shape'].choices, declared['shape'].live) == (('round', 'square'), False)
+
+
+def test_the_default_is_that_of_the_field():
+    assert {field.name: field.default for field in fields(Settings)} == {'gain': 2.0, 'shape': 'round', 'free': True, 'plain': 3}
+    assert Settings() == Settings(2.0, 'round', True, 3)
+
+
+@pytest.mark.parametrize('gain', [0.0, 5, 10.0])
+def test_the_ends_of_the_range_are_allowed(gain):
+    assert Settings(gain=gain).gain == gain
+
+
+@pytest.mark.parametrize('gain', [-1e-12, 10.000001, float('nan'), float('inf'), -float('inf')])
+def test_a_value_outside_its_range_is_refused_with_the_range(gain):
+    with pytest.raises(RangeError, match=f'gain is {gain}; allowed: 0 to 10') as caught:
+        Settings(gain=gain)
+    assert (caught.value.name, caught.value.lower, caught.value.upper) == ('gain', 0.0, 10.0)
+
+
+def test_a_word_that_is_no_choice_is_refused_with_the_choices():
+    with pytest.raises(UnknownNameError, match="unknown shape 'oval'; allowed: round, square") as caught:
+        Settings(shape='oval')
+    assert (caught.value.kind, caught.value.got, caught.value.allowed) == ('shape', 'oval', ('round', 'square'))
+
+
+def test_one_value_can_be_checked_before_there_is_an_instance():
+    declared = {field.name: parameter for field, parameter in parameters(Settings).items()}
+    check_value('gain', 1.0, declared['gain'])
+    with pytest.raises(RangeError):
+        check_value('gain', 11.0, declared['gain'])
+
+
+@pytest.mark.parametrize('error', [RangeError('gain', float('nan'), 0.0, 1.0, 'why'), UnknownNameError('law', 'x', ('a', 'b'))])
+def test_errors_are_one_line_and_have_one_base(error):
+    assert isinstance(error, RedresError)
+    assert '\n' not in str(error)

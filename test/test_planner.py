@@ -1,0 +1,213 @@
+"""Planner: quintic segments (36), feedback (37), and when one segment follows the other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from redres_ros import Planner, Task
+from redres_ros.planner import Reference, orientation_error, quintic
+
+T = 0.001  # [s]
+
+
+@pytest.fixture
+def square() -> Task:
+    """Three segments of 0.5 s in a plane."""
+    points = np.array(((0.4, 0.0, 0.5), (0.5, 0.0, 0.5), (0.5, 0.1, 0.5), (0.4, 0.1, 0.6)))
+    return Task('lwr4', np.zeros(7), points, segment_time=0.5)
+
+
+def follow(planner: Planner, x: np.ndarray, ticks: int) -> list[Reference]:
+    """References for a tip that goes where it is told."""
+    references = []
+    for k in range(ticks):
+        references.append(planner.reference(x, k * T))
+        x = x + T * references[-1].dx
+    return references
+
+
+def column(references: list[Reference], name: str) -> np.ndarray:
+    return np.array([getattr(reference, name) for reference in references])
+
+
+# --- Eq. (36) ---------------------------------------------------------------------------------------------------------
+
+def test_the_quintic_goes_from_zero_to_one():
+    assert quintic(0.0)[0] == 0.0
+    assert quintic(1.0)[0] == 1.0
+
+
+def test_the_quintic_is_that_of_the_paper():
+    for xi in np.linspace(0.0, 1.0, 21):
+        assert quintic(xi) == pytest.approx((6 * xi**5 - 15 * xi**4 + 10 * xi**3, 30 * xi**4 - 60 * xi**3 + 30 * xi**2), abs=1e-14)
+
+
+@pytest.mark.parametrize('end', [0.0, 1.0])
+def test_velocity_and_acceleration_of_the_quintic_vanish_at_the_ends(end):
+    inside = abs(end - 1e-4)
+    assert quintic(end)[1] == 0.0
+    assert abs(quintic(inside)[1]) < 30.1 * 1e-8  # 30 xi^2: no linear term
+
+
+@pytest.mark.parametrize(('xi', 's'), [(-1.0, 0.0), (2.0, 1.0)])
+def test_beyond_its_ends_the_quintic_stands_still(xi, s):
+    assert quintic(xi) == (s, 0.0)
+
+
+# --- one segment ------------------------------------------------------------------------------------------------------
+
+def test_a_segment_is_a_straight_line_between_its_points(square):
+    x_d = column(follow(Planner(square), square.waypoints[0], 500), 'x_d')
+    A, way = square.waypoints[0], square.waypoints[1] - square.waypoints[0]
+    share = (x_d - A) @ way / (way @ way)
+    assert x_d == pytest.approx(A + share[:, None] * way, abs=1e-15)
+    assert (np.diff(share) > 0.0).all()
+
+
+def test_the_desired_velocity_is_the_derivative_of_the_desired_position(square):
+    references = follow(Planner(square), square.waypoints[0], 500)
+    feed_forward = column(references, 'dx') - square.feedback_gain * column(references, 'error')
+    differences = np.diff(column(references, 'x_d'), axis=0) / T  # at half ticks
+    # T^2 / 24 times the third derivative of the quintic, at most 60 / 0.125 s^3 * 0.1 m: 2e-6
+    assert (feed_forward[1:] + feed_forward[:-1]) / 2 == pytest.approx(differences, abs=1e-5)
+
+
+def test_a_segment_begins_and_ends_at_rest(square):
+    square = replace(square, feedback_gain=0.0)
+    references = follow(Planner(square), square.waypoints[0], 501)
+    assert not references[0].dx.any()
+    assert np.linalg.norm(references[499].dx) < 1e-4  # 30 * 0.002^2 * 0.1 m / 0.5 s
+
+
+def test_feedback_adds_the_gain_times_the_error(square):
+    x, t = square.waypoints[0] + (0.01, -0.02, 0.03), 0.2
+    with_feedback, without = (Planner(replace(square, feedback_gain=gain)).reference(x, t) for gain in (7.0, 0.0))
+    assert with_feedback.error == pytest.approx(with_feedback.x_d - x, abs=0.0)
+    assert with_feedback.dx - without.dx == pytest.approx(7.0 * with_feedback.error, abs=1e-15)  # Eq. (37)
+
+
+# --- from one segment to the next -------------------------------------------------------------------------------------
+
+def test_segments_are_numbered_from_one_and_begin_when_the_last_one_is_over(square):
+    references = follow(Planner(square), square.waypoints[0], 1600)
+    assert list(column(references, 'segment')[[0, 499, 500, 999, 1000, 1499, 1500]]) == [1, 1, 2, 2, 3, 3, 3]
+
+
+def test_the_planner_finishes_with_the_last_segment(square):
+    finished = column(follow(Planner(square), square.waypoints[0], 1600), 'finished')
+    assert not finished[:1500].any()
+    assert finished[1500:].all()
+
+
+def test_at_rest_waits_for_the_tip_to_arrive(square):
+    planner, late = Planner(square), square.waypoints[0]
+    assert [planner.reference(late, t).segment for t in (0.0, 0.5, 0.7)] == [1, 1, 1]
+    reference = planner.reference(square.waypoints[1] + (0.0, 0.0, 0.0009), 0.8)
+    assert reference.segment == 2
+    assert reference.x_d == pytest.approx(square.waypoints[1], abs=0.0)  # the second segment begins at its own time 0
+
+
+def test_at_rest_waits_for_the_time_even_if_the_tip_is_there(square):
+    planner = Planner(square)
+    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.3, 0.499)] == [1, 1, 1]
+
+
+def test_while_it_waits_the_next_point_is_held(square):
+    planner = Planner(square)
+    for t in (0.5, 0.6, 5.0):
+        reference = planner.reference(square.waypoints[0], t)
+        assert (reference.x_d == square.waypoints[1]).all()
+        assert reference.dx == pytest.approx(10.0 * (square.waypoints[1] - square.waypoints[0]), abs=1e-15)
+
+
+def test_within_tolerance_goes_on_before_the_time_is_over(square):
+    references = follow(Planner(replace(square, switching='within_tolerance')), square.waypoints[0], 600)
+    segments = column(references, 'segment')
+    # 0.1 m to go and 1 mm tolerance: 1 - s(xi) = 0.01 at xi = 0.89
+    assert np.argmax(segments == 2) == pytest.approx(0.89 * 500, abs=5)
+
+
+def test_within_tolerance_does_not_skip_points_in_one_tick(square):
+    square = replace(square, switching='within_tolerance', waypoints=square.waypoints[[0, 1, 1, 2]])
+    planner = Planner(square)
+    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.4, 0.401)] == [1, 2, 3]
+
+
+def test_the_tolerance_is_the_distance_at_which_a_point_counts_as_reached(square):
+    for distance, segment in ((0.0101, 1), (0.0099, 2)):
+        reference = Planner(replace(square, tolerance=0.01)).reference(square.waypoints[1] + (0.0, distance, 0.0), 0.5)
+        assert reference.segment == segment
+
+
+def test_a_segment_that_begins_late_takes_as_long_as_any_other(square):
+    planner = Planner(square)
+    planner.reference(square.waypoints[0], 0.0)
+    planner.reference(square.waypoints[1], 0.8)
+    middle = planner.reference(square.waypoints[1], 1.05)
+    assert middle.x_d == pytest.approx((square.waypoints[1] + square.waypoints[2]) / 2, abs=1e-12)
+
+
+def test_the_last_point_is_held_with_feedback(square):
+    planner = Planner(square)
+    follow(planner, square.waypoints[0], 1501)
+    pushed = square.waypoints[-1] + (0.05, 0.0, 0.0)
+    reference = planner.reference(pushed, 100.0)
+    assert reference.finished
+    assert (reference.x_d == square.waypoints[-1]).all()
+    assert reference.dx == pytest.approx((-0.5, 0.0, 0.0), abs=1e-12)
+
+
+# --- the way to the first point ---------------------------------------------------------------------------------------
+
+def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point(square):
+    start = square.waypoints[0] + (0.0, 0.0, 0.1)
+    references = follow(Planner(square, start), start, 1100)
+    assert (references[0].x_d == start).all()
+    assert not references[0].dx.any()
+    assert list(column(references, 'segment')[[0, 499, 500, 1000]]) == [0, 0, 1, 2]
+    assert references[500].x_d == pytest.approx(square.waypoints[0], abs=1e-12)
+
+
+@pytest.mark.parametrize('start', [None, np.array((0.4, 0.004, 0.5))])
+def test_a_tip_that_starts_at_the_first_point_has_none(square, start):
+    reference = Planner(square, start).reference(square.waypoints[0], 0.0)
+    assert reference.segment == 1
+    assert (reference.x_d == square.waypoints[0]).all()
+
+
+# --- arrays -----------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('t', [0.0, 0.25, 0.6, 9.0])
+def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
+    used, untouched = Planner(square), Planner(square)
+    for planner in (used, untouched):
+        for k in range(3):
+            planner.reference(square.waypoints[k + 1], 0.5 * (k + 1))
+    reference = used.reference(square.waypoints[-1], 1.5 + t)
+    for name in ('dx', 'x_d', 'error'):
+        getattr(reference, name)[:] = np.nan
+    again, expected = (planner.reference(square.waypoints[-1], 1.5 + t) for planner in (used, untouched))
+    assert all((getattr(again, name) == getattr(expected, name)).all() for name in ('dx', 'x_d', 'error'))
+
+
+def test_a_reference_is_not_overwritten_by_the_next_one(square):
+    references = follow(Planner(square), square.waypoints[0], 20)
+    assert len(np.unique(column(references, 'x_d'), axis=0)) == 20
+
+
+def test_the_task_is_left_as_it_is(square):
+    before = square.waypoints.copy()
+    follow(Planner(square), square.waypoints[0], 100)
+    assert (square.waypoints == before).all()
+
+
+# --- orientation ------------------------------------------------------------------------------------------------------
+
+def test_the_orientation_error_is_to_first_order_the_turn_that_is_left():
+    random = np.random.default_rng(0)
+    for turn in 1e-4 * random.normal(size=(20, 3)):
+        R = Rotation.random(random_state=random).as_matrix()
+        R_d = Rotation.from_rotvec(turn).as_matrix() @ R
+        assert orientation_error(R_d, R) == pytest.approx(turn, abs=1e-11)  # sin(a) = a - a^3 / 6

@@ -1,0 +1,110 @@
+"""Recordings: what a row holds, in which order, and that a file gives back every bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from redres_ros import Command, RobotModel
+from redres_ros.errors import FileError
+from redres_ros.experiments.recording import Recording, columns, row
+from redres_ros.planner import Reference
+
+T = 0.002  # [s]
+COLUMNS = ('t,q1,q2,q3,q4,q5,q6,q7,dq1,dq2,dq3,dq4,dq5,dq6,dq7,x,y,z,x_d,y_d,z_d,task_error,joint_velocity_norm,'
+           'joint_acceleration_norm,null_velocity_norm,joint_torque_norm,min_singular_value,segment')
+
+
+@pytest.fixture
+def tick(model: RobotModel) -> tuple[Command, Reference]:
+    """A command and a reference whose numbers are all different."""
+    random = np.random.default_rng(0)
+    state = model.state(random.normal(size=7), random.normal(size=7))
+    dq, null = random.normal(size=(2, 7))
+    reference = Reference(random.normal(size=3), random.normal(size=3), random.normal(size=3), 2, False)
+    return Command(dq, state.q + T * dq, null, state, T), reference
+
+
+@pytest.fixture
+def recording() -> Recording:
+    """Fifty rows of awkward numbers."""
+    data = np.random.default_rng(1).normal(size=(50, len(columns(7)))) * 10.0 ** np.arange(-14, 14)
+    data[0, :4] = 1.0 / 3.0, np.nextafter(1.0, 2.0), 5e-324, -0.0
+    return Recording(data, 7, T, True, 'ended')
+
+
+def test_the_columns_are_those_that_users_rely_on():
+    assert ','.join(columns(7)) == COLUMNS
+
+
+def test_another_arm_has_as_many_columns_as_joints():
+    assert columns(2)[:5] == ('t', 'q1', 'q2', 'dq1', 'dq2')
+    assert len(columns(2)) == len(columns(7)) - 10
+
+
+def test_a_row_holds_the_vectors_of_its_tick(tick):
+    command, reference = tick
+    recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
+    assert recording['t'] == [0.5]
+    for name, vector in (('q1', command.state.q), ('dq1', command.dq), ('x', command.state.x), ('x_d', reference.x_d)):
+        assert (recording.vectors(name)[0] == vector).all()
+    assert recording['segment'] == [2]
+
+
+def test_a_row_holds_the_norms_of_its_tick(tick):
+    command, reference = tick
+    recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
+    state, ddq = command.state, (command.dq - command.state.dq_prev) / T
+    expected = {
+        'task_error': reference.error, 'joint_velocity_norm': command.dq, 'joint_acceleration_norm': ddq,
+        'null_velocity_norm': command.null, 'joint_torque_norm': state.M @ ddq + state.n,
+    }
+    for name, vector in expected.items():
+        assert recording[name] == pytest.approx(np.sqrt(vector @ vector), rel=1e-14)
+    assert recording['min_singular_value'] == pytest.approx(np.linalg.svd(state.J)[1].min(), rel=1e-12)
+
+
+def test_a_column_is_found_by_name(recording):
+    for index, name in enumerate(columns(7)):
+        assert (recording[name] == recording.data[:, index]).all()
+
+
+def test_a_vector_is_found_by_its_first_column(recording):
+    assert recording.vectors('q1').shape == recording.vectors('dq1').shape == (50, 7)
+    for first, names in (('q1', 'q1 q2 q3 q4 q5 q6 q7'), ('dq1', 'dq1 dq2 dq3 dq4 dq5 dq6 dq7'), ('x', 'x y z'), ('x_d', 'x_d y_d z_d')):
+        assert (recording.vectors(first) == np.stack([recording[name] for name in names.split()], axis=1)).all()
+
+
+def test_the_peak_is_the_largest_value_and_its_time(recording):
+    value, t = recording.peak('task_error')
+    assert value == recording['task_error'].max()
+    assert t == recording['t'][recording['task_error'] == value][0]
+
+
+def test_a_file_read_back_gives_the_same_bits(recording, tmp_path):
+    path = tmp_path / 'deep' / 'motion.csv'
+    recording.write_csv(path)
+    read = np.loadtxt(path, delimiter=',', skiprows=1)
+    assert read.tobytes() == recording.data.tobytes()
+
+
+def test_a_file_is_headed_by_the_columns(recording, tmp_path):
+    recording.write_csv(tmp_path / 'motion.csv')
+    heading, *rows = (tmp_path / 'motion.csv').read_text().splitlines()
+    assert heading == COLUMNS
+    assert len(rows) == 50
+
+
+def test_a_recording_without_rows_has_a_heading_still(tmp_path):
+    empty = Recording.of([], 7, T, False, 'ended before it began')
+    empty.write_csv(tmp_path / 'motion.csv')
+    assert empty.data.shape == (0, len(columns(7)))
+    assert (tmp_path / 'motion.csv').read_text() == COLUMNS + '\n'
+
+
+@pytest.mark.parametrize('path', ['', 'file.txt/motion.csv'])
+def test_a_file_that_cannot_be_written_is_refused_by_path(recording, tmp_path, path):
+    (tmp_path / 'file.txt').write_text('in the way')
+    target = tmp_path / Path(path)
+    with pytest.raises(FileError, match=f'cannot write {target}'):
+        recording.write_csv(target)

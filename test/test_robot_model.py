@@ -1,0 +1,322 @@
+"""Kinematics and dynamics: against the paper's numbers, finite differences, MuJoCo and a derivation of their own."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import fields, replace
+from pathlib import Path
+
+import independent
+import numpy as np
+import pytest
+
+from redres_ros import RobotModel
+from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
+from redres_ros.fri.plant import Witness
+from redres_ros.robots import ARMS, Arm, find_arm
+from redres_ros.robots.arm import DYNAMICS
+
+AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
+EVERY_ARM = pytest.mark.parametrize(('name', 'dynamics'), [(name, dynamics) for name in ARMS for dynamics in DYNAMICS])
+
+
+def random_motion(count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Pairs of q and dq, both (7,), all around and fast."""
+    random = np.random.default_rng(seed)
+    return list(zip(random.uniform(-np.pi, np.pi, (count, 7)), random.normal(0.0, 2.0, (count, 7))))
+
+
+def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
+    """The bare arm from a URDF in which one text is replaced by another."""
+    path = tmp_path / 'arm.urdf'
+    text = ARMS['lwr4'].urdf.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    return replace(ARMS['lwr4'], urdf=path)
+
+
+# --- the paper's geometry ---------------------------------------------------------------------------------------------
+
+def test_the_start_of_the_paper_is_at_its_first_point(model):
+    assert np.linalg.norm(model.tip(independent.Q0)[0] - independent.POINTS[0]) < 0.2e-3  # q(0) is given to 0.01 degrees
+
+
+def test_the_reach_is_that_of_the_links_and_the_tool(model):
+    shoulder = np.array((0.0, 0.0, 0.323))
+    tips = np.array([model.tip(q)[0] for q, _ in random_motion(300)])
+    assert np.linalg.norm(tips - shoulder, axis=1).max() < 1.003
+    assert np.linalg.norm(model.tip(np.zeros(7))[0] - shoulder) == pytest.approx(1.003, abs=1e-12)
+
+
+# --- kinematics -------------------------------------------------------------------------------------------------------
+
+STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 / 6 both stay below 1e-10
+DIFFERENCES = 1e-9
+
+
+def test_the_linear_rows_of_the_jacobian_are_the_derivative_of_the_position(model):
+    for q, dq in random_motion(100):
+        J = model.state(q, dq).J
+        columns = [(model.tip(q + e)[0] - model.tip(q - e)[0]) / (2 * STEP) for e in STEP * np.eye(7)]
+        assert J == pytest.approx(np.array(columns).T, abs=DIFFERENCES)
+
+
+def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation():
+    model = RobotModel.named('lwr4_paper', 'pose')
+    for q, dq in random_motion(100):
+        state = model.state(q, dq)
+        for e, column in zip(STEP * np.eye(7), state.J[3:].T):
+            spin = (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)  # skew-symmetric [w]x
+            assert column == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=DIFFERENCES)
+
+
+def test_a_pose_task_has_the_linear_rows_first(model):
+    pose = RobotModel.named('lwr4_paper', 'pose')
+    assert (pose.m, model.m) == (6, 3)
+    for q, dq in random_motion(10):
+        J = pose.state(q, dq).J
+        assert J.shape == (6, 7)
+        assert (J[:3] == model.state(q, dq).J).all()
+
+
+def test_the_state_holds_the_tip_and_what_it_was_asked_for(model):
+    for q, dq in random_motion(10):
+        state, (x, R) = model.state(q, dq), model.tip(q)
+        for got, expected in ((state.q, q), (state.dq_prev, dq), (state.x, x), (state.R, R)):
+            assert (got == expected).all()
+
+
+def test_the_position_of_a_frame_is_in_the_base_frame(model):
+    q, _ = random_motion(1)[0]
+    assert (model.position(q, 'tool0') == model.tip(q)[0]).all()
+    assert model.position(q, 'link_2') == pytest.approx((0.0, 0.0, 0.323), abs=1e-12)
+    assert np.linalg.norm(model.position(q, model.arm.elbow_frame) - (0.0, 0.0, 0.323)) == pytest.approx(0.4)
+
+
+# --- dynamics, computed three ways ------------------------------------------------------------------------------------
+
+@EVERY_ARM
+def test_pinocchio_and_mujoco_agree(name, dynamics):
+    arm = find_arm(name, dynamics=dynamics)
+    model, witness = RobotModel(arm, 'pose'), Witness(arm)
+    for q, dq in random_motion(1000):
+        state = model.state(q, dq)
+        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), witness.kinematics(q) + witness.dynamics(q, dq)):
+            assert np.abs(got - expected).max() < AGREEMENT
+
+
+def urdf_links(d: np.ndarray) -> independent.Links:
+    """The LWR's inertias as its URDF states them."""
+    inertials = [ET.parse(ARMS['lwr4'].urdf).find(f"link[@name='link_{i}']/inertial") for i in range(1, 8)]
+    mass = np.array([float(inertial.find('mass').get('value')) for inertial in inertials])
+    com = np.array([inertial.find('origin').get('xyz').split() for inertial in inertials], dtype=float)
+    inertia = np.array([np.diag([float(inertial.find('inertia').get(axis)) for axis in ('ixx', 'iyy', 'izz')])
+                        for inertial in inertials])
+    return independent.Links(d, mass, com, inertia, np.array(ARMS['lwr4'].rotor_inertia))
+
+
+@EVERY_ARM
+def test_a_derivation_of_its_own_agrees(name, dynamics):
+    d = {'lwr4': independent.BARE, 'lwr4_paper': independent.PAPER}[name]
+    links = independent.cylinders(d) if dynamics == 'cylinders' else urdf_links(d)
+    model, motion = RobotModel.named(name, dynamics=dynamics), random_motion(100, seed=1)
+    expected = independent.evaluate(links, *map(np.array, zip(*motion)))
+    for row, (q, dq) in enumerate(motion):
+        state = model.state(q, dq)
+        for got, array in zip((state.x, state.J, state.M, state.n), expected):
+            assert np.abs(got - array[row]).max() < AGREEMENT
+
+
+# --- the paper's dynamics ---------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('name', 'd'), [('lwr4', independent.BARE), ('lwr4_paper', independent.PAPER)])
+def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, d):
+    robot = ET.fromstring(find_arm(name, dynamics='cylinders').description())
+    # Link 1 begins above the raised base, which the paper's d_1 includes; turning about its own axis it makes no difference.
+    for i, length in enumerate(np.maximum((0.3105, *d[1:]), 0.001), start=1):
+        inertial = robot.find(f"link[@name='link_{i}']/inertial")
+        inertia = {key: float(value) for key, value in inertial.find('inertia').attrib.items()}
+        assert float(inertial.find('mass').get('value')) == 1.0
+        assert inertia['izz'] == pytest.approx(0.06**2 / 2)
+        assert inertia['ixx'] == inertia['iyy'] == pytest.approx((3 * 0.06**2 + length**2) / 12)
+        assert inertia['ixy'] == inertia['ixz'] == inertia['iyz'] == 0.0
+
+
+def test_cylinders_have_no_rotors():
+    assert find_arm('lwr4_paper').armature == ()
+    q, dq = random_motion(1)[0]
+    assert RobotModel.named('lwr4_paper').state(q, dq).M[6, 6] == pytest.approx(0.06**2 / 2)
+
+
+# --- the identified dynamics ------------------------------------------------------------------------------------------
+
+def gravity_moment(**joints: float) -> np.ndarray:
+    """Gravity torques of the bare LWR at rest, (7,), per g, that is as first moments [kg m]; joints not given [deg] are at zero."""
+    q = np.radians([joints.get(f'q{i}', 0.0) for i in range(1, 8)])
+    return np.abs(RobotModel.named('lwr4').state(q, np.zeros(7)).n) / 9.81
+
+
+@pytest.mark.parametrize(('joint', 'moment', 'pose'), [
+    (2, 3.37, {'q2': 90.0, 'q4': 90.0}),  # upper arm horizontal, the rest hanging from the elbow
+    (4, 1.37, {'q4': 90.0, 'q6': 90.0}),  # forearm horizontal, hand hanging
+    (5, 0.049, {'q4': 90.0}),  # forearm horizontal, about its own axis
+    (6, 0.042, {'q6': 90.0}),  # hand horizontal
+])
+def test_first_moments_are_those_identified(joint, moment, pose):
+    assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, rel=0.02)  # two digits are published for the small ones
+
+
+def test_rotors_make_up_most_of_the_wrist_inertia():
+    q, dq = random_motion(1)[0]
+    inertia = np.diag(RobotModel.named('lwr4').state(q, dq).M)
+    assert inertia[4:] == pytest.approx((0.776, 0.391, 0.399), rel=0.05)
+
+
+@pytest.mark.parametrize(('joint', 'inertia'), [(0, 3.20), (1, 4.46 + 0.37 + 2 * 0.4 * 1.37)])
+def test_the_inertia_of_the_upright_arm_is_the_identified_one(joint, inertia):
+    # About A1: ZZ1. About A2: ZZ2, the forearm's own and its first moment on the upper arm's length. The rest is regrouped.
+    assert RobotModel.named('lwr4').state(np.zeros(7), np.zeros(7)).M[joint, joint] == pytest.approx(inertia, rel=0.03)
+
+
+# --- arrays -----------------------------------------------------------------------------------------------------------
+
+def test_no_later_call_overwrites_a_state(model):
+    q, dq = random_motion(1)[0]
+    state = model.state(q, dq)
+    before = {field.name: getattr(state, field.name).copy() for field in fields(state)}
+    for other, velocity in random_motion(3, seed=1):
+        model.state(other, velocity)
+        model.tip(other)
+        model.position(other, 'link_4')
+    assert all((getattr(state, name) == array).all() for name, array in before.items())
+
+
+def test_no_later_call_overwrites_a_tip_or_a_position(model):
+    (q, _), (other, _) = random_motion(2)
+    x, R, elbow = *model.tip(q), model.position(q, 'link_4')
+    before = x.copy(), R.copy(), elbow.copy()
+    model.tip(other)
+    model.position(other, 'link_4')
+    assert all((now == then).all() for now, then in zip((x, R, elbow), before))
+
+
+def test_a_state_keeps_no_reference_to_its_arguments(model):
+    q, dq = random_motion(1)[0]
+    state = model.state(q, dq)
+    q[:], dq[:] = 0.0, 0.0
+    assert state.q.all()
+    assert state.dq_prev.all()
+
+
+def test_writing_into_a_state_leaves_the_model_as_it_is(model):
+    q, dq = random_motion(1)[0]
+    state = model.state(q, dq)
+    for field in fields(state):
+        getattr(state, field.name)[:] = np.nan
+    again = model.state(q, dq)
+    assert all(np.isfinite(getattr(again, field.name)).all() for field in fields(again))
+
+
+# --- what cannot be used ----------------------------------------------------------------------------------------------
+
+BAD_VECTORS = [np.zeros(6), np.zeros((7, 1)), np.float64(0.0), np.array([0, 0, np.nan, 0, 0, 0, 0]), np.full(7, np.inf)]
+
+
+@pytest.mark.parametrize('bad', BAD_VECTORS, ids=['short', 'column', 'scalar', 'nan', 'inf'])
+@pytest.mark.parametrize('name', ['q', 'dq_prev'])
+def test_a_vector_of_another_shape_or_not_finite_is_refused_by_name(model, name, bad):
+    arguments = {'q': np.zeros(7), 'dq_prev': np.zeros(7)} | {name: bad}
+    with pytest.raises(ArrayError, match=f'^{name} '):
+        model.state(**arguments)
+
+
+@pytest.mark.parametrize('bad', BAD_VECTORS, ids=['short', 'column', 'scalar', 'nan', 'inf'])
+def test_kinematics_refuse_the_same(model, bad):
+    with pytest.raises(ArrayError):
+        model.tip(bad)
+    with pytest.raises(ArrayError):
+        model.position(bad, 'tool0')
+
+
+def test_an_unknown_robot_is_refused_with_those_that_exist():
+    with pytest.raises(UnknownNameError, match="unknown robot 'iiwa'; allowed: lwr4, lwr4_paper"):
+        RobotModel.named('iiwa')
+
+
+def test_unknown_dynamics_are_refused_with_those_that_exist():
+    with pytest.raises(UnknownNameError, match="unknown dynamics 'rods'; allowed: cylinders, lwr"):
+        RobotModel.named('lwr4', dynamics='rods')
+
+
+def test_an_unknown_task_space_is_refused_with_those_that_exist():
+    with pytest.raises(UnknownNameError, match="unknown task space 'orientation'; allowed: pose, position"):
+        RobotModel.named('lwr4', 'orientation')
+
+
+def test_an_unknown_frame_is_refused_with_those_that_exist(model):
+    with pytest.raises(UnknownNameError, match="unknown frame 'hand'; allowed: .*tool0"):
+        model.position(np.zeros(7), 'hand')
+    with pytest.raises(UnknownNameError, match="unknown frame 'hand'"):
+        RobotModel(replace(ARMS['lwr4'], tip_frame='hand'))
+
+
+@pytest.mark.parametrize('offset', [np.nan, 2.1, -np.inf])
+@pytest.mark.parametrize('which', ['base_offset', 'tool_offset'])
+def test_an_offset_out_of_range_is_refused_by_name(which, offset):
+    with pytest.raises(RangeError, match=f'{which} is {offset}; allowed: -2 to 2'):
+        find_arm('lwr4', **{which: offset})
+
+
+def test_a_urdf_that_is_not_there_is_refused_by_path(tmp_path):
+    with pytest.raises(FileError, match=f'cannot read the URDF {tmp_path}/none.urdf'):
+        RobotModel.from_urdf(tmp_path / 'none.urdf', 'tool0')
+
+
+@pytest.mark.parametrize('text', ['not xml', '<robot name="empty"/>', ''])
+def test_a_file_that_is_no_urdf_is_refused_by_path(tmp_path, text):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(text)
+    with pytest.raises(FileError, match=f'{path} is no URDF'):
+        RobotModel.from_urdf(path, 'tool0')
+
+
+def test_a_urdf_with_a_joint_without_limits_is_refused(tmp_path):
+    arm = written_arm(tmp_path, 'name="lwr_a6_joint" type="revolute"', 'name="lwr_a6_joint" type="continuous"')
+    with pytest.raises(FileError, match='continuous'):
+        RobotModel(arm)
+
+
+def test_an_offset_that_the_urdf_has_no_joint_for_is_refused(tmp_path):
+    arm = written_arm(tmp_path, 'name="tool_mount"', 'name="gripper_mount"')
+    with pytest.raises(FileError, match='has no fixed joint tool_mount'):
+        RobotModel(replace(arm, tool_offset=0.1))
+
+
+# --- parameters of an arm ---------------------------------------------------------------------------------------------
+
+def test_the_base_offset_raises_the_tip():
+    q, _ = random_motion(1)[0]
+    way = RobotModel.named('lwr4', base_offset=0.2).tip(q)[0] - RobotModel.named('lwr4').tip(q)[0]
+    assert way == pytest.approx((0.0, 0.0, 0.2), abs=1e-12)
+
+
+def test_the_tool_offset_moves_the_tip_along_its_own_axis():
+    q, _ = random_motion(1)[0]
+    (x, R), (x_tool, _) = RobotModel.named('lwr4').tip(q), RobotModel.named('lwr4', tool_offset=0.1).tip(q)
+    assert x_tool == pytest.approx(x + 0.1 * R[:, 2], abs=1e-12)
+
+
+def test_an_arm_from_a_file_is_the_same_arm():
+    q, dq = random_motion(1)[0]
+    state = RobotModel.from_urdf(ARMS['lwr4'].urdf, 'tool0').state(q, dq)
+    expected = RobotModel(replace(ARMS['lwr4'], rotor_inertia=())).state(q, dq)
+    assert all((getattr(state, field.name) == getattr(expected, field.name)).all() for field in fields(state))
+
+
+def test_joints_come_in_the_order_of_the_arm_with_their_limits(model):
+    assert model.joint_names == tuple(f'lwr_{axis}_joint' for axis in ('a1', 'a2', 'e1', 'a3', 'a4', 'a5', 'a6'))
+    assert model.q_max == pytest.approx(np.radians((170, 120, 170, 120, 170, 120, 170)))
+    assert model.q_min == pytest.approx(-model.q_max)
+    assert model.dq_max == pytest.approx(np.radians((120, 120, 160, 160, 250, 220, 220)))
+
+
+def test_the_base_frame_is_the_root_link(model):
+    assert model.position(np.zeros(7), model.base_frame) == pytest.approx(0.0)

@@ -1,0 +1,141 @@
+"""Tasks: those that are shipped load, and every kind of bad file says what is wrong in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from redres_ros import RedresError, RobotModel, load_task
+from redres_ros.errors import FileError, RangeError, UnknownNameError
+from redres_ros.share import share_path
+
+SHIPPED = sorted(path.stem for path in share_path('config/tasks').glob('*.yaml'))
+
+GOOD = {
+    'robot': 'lwr4_paper',
+    'start': [10, 20.5, 30, 40, 50, 60, 70],
+    'waypoints': [[0.1, 0.2, 0.3], [0.1, 0.2, 0.4], [0, 0, 1]],
+    'segment_time': 2,
+    'feedback_gain': 5.0,
+    'tolerance': 0.002,
+    'switching': 'within_tolerance',
+}
+
+
+def written(path: Path, **changes: object) -> str:
+    """A task file with these keys changed; None leaves a key out."""
+    content = {key: value for key, value in (GOOD | changes).items() if value is not None}
+    path = path / 'task.yaml'
+    path.write_text(yaml.safe_dump(content))
+    return str(path)
+
+
+def refusal(name_or_path: str, error: type[RedresError]) -> str:
+    with pytest.raises(error) as caught:
+        load_task(name_or_path)
+    assert '\n' not in str(caught.value)
+    return str(caught.value)
+
+
+# --- good ones --------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_a_shipped_task_starts_at_its_first_point(name):
+    task = load_task(name)
+    x, _ = RobotModel.named(task.robot).tip(task.start)
+    assert np.linalg.norm(x - task.waypoints[0]) < task.tolerance
+
+
+def test_the_rectangle_is_the_task_of_the_paper():
+    task = load_task('rectangle')
+    assert task.start == pytest.approx(np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)), abs=1e-15)
+    assert task.waypoints.tolist() == [[-0.4, 0.36, 0.01], [-0.4, -0.36, 0.01], [-0.4, -0.36, 1.16], [-0.4, 0.36, 1.16]]
+    assert (task.segment_time, task.feedback_gain, task.tolerance, task.segments) == (3.0, 10.0, 0.001, 3)
+    assert task.switching == 'at_rest'
+
+
+def test_a_file_gives_what_it_says(tmp_path):
+    task = load_task(written(tmp_path))
+    assert task.robot == 'lwr4_paper'
+    assert task.start == pytest.approx(np.radians(GOOD['start']))
+    assert task.waypoints.tolist() == GOOD['waypoints']
+    assert (task.segment_time, task.feedback_gain, task.tolerance) == (2.0, 5.0, 0.002)
+    assert task.switching == 'within_tolerance'
+
+
+def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
+    task = load_task(written(tmp_path, segment_time=None, feedback_gain=None, tolerance=None, switching=None))
+    assert (task.segment_time, task.feedback_gain, task.tolerance, task.switching) == (3.0, 10.0, 0.001, 'at_rest')
+
+
+# --- bad ones ---------------------------------------------------------------------------------------------------------
+
+def test_an_unknown_name_is_refused_with_those_that_exist():
+    assert refusal('circle', UnknownNameError).startswith("unknown task 'circle'; allowed: a path ending in .yaml, rectangle")
+
+
+def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
+    assert refusal(f'{tmp_path}/none.yaml', FileError) == f'cannot read the task {tmp_path}/none.yaml: No such file or directory'
+
+
+def test_a_directory_is_refused_by_path(tmp_path):
+    (tmp_path / 'folder.yaml').mkdir()
+    assert f'cannot read the task {tmp_path}/folder.yaml' in refusal(f'{tmp_path}/folder.yaml', FileError)
+
+
+@pytest.mark.parametrize('content', [b'waypoints: [[1, 2', b'a: b: c', b'\xff\xfe\x00 no text', b'\t- x'])
+def test_a_file_that_is_no_yaml_is_refused_by_path(tmp_path, content):
+    path = tmp_path / 'task.yaml'
+    path.write_bytes(content)
+    assert refusal(str(path), FileError).startswith(f'{path} is no YAML: ')
+
+
+@pytest.mark.parametrize('content', ['', 'text', '[1, 2]', 'robot: lwr4'])
+def test_yaml_that_is_no_task_is_refused_with_the_keys(tmp_path, content):
+    path = tmp_path / 'task.yaml'
+    path.write_text(content)
+    assert f'{path} is no task; expected the keys robot, start, waypoints' in refusal(str(path), FileError)
+
+
+@pytest.mark.parametrize('key', ['robot', 'start', 'waypoints'])
+def test_a_missing_key_is_refused_with_the_keys(tmp_path, key):
+    assert 'expected the keys robot, start, waypoints' in refusal(written(tmp_path, **{key: None}), FileError)
+
+
+def test_a_misspelt_key_is_refused_with_the_keys(tmp_path):
+    message = refusal(written(tmp_path, tolerence=0.1), UnknownNameError)
+    assert "'tolerence'" in message
+    assert 'tolerance' in message
+
+
+@pytest.mark.parametrize(('key', 'value'), [
+    ('start', [0, 1, 'x']), ('start', 5), ('start', [[0, 1], [2, 3]]), ('start', [0, float('nan')]), ('start', {'a1': 0}),
+    ('waypoints', [[0, 0, 0], [0, 0]]), ('waypoints', [0, 0, 0]), ('waypoints', [[0, 0, 0], [0, float('inf'), 0]]), ('waypoints', 'none'),
+])
+def test_numbers_that_are_none_are_refused_by_key(tmp_path, key, value):
+    assert f'task.yaml: {key} is ' in refusal(written(tmp_path, **{key: value}), FileError)
+
+
+@pytest.mark.parametrize('points', [[[0, 0, 0]], [[0, 0], [1, 1]], [[0, 0, 0, 0]] * 3])
+def test_waypoints_of_another_shape_are_refused(tmp_path, points):
+    shape = np.shape(points)
+    assert f'waypoints has shape {shape}; expected at least two points' in refusal(written(tmp_path, waypoints=points), FileError)
+
+
+@pytest.mark.parametrize('key', ['segment_time', 'feedback_gain', 'tolerance'])
+@pytest.mark.parametrize('value', ['fast', True, [1.0]])
+def test_a_number_that_is_something_else_is_refused_by_key(tmp_path, key, value):
+    assert f'task.yaml: {key} is {value!r}; expected a number' in refusal(written(tmp_path, **{key: value}), FileError)
+
+
+@pytest.mark.parametrize(('key', 'value'), [
+    ('segment_time', 0.0), ('segment_time', float('nan')), ('feedback_gain', -1.0), ('tolerance', 0.0), ('tolerance', float('inf')),
+])
+def test_a_number_out_of_range_is_refused_by_key(tmp_path, key, value):
+    assert refusal(written(tmp_path, **{key: value}), RangeError).startswith(f'{key} is {value}; allowed: ')
+
+
+def test_an_unknown_switching_rule_is_refused_with_those_that_exist(tmp_path):
+    message = refusal(written(tmp_path, switching='soon'), UnknownNameError)
+    assert message == "unknown switching 'soon'; allowed: at_rest, within_tolerance"
