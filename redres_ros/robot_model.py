@@ -87,7 +87,8 @@ class RobotModel:
         """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
         q, dq = self.check(q, 'q'), self.check(dq, 'dq')
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
-        return pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED).vector[:self.m].copy()
+        ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED)
+        return ddx.vector[:self.m].copy()
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""

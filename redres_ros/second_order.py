@@ -1,8 +1,8 @@
-"""The original schemes on the acceleration and torque level, sampled: the yardsticks that the velocity laws are measured with.
+"""The original schemes on the acceleration and torque level, sampled: the yardsticks of the velocity laws.
 
-Written as the paper states them, with explicit pseudoinverses and the arm's dynamics instead of `resolve`, so that a law and its
-scheme can only agree because the conversion is right. J is taken to have full rank, as the paper does in Sections 3 and 4:
-unlike a law, a scheme damps nothing near a singularity.
+Written as the paper states them, with explicit pseudoinverses and the arm's forward dynamics instead of `resolve`, so
+that a law and its scheme can only agree because the conversion is right. J is taken to have full rank, as in Sections 3
+and 4: unlike a law, a scheme damps nothing near a singularity.
 """
 
 from abc import ABC, abstractmethod
@@ -18,9 +18,10 @@ from redres_ros.robot_model import RobotModel, RobotState
 
 @dataclass(frozen=True)
 class Scheme(ABC):
-    """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4), the best one in some sense.
+    """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4), the best in a norm.
 
-    In a scheme dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with `param`, are its gains.
+    Its dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with `param`, are its
+    gains.
     """
 
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e4)
@@ -30,14 +31,14 @@ class Scheme(ABC):
 
     @abstractmethod
     def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], dJ_dq (m,) being dJ dq, the part of it that dq brings about."""
+        """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq (m,)."""
 
     @abstractmethod
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
         """J_W^#, (n, m), in the metric W in which the scheme chooses among the ddq."""
 
     def preferred(self, state: RobotState) -> np.ndarray:
-        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a subclass wants something else."""
+        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a subclass wants another."""
         return -self.damping * state.dq_prev
 
 
@@ -57,8 +58,8 @@ class MinimumAcceleration(Scheme):
 class TorqueScheme(Scheme):
     """A scheme that commands tau; the arm's dynamics, Eq. (6), make ddq of it.
 
-    Each is the tau nearest to tau_N = M ddq_N in a norm of its own. For ddq_N = -k_d dq that is Eq. (34), which opposes the
-    generalized momentum M dq.
+    Each chooses the tau nearest to tau_N = M ddq_N in a norm of its own. For ddq_N = -k_d dq that is Eq. (34), which
+    opposes the generalized momentum M dq.
     """
 
     def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
@@ -77,7 +78,7 @@ class MinimumWeightedTorque(TorqueScheme):
         J, M, n = state.J, state.M, state.n
         J_pinv, ddq_N = self.pseudoinverse(state), self.preferred(state)
         tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, n)))  # Eq. (25)
-        return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))
+        return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))  # M P ddq_N
 
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
         return _pseudoinverse(state.J)
@@ -101,10 +102,10 @@ class DynamicallyConsistent(TorqueScheme):
 
 @dataclass(frozen=True)
 class MinimumTorque(TorqueScheme):
-    """Least torque in the plain norm: Eq. (7), made the tau nearest to tau_N of Eq. (34) by its part in the null space of J M^-1.
+    """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1, (A.13) with y = tau.
 
-    This is what the law's bias stands for. With T ddq = dq_k - dq_{k-1} and b = (1 - k_d T) dq_{k-1} - T M^-1 n, Eq. (6) gives
-    M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that the law's |dq_k - b| in the norm of M^2 is T |tau - tau_N|.
+    This is what the law's bias stands for: with T ddq = dq_k - dq_{k-1} and b = (1 - k_d T) dq_{k-1} - T M^-1 n,
+    Eq. (6) gives M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that |dq_k - b| in the norm of M^2 is T |tau - tau_N|.
     """
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
@@ -134,7 +135,8 @@ def make_scheme(name: str, damping: float = 10.0) -> Scheme:
 class SecondOrderController:
     """Turns task velocities into joint velocities by a scheme of second order, sampled and integrated.
 
-    model, scheme, T [s] as they say; used like a Controller. Before the first update everything is at rest. Raises RangeError for T.
+    model, scheme, T [s] as they say; used like a Controller. Before the first update everything is at rest.
+    Raises RangeError for T.
     """
 
     def __init__(self, model: RobotModel, scheme: Scheme, T: float) -> None:
@@ -158,8 +160,9 @@ class SecondOrderController:
         return self._last
 
 
-def step(model: RobotModel, scheme: Scheme, T: float, state: RobotState, J_prev: np.ndarray, dx: np.ndarray, dx_prev: np.ndarray) -> np.ndarray:
-    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and what the tick before had: J_{k-1} (m, n), dx_{k-1} (m,)."""
+def step(model: RobotModel, scheme: Scheme, T: float, state: RobotState, J_prev: np.ndarray, dx: np.ndarray,
+         dx_prev: np.ndarray) -> np.ndarray:
+    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and J_{k-1} (m, n), dx_{k-1} (m,) of the last tick."""
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J - J_prev) / T  # Eq. (9)
     ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)

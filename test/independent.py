@@ -1,8 +1,8 @@
 """The paper's arm, laws and sampled loop once more, from the equations alone: nothing here imports the package.
 
-Kinematics from the Denavit-Hartenberg table instead of a URDF; M and n from the links' Jacobians and the principle of virtual
-power instead of recursive algorithms; the laws from explicit inverses instead of factorizations. All arrays have a leading axis
-(B, ...) for loops that run side by side.
+Kinematics from the Denavit-Hartenberg table instead of a URDF; M and n from the links' Jacobians and the principle of
+virtual power instead of recursive algorithms; the laws from explicit inverses instead of factorizations. All arrays
+have a leading axis (B, ...) for loops that run side by side.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ LAWS = {
 
 @dataclass(frozen=True)
 class Links:
-    """d (7,) [m]; mass (7,) [kg]; com (7, 3) [m] in the frame on each joint, z along the axis; inertia (7, 3, 3) [kg m^2] about it;
-    rotors (7,) [kg m^2]."""
+    """d (7,) [m]; mass (7,) [kg]; com (7, 3) [m] and inertia (7, 3, 3) [kg m^2] about it, both in the frame on the
+    joint with z along the axis; rotors (7,) [kg m^2]."""
 
     d: np.ndarray
     mass: np.ndarray
@@ -64,7 +64,8 @@ def frames(d: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     before, x = np.eye(3), np.zeros((len(q), 3))
     for i in range(7):
         turn = np.zeros((len(q), 3, 3))
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = cos[:, i], -sin[:, i], sin[:, i], cos[:, i], 1.0
+        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = cos[:, i], -sin[:, i], sin[:, i], cos[:, i]
+        turn[:, 2, 2] = 1.0
         R[:, i], o[:, i] = before @ turn, x
         x = x + d[i] * R[:, i, :, 2]
         c, s = np.cos(ALPHA[i]), np.sin(ALPHA[i])

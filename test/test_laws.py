@@ -13,15 +13,15 @@ from redres_ros.parameter import param, parameters
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
-# Relative to the size of what is compared. Solving with M M, whose condition stays below 1e7 here, loses 7 of 16 digits.
+# Relative to the size of what is compared. Solving with M M, of a condition below 1e7 here, loses 7 of 16 digits.
 ROUNDING = 1e-8
 
 
 @dataclass(frozen=True)
 class JointCentering(Law):
-    """Minimum acceleration with a joint-space spring, Eq. (19): a law that the package knows nothing about."""
+    """A spring draws the joints to zero within the null space, Eq. (19). The package knows nothing of this law."""
 
-    k_s: float = param(4.0, 'spring gain [1/s^2]', 0.0, 1e3)
+    k_s: float = param(4.0, 'stiffness per unit of inertia [1/s^2]', 0.0, 1e3)
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
@@ -30,8 +30,9 @@ class JointCentering(Law):
 CLASSES = {**LAWS, 'joint_centering': JointCentering}
 EVERY_LAW = pytest.mark.parametrize('cls', CLASSES.values(), ids=CLASSES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
-WITH_MEMORY = pytest.mark.parametrize('name', ['minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent',
-                                               'minimum_torque'])
+WITH_MEMORY = pytest.mark.parametrize('name', [
+    'minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque',
+])
 FORGOTTEN = 1.0 / T  # the damping that makes lambda zero
 
 
@@ -125,7 +126,9 @@ def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damp
 
 
 @EVERY_LAW
-@pytest.mark.parametrize(('damping', 'T', 'bound'), [(1000.1, 0.001, '1000'), (501.0, 0.002, '500'), (2000.0, 0.001, '1000')])
+@pytest.mark.parametrize(('damping', 'T', 'bound'), [
+    (1000.1, 0.001, '1000'), (501.0, 0.002, '500'), (2000.0, 0.001, '1000'),
+])
 def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(cls, damping, T, bound):
     with pytest.raises(RangeError, match=f'damping is {damping}; allowed: 0 to {bound} .*1/T.*T = {T}'):
         cls(damping=damping).check_damping(T)
@@ -153,16 +156,18 @@ def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(mode
     for _ in range(1000):
         q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
     assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-6
-    # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls tenfold every 2.5 s or faster
-    # (the arm's curvature works against the spring, else it would fall with exp(-2 t)).
+    # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls tenfold every 2.5 s
+    # or faster (the arm's curvature works against the spring, else it would fall with exp(-2 t)).
     assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J).T @ q) < 1e-3
 
 
 # --- the table --------------------------------------------------------------------------------------------------------
 
 def test_the_six_laws_of_the_paper_have_their_names():
-    assert set(LAWS) >= {'minimum_velocity', 'minimum_acceleration', 'minimum_kinetic_energy', 'minimum_weighted_torque',
-                         'dynamically_consistent', 'minimum_torque'}
+    assert set(LAWS) >= {
+        'minimum_velocity', 'minimum_acceleration', 'minimum_kinetic_energy',
+        'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque',
+    }
 
 
 @pytest.mark.parametrize('name', LAWS)
@@ -290,14 +295,16 @@ def test_minimum_acceleration_moves_as_its_acceleration_level_scheme_does(ticks)
         assert same(solve(make_law('minimum_acceleration', damping=10.0), tick.state), tick.state.dq_prev + T * ddq)
 
 
-@pytest.mark.parametrize(('name', 'power'), [('minimum_weighted_torque', -2), ('dynamically_consistent', -1), ('minimum_torque', 0)])
+@pytest.mark.parametrize(('name', 'power'), [
+    ('minimum_weighted_torque', -2), ('dynamically_consistent', -1), ('minimum_torque', 0),
+])
 def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, states):
     law = make_law(name, damping=0.0)
     for state in states:
         tau = state.M @ (solve(law, state) - state.dq_prev) / T + state.n
         norm = np.linalg.matrix_power(np.linalg.inv(state.M), -power)  # M^power
-        torques = state.M @ null_space(state.J)  # of accelerations that leave the task as it is
-        assert np.linalg.norm(torques.T @ norm @ tau) < ROUNDING * np.linalg.norm(torques.T @ norm, 2) * np.linalg.norm(tau) * 10.0
+        slopes = (state.M @ null_space(state.J)).T @ norm  # of accelerations that leave the task as it is
+        assert np.linalg.norm(slopes @ tau) < 10.0 * ROUNDING * np.linalg.norm(slopes, 2) * np.linalg.norm(tau)
 
 
 # --- Appendix B: no task, so all of the last velocity is in the null space --------------------------------------------

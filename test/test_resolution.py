@@ -59,7 +59,8 @@ def test_the_result_solves_the_karush_kuhn_tucker_system():
 def test_without_weight_it_is_the_pseudoinverse_with_the_projected_bias():
     for J, dx, b, _ in PROBLEMS:
         J_pinv = np.linalg.pinv(J)
-        assert resolve(J, dx, b).dq == pytest.approx(J_pinv @ dx + (np.eye(len(b)) - J_pinv @ J) @ b, abs=ROUNDING)  # Eq. (2)
+        P = np.eye(len(b)) - J_pinv @ J
+        assert resolve(J, dx, b).dq == pytest.approx(J_pinv @ dx + P @ b, abs=ROUNDING)  # Eq. (2)
 
 
 def test_the_identity_as_weight_changes_nothing():
@@ -175,7 +176,8 @@ def refusal(**changes: np.ndarray) -> str:
 
 
 @pytest.mark.parametrize(('name', 'shape', 'expected'), [
-    ('dx', (4,), '(3,)'), ('dx', (3, 1), '(3,)'), ('b', (3,), '(7,)'), ('b', (7, 1), '(7,)'), ('W', (3, 3), '(7, 7)'), ('W', (7,), '(7, 7)'),
+    ('dx', (4,), '(3,)'), ('dx', (3, 1), '(3,)'), ('b', (3,), '(7,)'), ('b', (7, 1), '(7,)'),
+    ('W', (3, 3), '(7, 7)'), ('W', (7,), '(7, 7)'),
 ])
 def test_a_shape_that_does_not_fit_is_named_with_what_is_expected(name, shape, expected):
     assert refusal(**{name: np.ones(shape)}).startswith(f'{name} has shape {shape}; expected {expected}')

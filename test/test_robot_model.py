@@ -36,7 +36,8 @@ def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
 # --- the paper's geometry ---------------------------------------------------------------------------------------------
 
 def test_the_start_of_the_paper_is_at_its_first_point(model):
-    assert np.linalg.norm(model.tip(independent.Q0)[0] - independent.POINTS[0]) < 0.2e-3  # q(0) is given to 0.01 degrees
+    # q(0) is given to 0.01 degrees
+    assert np.linalg.norm(model.tip(independent.Q0)[0] - independent.POINTS[0]) < 0.2e-3
 
 
 def test_the_reach_is_that_of_the_links_and_the_tool(model):
@@ -99,7 +100,8 @@ def test_pinocchio_and_mujoco_agree(name, dynamics):
     model, witness = RobotModel(arm, 'pose'), Witness(arm)
     for q, dq in random_motion(1000):
         state = model.state(q, dq)
-        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), witness.kinematics(q) + witness.dynamics(q, dq)):
+        seen = witness.kinematics(q) + witness.dynamics(q, dq)
+        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
             assert np.abs(got - expected).max() < AGREEMENT
 
 
@@ -130,7 +132,7 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
 @pytest.mark.parametrize(('name', 'd'), [('lwr4', independent.BARE), ('lwr4_paper', independent.PAPER)])
 def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, d):
     robot = ET.fromstring(find_arm(name, dynamics='cylinders').description())
-    # Link 1 begins above the raised base, which the paper's d_1 includes; turning about its own axis it makes no difference.
+    # Link 1 begins above the raised base, which the paper's d_1 includes. It turns about its own axis: no matter.
     for i, length in enumerate(np.maximum((0.3105, *d[1:]), 0.001), start=1):
         inertial = robot.find(f"link[@name='link_{i}']/inertial")
         inertia = {key: float(value) for key, value in inertial.find('inertia').attrib.items()}
@@ -149,7 +151,7 @@ def test_cylinders_have_no_rotors():
 # --- the identified dynamics ------------------------------------------------------------------------------------------
 
 def gravity_moment(**joints: float) -> np.ndarray:
-    """Gravity torques of the bare LWR at rest, (7,), per g, that is as first moments [kg m]; joints not given [deg] are at zero."""
+    """Gravity torques of the bare LWR per g, (7,), that is first moments [kg m]; joints not given [deg] are at 0."""
     q = np.radians([joints.get(f'q{i}', 0.0) for i in range(1, 8)])
     return np.abs(RobotModel.named('lwr4').state(q, np.zeros(7)).n) / 9.81
 
@@ -158,10 +160,10 @@ def gravity_moment(**joints: float) -> np.ndarray:
     (2, 3.37, {'q2': 90.0, 'q4': 90.0}),  # upper arm horizontal, the rest hanging from the elbow
     (4, 1.37, {'q4': 90.0, 'q6': 90.0}),  # forearm horizontal, hand hanging
     (5, 0.049, {'q4': 90.0}),  # forearm horizontal, about its own axis
-    (6, 0.042, {'q6': 90.0}),  # hand horizontal
+    (6, 0.042, {'q6': 90.0}),  # hand horizontal; of these two, two digits are published
 ])
 def test_first_moments_are_those_identified(joint, moment, pose):
-    assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, rel=0.02)  # two digits are published for the small ones
+    assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, rel=0.02)
 
 
 def test_rotors_make_up_most_of_the_wrist_inertia():
@@ -172,7 +174,7 @@ def test_rotors_make_up_most_of_the_wrist_inertia():
 
 @pytest.mark.parametrize(('joint', 'inertia'), [(0, 3.20), (1, 4.46 + 0.37 + 2 * 0.4 * 1.37)])
 def test_the_inertia_of_the_upright_arm_is_the_identified_one(joint, inertia):
-    # About A1: ZZ1. About A2: ZZ2, the forearm's own and its first moment on the upper arm's length. The rest is regrouped.
+    # About A1: ZZ1. About A2: ZZ2, the forearm's own, and its first moment times the upper arm's length, twice.
     assert RobotModel.named('lwr4').state(np.zeros(7), np.zeros(7)).M[joint, joint] == pytest.approx(inertia, rel=0.03)
 
 

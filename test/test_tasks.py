@@ -72,11 +72,13 @@ def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
 # --- bad ones ---------------------------------------------------------------------------------------------------------
 
 def test_an_unknown_name_is_refused_with_those_that_exist():
-    assert refusal('circle', UnknownNameError).startswith("unknown task 'circle'; allowed: a path ending in .yaml, rectangle")
+    message = refusal('circle', UnknownNameError)
+    assert message.startswith("unknown task 'circle'; allowed: a path ending in .yaml, rectangle")
 
 
 def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
-    assert refusal(f'{tmp_path}/none.yaml', FileError) == f'cannot read the task {tmp_path}/none.yaml: No such file or directory'
+    path = f'{tmp_path}/none.yaml'
+    assert refusal(path, FileError) == f'cannot read the task {path}: No such file or directory'
 
 
 def test_a_directory_is_refused_by_path(tmp_path):
@@ -110,8 +112,9 @@ def test_a_misspelt_key_is_refused_with_the_keys(tmp_path):
 
 
 @pytest.mark.parametrize(('key', 'value'), [
-    ('start', [0, 1, 'x']), ('start', 5), ('start', [[0, 1], [2, 3]]), ('start', [0, float('nan')]), ('start', {'a1': 0}),
-    ('waypoints', [[0, 0, 0], [0, 0]]), ('waypoints', [0, 0, 0]), ('waypoints', [[0, 0, 0], [0, float('inf'), 0]]), ('waypoints', 'none'),
+    ('start', [0, 1, 'x']), ('start', 5), ('start', [[0, 1], [2, 3]]), ('start', [0, np.nan]), ('start', {'a1': 0}),
+    ('waypoints', [[0, 0, 0], [0, 0]]), ('waypoints', [0, 0, 0]), ('waypoints', [[0, 0, 0], [0, float('inf'), 0]]),
+    ('waypoints', 'none'),
 ])
 def test_numbers_that_are_none_are_refused_by_key(tmp_path, key, value):
     assert f'task.yaml: {key} is ' in refusal(written(tmp_path, **{key: value}), FileError)
@@ -119,8 +122,8 @@ def test_numbers_that_are_none_are_refused_by_key(tmp_path, key, value):
 
 @pytest.mark.parametrize('points', [[[0, 0, 0]], [[0, 0], [1, 1]], [[0, 0, 0, 0]] * 3])
 def test_waypoints_of_another_shape_are_refused(tmp_path, points):
-    shape = np.shape(points)
-    assert f'waypoints has shape {shape}; expected at least two points' in refusal(written(tmp_path, waypoints=points), FileError)
+    message = refusal(written(tmp_path, waypoints=points), FileError)
+    assert f'waypoints has shape {np.shape(points)}; expected at least two points' in message
 
 
 @pytest.mark.parametrize('key', ['segment_time', 'feedback_gain', 'tolerance'])
@@ -130,7 +133,7 @@ def test_a_number_that_is_something_else_is_refused_by_key(tmp_path, key, value)
 
 
 @pytest.mark.parametrize(('key', 'value'), [
-    ('segment_time', 0.0), ('segment_time', float('nan')), ('feedback_gain', -1.0), ('tolerance', 0.0), ('tolerance', float('inf')),
+    ('segment_time', 0.0), ('segment_time', np.nan), ('feedback_gain', -1.0), ('tolerance', 0.0), ('tolerance', np.inf),
 ])
 def test_a_number_out_of_range_is_refused_by_key(tmp_path, key, value):
     assert refusal(written(tmp_path, **{key: value}), RangeError).startswith(f'{key} is {value}; allowed: ')

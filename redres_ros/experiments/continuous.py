@@ -1,4 +1,4 @@
-"""The schemes of second order in continuous time: what the velocity laws come close to as the sampling time goes to zero."""
+"""The schemes of second order in continuous time: what the velocity laws tend to as the sampling time goes to zero."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,26 +29,28 @@ class Motion:
 
 
 def integrate(scheme: Scheme, model: RobotModel, task: Task, t: np.ndarray) -> Motion:
-    """The task as a scheme executes it with dJ dq and ddx known exactly, at the ascending times t (N,) [s], none after its end.
+    """The task as a scheme executes it with dJ dq and ddx known exactly, at ascending times t (N,) [s] up to its end.
 
-    Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx = ddx_d + k_P (dx_d - J dq) is
-    the derivative of Eq. (37) and so keeps Eq. (37) itself, but only if the motion begins with it: where the start misses x_0, the
-    arm starts with the least velocity that fulfils it, J_W^# dx(0), which is what the first tick of a law gives as T goes to zero.
+    Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance).
+    ddx = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only if the motion
+    begins with it: where the start misses x_0, the arm starts with the least velocity that fulfils it, J_W^# dx(0),
+    which is the first tick of a law as T goes to zero.
     Raises RangeError for t, DivergenceError where the motion cannot be followed, ArrayError where J loses rank.
     """
     T_AB, T_end = task.segment_time, task.segments * task.segment_time
     if not 0.0 <= t[0] <= t[-1] <= T_end:
         raise RangeError('t', t[0] if t[0] < 0.0 else t[-1], 0.0, T_end, 's')
     segment_of = np.minimum(t // T_AB, task.segments - 1).astype(int)  # (N,)
-    y, rows = _start(scheme, model, task), []
+    y, rows = _start(scheme, model, task), []  # (2n,), N of it
     for segment in range(segment_of[-1] + 1):
         span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
-        solution = solve_ivp(_flow(scheme, model, task, segment), span, y, 'DOP853', dense_output=True, rtol=RTOL, atol=ATOL)
+        flow = _flow(scheme, model, task, segment)
+        solution = solve_ivp(flow, span, y, method='DOP853', rtol=RTOL, atol=ATOL, dense_output=True)
         if not solution.success:
             raise DivergenceError(f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}')
-        rows.append(solution.sol(t[segment_of == segment]).T)
-        y = solution.y[:, -1]
-    q, dq = np.split(np.vstack(rows), 2, axis=1)
+        *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
+        rows += within
+    q, dq = np.split(np.array(rows), 2, axis=1)
     return Motion(t.copy(), q, dq)
 
 

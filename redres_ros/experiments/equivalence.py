@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from redres_ros.controller import Command, Controller
+from redres_ros.errors import RangeError
 from redres_ros.experiments.closed_loop import run
 from redres_ros.experiments.continuous import integrate
 from redres_ros.laws import make_law
@@ -14,6 +15,7 @@ from redres_ros.second_order import Scheme, SecondOrderController, make_scheme, 
 from redres_ros.tasks import Task
 
 ZERO = 1e-9  # [rad/s]; a difference up to here is taken for rounding
+PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class Difference:
     """|dq_I - dq_II| of a law (I) and its scheme (II), over the ticks that both took.
 
     t: (ticks,) [s]; norm: (ticks,) [rad/s], each in a closed loop of its own; same_past: (ticks,) [rad/s], the scheme
-    being given at each tick what the law had. Where the loop amplifies rounding, only the second one stays small.
+    being given at each tick what the law had. Where a loop amplifies rounding, only the latter stays small.
     """
 
     t: np.ndarray
@@ -40,7 +42,7 @@ class Difference:
 
 
 def difference(law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None) -> Difference:
-    """The task executed by a law and by its yardstick, each in its own closed loop. model: None for the arm of the task.
+    """The task executed by a law and by its yardstick, each in its own closed loop. model: None for the task's arm.
 
     Raises UnknownNameError for a law without a yardstick, RangeError for damping or T.
     """
@@ -56,8 +58,9 @@ def difference(law_name: str, damping: float, T: float, task: Task, *, model: Ro
 def yardstick(law_name: str, damping: float, T: float) -> Scheme:
     """The scheme of second order that a law is compared with.
 
-    minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes for k_d = 1/T (Appendix B).
-    minimum_kinetic_energy is of first order, too, and has none in the paper: UnknownNameError. RangeError for damping.
+    minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes for k_d = 1/T
+    (Appendix B), whatever its damping. minimum_kinetic_energy is of first order, too, and has no scheme in the paper.
+    Raises UnknownNameError for a law without one, RangeError for damping.
     """
     if law_name == 'minimum_velocity':
         return make_scheme('minimum_acceleration', 1.0 / T)
@@ -66,7 +69,7 @@ def yardstick(law_name: str, damping: float, T: float) -> Scheme:
 
 @dataclass(frozen=True)
 class Amplification:
-    """t: (ticks,) [s]; gain: (ticks,) [1/s], by how much a small displacement at the start changes |dq| later, per rad."""
+    """t: (ticks,) [s]; gain: (ticks,) [1/s], |change of dq| per rad of a small displacement at the start."""
 
     t: np.ndarray
     gain: np.ndarray
@@ -80,8 +83,8 @@ def amplification(law_name: str, damping: float, T: float, task: Task, *, model:
                   displacement: float = 1e-10, seed: int = 0) -> Amplification:
     """What a law's closed loop makes of a small self-motion displacement [rad] of the start, in a random direction.
 
-    A gain g turns rounding of 1e-16 into differences of 1e-16 g: what a closed loop can show of an equivalence. It ends where the
-    two motions are as far apart as motions can be, at |dq| / displacement.
+    A gain g turns rounding errors of 1e-15 rad into differences of g 1e-15 rad/s: no closed loop shows an equivalence
+    better. It can grow no further than |dq| / displacement, where the two motions have nothing in common any more.
     """
     model = model or RobotModel.named(task.robot)
     law, J = make_law(law_name, damping=damping), model.state(task.start, np.zeros(model.n)).J
@@ -97,8 +100,9 @@ def amplification(law_name: str, damping: float, T: float, task: Task, *, model:
 class Convergence:
     """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and |dq_k - dq(t_k)|.
 
-    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s]. A law holds dq_k from t_k to t_{k+1}, so that
-    T ddq of dq_errors is but a shift in time; where gravity enters the null space at the start, the first tick is all of it.
+    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s]. A law holds dq_k from t_k to
+    t_{k+1}, so that up to T ddq of dq_errors is but a shift in time; where gravity enters the null space at the start,
+    the first tick alone makes dq_errors exactly proportional to T, and q_errors say more.
     """
 
     periods: np.ndarray
@@ -116,12 +120,15 @@ class Convergence:
         return _slope(self.periods, self.dq_errors)
 
 
-def convergence(law_name: str, damping: float, task: Task, periods: tuple[float, ...] = (0.004, 0.002, 0.001, 0.0005), *,
+def convergence(law_name: str, damping: float, task: Task, periods: tuple[float, ...] = PERIODS, *,
                 stretch: float = 3.0, model: RobotModel | None = None) -> Convergence:
-    """A law at several sampling times beside its scheme in continuous time, from the start for a stretch [s], with k_d fixed.
+    """A law at several sampling times beside its scheme in continuous time, for a stretch [s] of the task, k_d fixed.
 
+    The stretch begins with the task. Its segments have to be over in time at every sampling time.
     Raises UnknownNameError for a law that has no scheme of second order, RangeError for damping, T or stretch.
     """
+    if not 0.0 < stretch <= task.segments * task.segment_time:
+        raise RangeError('stretch', stretch, 0.0, task.segments * task.segment_time, 's')
     model = model or RobotModel.named(task.robot)
     scheme, law, errors = make_scheme(law_name, damping), make_law(law_name, damping=damping), []
     part = replace(task, waypoints=task.waypoints[:int(np.ceil(stretch / task.segment_time)) + 1])
