@@ -162,7 +162,7 @@ class SecondOrderController:
 
 def step(model: RobotModel, scheme: Scheme, T: float, state: RobotState, J_prev: np.ndarray, dx: np.ndarray,
          dx_prev: np.ndarray) -> np.ndarray:
-    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and J_{k-1} (m, n), dx_{k-1} (m,) of the last tick."""
+    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and the last J_{k-1} (m, n) and dx_{k-1} (m,)."""
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J - J_prev) / T  # Eq. (9)
     ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)

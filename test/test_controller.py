@@ -298,6 +298,16 @@ def test_a_switch_takes_little_more_acceleration_than_the_two_laws(underway, old
     assert peak(blended.run(2 * SWITCH_TIME)) < 1.5 * needed
 
 
+def test_a_switch_asked_for_in_the_middle_of_another_one_does_not_jump(underway):
+    single = underway('minimum_velocity', 1.5)
+    single.controller.switch_law(make_law('minimum_kinetic_energy'))
+    double = single.copy()
+    double.run(SWITCH_TIME / 2)
+    double.controller.switch_law(make_law('minimum_velocity'))
+    # There and back. A jump would be some 60 times as high.
+    assert peak(double.run(2 * SWITCH_TIME)) < 1.5 * peak(single.run(SWITCH_TIME))
+
+
 def test_other_gains_of_the_same_law_are_a_switch_too(underway):
     drive, ticks = underway('minimum_weighted_torque', 4.5), round(SWITCH_TIME / T)
     changed = drive.copy()

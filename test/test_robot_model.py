@@ -156,20 +156,22 @@ def gravity_moment(**joints: float) -> np.ndarray:
     return np.abs(RobotModel.named('lwr4').state(q, np.zeros(7)).n) / 9.81
 
 
-@pytest.mark.parametrize(('joint', 'moment', 'pose'), [
-    (2, 3.37, {'q2': 90.0, 'q4': 90.0}),  # upper arm horizontal, the rest hanging from the elbow
-    (4, 1.37, {'q4': 90.0, 'q6': 90.0}),  # forearm horizontal, hand hanging
-    (5, 0.049, {'q4': 90.0}),  # forearm horizontal, about its own axis
-    (6, 0.042, {'q6': 90.0}),  # hand horizontal; of these two, two digits are published
+@pytest.mark.parametrize(('joint', 'moment', 'digit', 'pose'), [
+    (2, 3.37, 0.01, {'q2': 90.0, 'q4': 90.0}),  # upper arm horizontal, the rest hanging from the elbow
+    (4, 1.37, 0.01, {'q4': 90.0, 'q6': 90.0}),  # forearm horizontal, hand hanging
+    (5, 0.049, 0.001, {'q4': 90.0}),  # forearm horizontal, about its own axis
+    (6, 0.042, 0.001, {'q6': 90.0}),  # hand horizontal
 ])
-def test_first_moments_are_those_identified(joint, moment, pose):
-    assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, rel=0.02)
+def test_first_moments_are_those_identified(joint, moment, digit, pose):
+    assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, abs=digit / 2)
 
 
-def test_rotors_make_up_most_of_the_wrist_inertia():
+def test_rotors_add_what_was_identified_and_couple_nothing():
     q, dq = random_motion(1)[0]
-    inertia = np.diag(RobotModel.named('lwr4').state(q, dq).M)
-    assert inertia[4:] == pytest.approx((0.776, 0.391, 0.399), rel=0.05)
+    bare = replace(ARMS['lwr4'], rotor_inertia=())
+    added = RobotModel.named('lwr4').state(q, dq).M - RobotModel(bare).state(q, dq).M
+    assert np.diag(added)[2:] == pytest.approx((2.01, 1.92, 0.776, 0.391, 0.399), abs=1e-12)
+    assert added == pytest.approx(np.diag(np.diag(added)), abs=1e-12)
 
 
 @pytest.mark.parametrize(('joint', 'inertia'), [(0, 3.20), (1, 4.46 + 0.37 + 2 * 0.4 * 1.37)])

@@ -2,20 +2,31 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from typing import Protocol
 
 import numpy as np
 
-from redres_ros.controller import Controller
+from redres_ros.controller import Command
 from redres_ros.experiments.recording import Recording, row
 from redres_ros.laws import Law
 from redres_ros.planner import Planner
+from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import Task
 
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
 PATIENCE = 3.0  # a task may take this many times its nominal duration
 
 
-def run(controller: Controller, task: Task, *, delay: int = 0, switches: Mapping[int, Law] | None = None,
+class Client(Protocol):
+    """What answers the robot's states: a Controller, or one of second order. T [s] is the robot's cycle."""
+
+    model: RobotModel
+    T: float
+
+    def update(self, q: np.ndarray, dx: np.ndarray) -> Command: ...
+
+
+def run(controller: Client, task: Task, *, delay: int = 0, switches: Mapping[int, Law] | None = None,
         progress: Callable[[float], None] | None = None) -> Recording:
     """The task from its start until the last point is reached, which gives no row of its own.
 
@@ -31,7 +42,7 @@ def run(controller: Controller, task: Task, *, delay: int = 0, switches: Mapping
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
         if switches and k in switches:
-            controller.switch_law(switches[k])
+            controller.switch_law(switches[k])  # type: ignore[attr-defined]  # only a Controller has laws to switch
         reference = planner.reference(controller.model.tip(q)[0], t)
         if reference.finished:
             return Recording.of(rows, len(q), T, True, f'reached the last point after {t:.3f} s')

@@ -39,8 +39,9 @@ class Effort:
         T, q, dq = recording.T, recording.vectors('q1'), recording.vectors('dq1')
         M = np.array([model.state(position, velocity).M for position, velocity in zip(q, dq, strict=True)])  # (N, n, n)
         elbow = np.array([model.position(position, model.arm.elbow_frame) for position in q])  # (N, 3)
+        acceleration, velocity, torque = (recording.peak(f'joint_{name}_norm')[0] for name in ('acceleration', 'velocity', 'torque'))
         return cls(
-            *(recording.peak(f'joint_{name}_norm')[0] for name in ('acceleration', 'velocity', 'torque')),
+            acceleration, velocity, torque,
             squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
             squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
             kinetic_energy=T * float(np.einsum('ti,tij,tj->', dq, M, dq)) / 2.0,

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from redres_ros.errors import RangeError, RedresError
+from redres_ros.experiments.closed_loop import SPEED_LIMIT
 from redres_ros.planner import Planner, quintic
 from redres_ros.robot_model import RobotModel
 from redres_ros.second_order import Scheme
@@ -67,6 +68,8 @@ def _flow(scheme: Scheme, model: RobotModel, task: Task, segment: int) -> Callab
 
     def flow(t: float, y: np.ndarray) -> np.ndarray:
         q, dq = np.split(y, 2)
+        if np.abs(dq).max() > SPEED_LIMIT:
+            raise DivergenceError(f'no continuous motion beyond {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s')
         xi = t / T_AB - segment
         state = model.state(q, dq)
         dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)

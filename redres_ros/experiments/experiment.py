@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from redres_ros.controller import Command
+from redres_ros.experiments.closed_loop import PATIENCE, Client
 from redres_ros.experiments.recording import Recording, row
 from redres_ros.experiments.savgol import Motion, differentiate
 from redres_ros.fri.guard import Guard
@@ -15,21 +15,10 @@ from redres_ros.fri.plant import MujocoPlant
 from redres_ros.fri.robot import Answer, FriRobot
 from redres_ros.fri.session import Session, State
 from redres_ros.planner import Planner, Reference
-from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm
 from redres_ros.tasks import Task
 
-PATIENCE = 3.0  # a task may take this many times its nominal duration
 AFTERMATH = 1.0  # [s] for which the arm is still watched once the task is over or the robot has stopped
-
-
-class Client(Protocol):
-    """What answers the robot's states: a Controller, or one of second order. T [s] is the robot's cycle."""
-
-    model: RobotModel
-    T: float
-
-    def update(self, q: np.ndarray, dx: np.ndarray) -> Command: ...
 
 
 @dataclass(frozen=True)

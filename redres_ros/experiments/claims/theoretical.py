@@ -8,7 +8,6 @@ from scipy.linalg import null_space
 
 from redres_ros.controller import Controller
 from redres_ros.experiments.claims.claim import ROUNDING, Claim, Finding
-from redres_ros.experiments.equivalence import convergence
 from redres_ros.experiments.figures.runs import SIMULATION_DAMPING, SIMULATION_T, Runs
 from redres_ros.experiments.recording import Recording
 from redres_ros.laws import LAWS, make_law
@@ -17,7 +16,6 @@ from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.second_order import SCHEMES, SecondOrderController, make_scheme
 
 _EVERY = 50  # ticks between the states of a run at which something is checked
-_CONVERGING = ('minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent')
 _REPETITIONS = 3000  # of a tick when it is timed
 
 
@@ -78,7 +76,7 @@ def optimality(runs: Runs) -> Finding:
             dq = resolve(state.J, state.J @ moved, b, W).dq
             residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b)))
         worst[name] = max(residuals)
-    return Finding(max(worst.values()) <= 1e-9, 'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()))
+    return Finding(bool(max(worst.values()) <= 1e-9), 'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()))
 
 
 def resting_place(runs: Runs) -> Finding:
@@ -125,7 +123,7 @@ def cost(runs: Runs) -> Finding:
 
 def proportional(runs: Runs) -> Finding:
     """Order of convergence to the continuous scheme on the first segment."""
-    orders = {name: convergence(name, SIMULATION_DAMPING, runs.task).dq_order for name in _CONVERGING}
+    orders = {name: found.dq_order for name, found in runs.convergences.items()}
     return Finding(all(0.9 <= order <= 1.1 for order in orders.values()),
                    'the error against the continuous scheme falls as T^p over the first segment, with p = '
                    + ', '.join(f'{order:.2f} ({name})' for name, order in orders.items()))

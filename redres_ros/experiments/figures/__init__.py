@@ -6,6 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from redres_ros.experiments.figures import differences, motions, norms, pictorial
+from redres_ros.experiments.figures.convergence import figure_convergence
 from redres_ros.experiments.figures.runs import Runs
 from redres_ros.experiments.plots import save
 
@@ -29,7 +30,7 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
 
 
 def draw_all(out: Path, progress: Callable[[float], None] | None = None, runs: Runs | None = None) -> dict[int, Path]:
-    """Write every figure as out/figure_NN.png; the files by number.
+    """Write every figure as out/figure_NN.png, and convergence.png, which the paper does not have; the files by number.
 
     progress is told the share that is done; runs: what to draw, so that it can be used for more than that. Raises FileError.
     """
@@ -39,6 +40,7 @@ def draw_all(out: Path, progress: Callable[[float], None] | None = None, runs: R
         save(draw(runs), files[number])
         if progress:
             progress(done / len(FIGURES))
+    save(figure_convergence(runs), out / 'convergence.png')
     return files
 
 

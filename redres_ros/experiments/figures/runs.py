@@ -3,8 +3,9 @@
 from functools import cached_property
 
 from redres_ros.controller import Controller
-from redres_ros.experiments.closed_loop import run
-from redres_ros.experiments.experiment import Client, Experiment, experiment
+from redres_ros.experiments.closed_loop import Client, run
+from redres_ros.experiments.equivalence import Convergence, convergence
+from redres_ros.experiments.experiment import Experiment, experiment
 from redres_ros.experiments.recording import Recording
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
@@ -104,6 +105,12 @@ class Runs:
     def experiment_29(self) -> Experiment:
         """Scheme (29) with damping (34), points in reverse order."""
         return self._try(self._scheme('dynamically_consistent', 1.0 / EXPERIMENT_T), self.reversed_task)
+
+    @cached_property
+    def convergences(self) -> dict[str, Convergence]:
+        """Laws at several sampling times against their schemes in continuous time, on the first segment."""
+        laws = 'minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent'
+        return {law: convergence(law, SIMULATION_DAMPING, self.task) for law in laws}
 
     def _simulate(self, law: str, damping: float = 0.0) -> Recording:
         return run(Controller(self.model, make_law(law, damping=damping), SIMULATION_T), self.task)

@@ -1,0 +1,56 @@
+"""The claims of the paper: what is measured can also come out otherwise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from redres_ros.errors import FileError
+from redres_ros.experiments.claims import CLAIMS, Claim, Finding, check_all, table, theoretical, write_csv
+from redres_ros.experiments.figures import Runs
+
+
+@pytest.fixture(scope='module')
+def runs() -> Runs:
+    return Runs()
+
+
+CHEAP = (theoretical.square_task, theoretical.two_forms, theoretical.special_case_35, theoretical.optimality, theoretical.resting_place,
+         theoretical.regimes)
+
+
+@pytest.mark.parametrize('measure', CHEAP, ids=lambda measure: measure.__name__)
+def test_what_is_proved_in_the_paper_holds(runs: Runs, measure: object) -> None:
+    finding = measure(runs)
+    assert finding.held, finding.measured
+
+
+def test_a_law_that_is_not_optimal_is_found_out(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    resolve = theoretical.resolve
+
+    def spoiled(*arguments: np.ndarray) -> object:
+        resolution = resolve(*arguments)
+        return resolution._replace(dq=resolution.dq + 1e-6)
+
+    monkeypatch.setattr(theoretical, 'resolve', spoiled)
+    assert not theoretical.optimality(runs).held
+
+
+def test_every_claim_names_its_place_in_the_paper_and_is_measured_once() -> None:
+    assert all(claim.section and claim.says for claim in CLAIMS)
+    assert len({claim.measure for claim in CLAIMS}) == len(CLAIMS)
+
+
+def test_findings_are_shown_and_written_whole(tmp_path: Path) -> None:
+    good, bad = Claim('1', 'One', lambda _: Finding(True, 'a = 1')), Claim('2', 'Two', lambda _: Finding(False, 'b = 2', 'because'))
+    shares: list[float] = []
+    findings = check_all((good, bad), None, shares.append)
+    assert shares == [0.5, 1.0]
+    shown = table(findings)
+    assert 'NOT HELD' in shown
+    assert '1 of 2 claims held' in shown
+    write_csv(findings, tmp_path / 'claims.csv')
+    assert (tmp_path / 'claims.csv').read_text().splitlines() == [
+        'section,claim,held,measured,remark', '1,One,yes,a = 1,', '2,Two,no,b = 2,because']
+    with pytest.raises(FileError, match='cannot write'):
+        write_csv(findings, Path('/dev/null/claims.csv'))

@@ -1,0 +1,163 @@
+"""Laws beside their schemes over whole tasks, sampled and in continuous time: the paper's claim of equivalence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from redres_ros import RobotModel, Task
+from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.experiments import equivalence
+from redres_ros.experiments.continuous import DivergenceError, integrate
+from redres_ros.experiments.equivalence import (
+    ZERO,
+    Convergence,
+    Difference,
+    amplification,
+    convergence,
+    difference,
+    yardstick,
+)
+from redres_ros.second_order import SCHEMES, MinimumAcceleration, make_scheme
+
+EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
+PERIODS = (0.008, 0.004, 0.002)  # [s]
+
+
+@pytest.fixture(scope='module')
+def heavy() -> RobotModel:
+    """The paper's arm with the identified dynamics, on which no law with damping is unstable."""
+    return RobotModel.named('lwr4_paper', dynamics='lwr')
+
+
+@pytest.fixture(scope='module')
+def side(task: Task) -> Task:
+    """The first side of the paper's rectangle."""
+    return replace(task, waypoints=task.waypoints[:2])
+
+
+# --- sampled ----------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('name', 'damping', 'T'), [
+    ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
+    ('dynamically_consistent', 1000.0, 0.001),  # Fig. 8
+    ('minimum_acceleration', 5.0, 0.002),  # Fig. 13, ideal
+    ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
+    ('minimum_weighted_torque', 10.0, 0.002),
+    ('minimum_velocity', 0.0, 0.002),
+])
+def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T, task):
+    found = difference(name, damping, T, task)
+    assert found.max < ZERO
+    assert found.holds_until == np.inf
+    assert found.t[-1] == pytest.approx(9.0 - T)
+
+
+def test_so_do_they_for_the_least_torque_on_an_arm_that_it_does_not_make_unstable(task, heavy):
+    assert difference('minimum_torque', 10.0, 0.002, task, model=heavy).max < ZERO
+
+
+def test_without_damping_the_law_and_the_scheme_of_least_acceleration_go_the_same_way_astray(task):
+    found = difference('minimum_acceleration', 0.0, 0.001, task)  # the loop amplifies rounding 4e3 times
+    assert found.max < ZERO
+
+
+def test_where_the_loop_amplifies_rounding_law_and_scheme_still_agree_at_every_tick(task):
+    found = difference('minimum_weighted_torque', 0.0, 0.002, task)
+    assert found.max > 1.0  # [rad/s]: the closed loops have parted,
+    assert 0.5 < found.holds_until < task.segment_time * task.segments  # in the course of time,
+    # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits for a condition of 1e3
+    assert found.same_past.max() < ZERO
+    assert amplification('minimum_weighted_torque', 0.0, 0.002, task).max > 1e9  # and a displaced start does as much
+
+
+def test_with_damping_the_loop_amplifies_nothing(side):
+    assert amplification('minimum_weighted_torque', 10.0, 0.002, side).max < 10.0  # [1/s], not above k_P and k_d
+
+
+@pytest.mark.parametrize(('excess', 'seen'), [(0.0, False), (1e-6, True)])
+def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(excess, seen, side, monkeypatch):
+    monkeypatch.setattr(equivalence, 'yardstick', lambda name, damping, T: make_scheme(name, damping + excess))
+    found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
+    assert (found.max > ZERO) == (found.same_past.max() > ZERO) == seen
+
+
+def test_holding_ends_with_the_first_difference_that_is_no_rounding():
+    t = np.arange(4.0)
+    assert Difference(t, np.array((0.0, ZERO, 2 * ZERO, 0.0)), np.zeros(4)).holds_until == 2.0
+    assert Difference(t, np.full(4, ZERO), np.zeros(4)).holds_until == np.inf
+
+
+def test_the_yardstick_of_a_law_is_the_scheme_of_its_name():
+    for name, cls in SCHEMES.items():
+        assert yardstick(name, 3.0, 0.001) == cls(3.0)
+
+
+def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_tick():
+    assert yardstick('minimum_velocity', 10.0, 0.001) == MinimumAcceleration(1000.0)
+
+
+def test_least_kinetic_energy_has_no_yardstick(side):
+    with pytest.raises(UnknownNameError, match="unknown scheme of second order 'minimum_kinetic_energy'"):
+        difference('minimum_kinetic_energy', 10.0, 0.001, side)
+
+
+# --- continuous -------------------------------------------------------------------------------------------------------
+
+@EVERY_SCHEME
+def test_the_laws_converge_to_the_continuous_schemes_with_the_first_order(name, side, heavy):
+    found = convergence(name, 10.0, side, PERIODS, model=heavy)
+    assert 0.9 < found.q_order < 1.1
+    assert 0.9 < found.dq_order < 1.1
+    assert found.dq_errors[-1] < 0.05  # [rad/s]
+
+
+def test_the_order_is_the_slope_of_the_errors():
+    found = Convergence(np.array((0.004, 0.002, 0.001)), np.array((4.0, 2.0, 1.0)), np.array((16.0, 4.0, 1.0)))
+    assert found.q_order == pytest.approx(1.0)
+    assert found.dq_order == pytest.approx(2.0)
+
+
+@EVERY_SCHEME
+def test_the_continuous_motion_executes_the_task(name, task, heavy):
+    t = np.linspace(0.0, 9.0, 37)
+    motion = integrate(make_scheme(name), heavy, task, t)
+    tip, xi = np.array([heavy.tip(q)[0] for q in motion.q]), np.tile(np.arange(12), 3)[:, None] / 12
+    ways = np.repeat(np.diff(task.waypoints, axis=0), 12, axis=0)
+    x_d = np.repeat(task.waypoints[:-1], 12, axis=0) + ways * (6 * xi**5 - 15 * xi**4 + 10 * xi**3)  # Eq. (36)
+    error = np.linalg.norm(tip - np.vstack((x_d, task.waypoints[-1])), axis=1)
+    assert error[0] > 1e-5  # [m]; the start misses x_0 by 0.15 mm,
+    assert error == pytest.approx(error[0] * np.exp(-10.0 * t), abs=1e-8)  # which Eq. (37) makes good
+
+
+@EVERY_SCHEME
+def test_the_continuous_velocity_is_the_derivative_of_the_continuous_position(name, task, heavy):
+    middle, h = np.array((0.4, 2.0, 4.0)), 1e-3
+    q = {shift: integrate(make_scheme(name), heavy, task, middle + shift).q for shift in (-h, h)}
+    dq = integrate(make_scheme(name), heavy, task, middle).dq
+    assert (q[h] - q[-h]) / (2.0 * h) == pytest.approx(dq, abs=1e-4)  # central differences: h^2 times jerk of 100 rad/s^4
+
+
+def test_the_continuous_motion_does_not_depend_on_when_it_is_looked_at(task, model):
+    often = integrate(make_scheme('minimum_acceleration'), model, task, np.linspace(0.0, 9.0, 19))
+    seldom = integrate(make_scheme('minimum_acceleration'), model, task, np.array((0.0, 3.0, 5.0)))
+    assert seldom.q == pytest.approx(often.q[[0, 6, 10]], abs=1e-8)  # steps and so errors differ: tolerances times growth
+    assert seldom.dq == pytest.approx(often.dq[[0, 6, 10]], abs=1e-8)
+
+
+def test_a_point_out_of_reach_has_no_continuous_motion(side, model):
+    far = replace(side, waypoints=np.array((side.waypoints[0], (-1.5, 0.36, 0.01))))
+    with pytest.raises(DivergenceError, match=r'no continuous motion beyond 1\.4'):
+        integrate(make_scheme('minimum_acceleration'), model, far, np.array((3.0,)))
+
+
+@pytest.mark.parametrize('t', [(-0.1, 1.0), (0.0, 3.1), (np.nan,)])
+def test_times_outside_the_task_are_refused(t, side, model):
+    with pytest.raises(RangeError, match='t is .*; allowed: 0 to 3 '):
+        integrate(make_scheme('minimum_acceleration'), model, side, np.array(t))
+
+
+@pytest.mark.parametrize('stretch', [0.0, -1.0, 3.1, np.nan])
+def test_a_stretch_outside_the_task_is_refused(stretch, side):
+    with pytest.raises(RangeError, match='stretch is .*; allowed: 0 to 3 '):
+        convergence('minimum_acceleration', 10.0, side, stretch=stretch)

@@ -1,0 +1,260 @@
+"""The original schemes. A scheme that is added to the table SCHEMES goes through every test of the first part by itself."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from redres_ros import LAWS, Controller, Law, RobotModel, RobotState, make_law, resolve
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.experiments.closed_loop import run
+from redres_ros.parameter import param
+from redres_ros.second_order import (
+    SCHEMES,
+    MinimumAcceleration,
+    SecondOrderController,
+    TorqueScheme,
+    make_scheme,
+    step,
+)
+
+T = 0.001  # [s]
+DX = np.array((0.2, -0.1, 0.3))  # [m/s]
+# Relative to the size of what is compared. The law of least torque solves with M M, of a condition below 1e7 here, and
+# so loses 7 of 16 digits; differences (8), (9) lose 3 more, of which (13) gives 3 back.
+ROUNDING = 1e-8
+EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
+EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
+TORQUE_NORM = {'minimum_weighted_torque': -2, 'dynamically_consistent': -1, 'minimum_torque': 0}  # power of M
+
+
+class Tick(NamedTuple):
+    """A state, what the tick before had, and the differences (8), (9) with (10) between the two."""
+
+    state: RobotState
+    J_prev: np.ndarray
+    dx_prev: np.ndarray
+
+    @property
+    def ddx(self) -> np.ndarray:
+        return (DX - self.dx_prev) / T
+
+    @property
+    def dJ_dq(self) -> np.ndarray:
+        return (self.state.J - self.J_prev) / T @ self.state.dq_prev
+
+
+@pytest.fixture(scope='module')
+def ticks(model: RobotModel, states: list[RobotState]) -> list[Tick]:
+    """At random states, the tick before having executed its task: J_{k-1} dq_{k-1} = dx_{k-1}."""
+    before = [model.state(state.q - T * state.dq_prev, state.dq_prev).J for state in states]
+    return [Tick(state, J_prev, J_prev @ state.dq_prev) for state, J_prev in zip(states, before, strict=True)]
+
+
+def same(got: np.ndarray, expected: np.ndarray) -> bool:
+    return np.linalg.norm(got - expected) <= ROUNDING * np.linalg.norm(expected)
+
+
+# --- every scheme -----------------------------------------------------------------------------------------------------
+
+@EVERY_SCHEME
+@EVERY_DAMPING
+def test_the_task_acceleration_is_executed(name, damping, model, ticks):
+    scheme = make_scheme(name, damping)
+    for tick in ticks:
+        ddq = scheme.acceleration(model, tick.state, tick.ddx, tick.dJ_dq)
+        assert np.linalg.norm(tick.state.J @ ddq + tick.dJ_dq - tick.ddx) < ROUNDING * np.linalg.norm(ddq)  # Eq. (4)
+
+
+@EVERY_SCHEME
+@EVERY_DAMPING
+def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, ticks):
+    law, scheme = make_law(name, damping=damping), make_scheme(name, damping)
+    for state, J_prev, dx_prev in ticks:
+        dq = resolve(state.J, DX, law.bias(state, T), law.weight(state)).dq
+        assert same(step(model, scheme, T, state, J_prev, DX, dx_prev), dq)
+
+
+@EVERY_SCHEME
+@EVERY_DAMPING
+def test_the_null_space_part_is_that_of_the_law(name, damping, model, task):
+    law = Controller(model, make_law(name, damping=damping), T)
+    scheme = SecondOrderController(model, make_scheme(name, damping), T)
+    q = task.start
+    for _ in range(50):
+        one, two = law.update(q, DX), scheme.update(q, DX)
+        assert np.linalg.norm(one.null - two.null) < ROUNDING * np.linalg.norm(one.dq)
+        q = one.q_ref
+
+
+@EVERY_SCHEME
+def test_the_arm_is_at_rest_before_the_first_tick(name, model, task):
+    command = SecondOrderController(model, make_scheme(name, 0.0), T).update(task.start, DX)
+    assert not command.state.dq_prev.any()
+    assert command.state.J @ command.ddq == pytest.approx(DX / T, rel=ROUNDING)
+
+
+@EVERY_SCHEME
+def test_the_reference_integrates_the_velocity(name, model, task):
+    controller = SecondOrderController(model, make_scheme(name), T)
+    first = controller.update(task.start, DX)
+    second = controller.update(task.start, DX)  # an arm that lags behind changes nothing
+    assert (first.q_ref == task.start + T * first.dq).all()
+    assert (second.q_ref == first.q_ref + T * second.dq).all()
+
+
+@EVERY_SCHEME
+def test_a_closed_loop_runs_it_like_a_controller(name, task):
+    model = RobotModel.named('lwr4_paper', dynamics='lwr')
+    short = replace(task, waypoints=task.waypoints[:2], segment_time=0.5)
+    assert run(SecondOrderController(model, make_scheme(name), 0.005), short).finished
+
+
+@EVERY_SCHEME
+def test_a_jacobian_without_full_rank_is_refused(name, model, states):
+    flat = replace(states[0], J=np.zeros((3, 7)))
+    with pytest.raises(ArrayError, match='J has lost rank'):
+        make_scheme(name).acceleration(model, flat, DX, np.zeros(3))
+
+
+@EVERY_SCHEME
+@pytest.mark.parametrize('dx', [np.zeros(2), np.array((0.0, np.nan, 0.0)), np.full(3, np.inf)])
+def test_a_task_velocity_that_cannot_be_used_leaves_the_controller_as_it_was(name, dx, model, task):
+    controller, undisturbed = (SecondOrderController(model, make_scheme(name), T) for _ in range(2))
+    for each in (controller, undisturbed):
+        each.update(task.start, DX)
+    with pytest.raises(ArrayError, match='dx is .*; expected 3 finite values'):
+        controller.update(task.start, dx)
+    assert (controller.update(task.start, DX).dq == undisturbed.update(task.start, DX).dq).all()
+
+
+# --- optimality and the paper's other forms ---------------------------------------------------------------------------
+
+@EVERY_DAMPING
+def test_no_other_acceleration_is_nearer_to_the_preferred_one(damping, model, ticks):
+    scheme = make_scheme('minimum_acceleration', damping)
+    for tick in ticks:
+        way = scheme.acceleration(model, tick.state, tick.ddx, tick.dJ_dq) + damping * tick.state.dq_prev
+        assert np.linalg.norm(null_space(tick.state.J).T @ way) < ROUNDING * np.linalg.norm(way)
+
+
+@pytest.mark.parametrize('name', TORQUE_NORM)
+@EVERY_DAMPING
+def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_scheme(name, damping, ticks):
+    scheme = make_scheme(name, damping)
+    assert isinstance(scheme, TorqueScheme)
+    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
+        way = scheme.torque(state, ddx, dJ_dq) + damping * state.M @ state.dq_prev  # tau - tau_N, Eq. (34)
+        others = state.M @ null_space(state.J)  # torques that leave the task alone: J M^-1 tau = 0, (n, n - m)
+        gradient = np.linalg.matrix_power(np.linalg.inv(state.M), -TORQUE_NORM[name]) @ way
+        assert np.linalg.norm(others.T @ gradient) < ROUNDING * np.linalg.norm(others, 2) * np.linalg.norm(gradient)
+
+
+@EVERY_DAMPING
+def test_the_weighted_torque_gives_the_acceleration_of_26(damping, model, ticks):
+    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
+        J_pinv = np.linalg.pinv(state.J)
+        P, M_inv = np.eye(7) - J_pinv @ state.J, np.linalg.inv(state.M)
+        ddq = J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev  # Eq. (26) and (21)
+        assert same(make_scheme('minimum_weighted_torque', damping).acceleration(model, state, ddx, dJ_dq), ddq)
+
+
+@EVERY_DAMPING
+def test_the_dynamically_consistent_torque_gives_the_acceleration_of_31(damping, model, ticks):
+    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
+        M_inv = np.linalg.inv(state.M)
+        J_M = M_inv @ state.J.T @ np.linalg.inv(state.J @ M_inv @ state.J.T)
+        P_M, tau_N = np.eye(7) - J_M @ state.J, -damping * state.M @ state.dq_prev
+        ddq = J_M @ (ddx - dJ_dq) - P_M @ M_inv @ (state.n - tau_N)  # Eq. (31)
+        assert same(make_scheme('dynamically_consistent', damping).acceleration(model, state, ddx, dJ_dq), ddq)
+
+
+def test_without_damping_the_least_torque_is_that_of_7(ticks):
+    scheme = make_scheme('minimum_torque', 0.0)
+    for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
+        JM_inv = state.J @ np.linalg.inv(state.M)
+        assert same(scheme.torque(state, ddx, dJ_dq), np.linalg.pinv(JM_inv) @ (ddx - dJ_dq + JM_inv @ state.n))
+
+
+def test_full_damping_turns_least_acceleration_into_least_velocity(model, ticks):
+    scheme = make_scheme('minimum_acceleration', 1.0 / T)
+    for tick in ticks:
+        dq = step(model, scheme, T, tick.state, tick.J_prev, DX, tick.dx_prev)
+        assert same(dq, np.linalg.pinv(tick.state.J) @ DX)  # Eq. (2), Appendix B
+
+
+@dataclass(frozen=True)
+class SpringScheme(MinimumAcceleration):
+    """Eq. (18) with damping and a joint-space spring: ddq_N = -k_d dq - k_s q."""
+
+    k_s: float = param(4.0, 'spring gain [1/s^2]', 0.0, 1e3)
+
+    def preferred(self, state: RobotState) -> np.ndarray:
+        return -self.damping * state.dq_prev - self.k_s * state.q
+
+
+@dataclass(frozen=True)
+class SpringLaw(Law):
+    """Eq. (19) with the same."""
+
+    k_s: float = param(4.0, 'spring gain [1/s^2]', 0.0, 1e3)
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
+
+
+def test_any_preferred_acceleration_becomes_the_bias_of_a_law(model, task):
+    short = replace(task, waypoints=task.waypoints[:2], segment_time=1.0)
+    law = run(Controller(model, SpringLaw(), T), short)
+    scheme = run(SecondOrderController(model, SpringScheme(), T), short)
+    assert law.peak('null_velocity_norm')[0] > 0.1  # [rad/s]; the spring acts
+    assert np.abs(law.vectors('dq1') - scheme.vectors('dq1')).max() < 1e-11  # 1000 ticks of rounding of 1e-15
+
+
+# --- construction -----------------------------------------------------------------------------------------------------
+
+def test_every_scheme_becomes_a_law_of_the_same_name_and_damping():
+    assert {'minimum_acceleration', *TORQUE_NORM} <= set(SCHEMES) <= set(LAWS)
+    for name in SCHEMES:
+        assert make_scheme(name, damping=3.0).damping == make_law(name, damping=3.0).damping == 3.0
+        assert make_scheme(name).damping == make_law(name).damping
+
+
+@pytest.mark.parametrize('name', ['minimum_velocity', 'minimum_kinetic_energy'])
+def test_a_law_of_first_order_has_no_scheme(name):
+    with pytest.raises(UnknownNameError, match=f"unknown scheme of second order '{name}'; allowed: dynamically_con"):
+        make_scheme(name)
+
+
+@pytest.mark.parametrize('damping', [-1.0, np.nan, np.inf])
+def test_damping_outside_its_declared_range_is_refused(damping):
+    with pytest.raises(RangeError, match=f'damping is {damping}'):
+        make_scheme('minimum_torque', damping)
+
+
+@pytest.mark.parametrize('period', [0.0, -0.001, 1e-6, 2.0, np.nan])
+def test_a_sampling_time_outside_its_range_is_refused(period, model):
+    with pytest.raises(RangeError, match=f'T is {period}'):
+        SecondOrderController(model, make_scheme('minimum_torque'), period)
+
+
+# --- what the schemes ask of the model --------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('task_space', ['position', 'pose'])
+def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(task_space, states):
+    model, h = RobotModel.named('lwr4_paper', task_space), 1e-6
+    for state in states[:20]:
+        q, dq = state.q, state.dq_prev
+        change = (model.state(q + h * dq, dq).J - model.state(q - h * dq, dq).J) / (2.0 * h)
+        # Central differences: rounding 1e-16 / h, truncation h^2.
+        assert model.velocity_product(q, dq) == pytest.approx(change @ dq, rel=1e-7, abs=1e-8)
+
+
+@pytest.mark.parametrize('dynamics', ['cylinders', 'lwr'])  # without and with rotors
+def test_the_forward_dynamics_undo_the_equation_of_motion(dynamics, states):
+    model, random = RobotModel.named('lwr4_paper', dynamics=dynamics), np.random.default_rng(2)
+    for q, dq in ((state.q, state.dq_prev) for state in states):
+        state, ddq = model.state(q, dq), random.normal(size=7)
+        assert same(model.acceleration(q, dq, state.M @ ddq + state.n), ddq)  # Eq. (6)
