@@ -149,6 +149,8 @@ def _damping(options: argparse.Namespace, T: float) -> dict[str, float]:
     """k_d from either way of giving it; empty when neither is given."""
     if options.forgetting_factor is None:
         return {} if options.damping is None else {'damping': options.damping}
+    if not T > 0.0:
+        raise RangeError('period', T, 1e-5, 1.0, 's')
     if not 0.0 <= options.forgetting_factor <= 1.0:
         raise RangeError('forgetting factor', options.forgetting_factor, 0.0, 1.0)
     return {'damping': (1.0 - options.forgetting_factor) / T}

@@ -1,15 +1,15 @@
 """The controller of Fig. 1: measured joint positions and a task velocity in, the next position reference out, once a cycle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import Law
 from redres_ros.planner import quintic
 from redres_ros.resolution import Resolution, resolve
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import RobotModel, RobotState, finite_vector
 
 INTEGRATE_FROM = ('command', 'measurement')
 
@@ -93,44 +93,62 @@ class Controller:
         """Forget the last command: the next update starts at the measured position, standing still."""
         self._q_ref: np.ndarray | None = None
         self._dq_prev = np.zeros(self.model.n)
-        self._old: Law | None = None  # None stands for standing still
-        self._new: Law | None = None
-        self._blended = 1.0  # share of the switch time that is over; 1: only the new law acts
+        self._blend = _Blend(None, None, np.zeros(self.model.n), 1.0)
 
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
         """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,) [m/s], [rad/s] below it.
 
         missed: cycles since the last update that went without one; the arm is taken to have gone on with the last
-        velocity. Raises ArrayError for a wrong shape, NaN or infinity; the controller is then as it was before.
+        velocity. Raises ArrayError for a wrong shape, NaN or infinity, RangeError for missed; the controller is then as
+        it was before.
         """
-        state = self.model.state(q, self._dq_prev)
-        dx = np.asarray(dx, dtype=np.float64)
-        if dx.shape != (self.model.m,) or not np.isfinite(dx).all():
-            raise ArrayError(f'dx is {dx.tolist()}; expected {self.model.m} finite values')
-        self._advance_blend()
-        dq, null = self._blend(state, dx)
-        last = state.q if self._q_ref is None or self._integrate_from == 'measurement' else self._q_ref
-        q_ref = last + self.T * (missed * self._dq_prev + dq)  # footnote 1
-        self._q_ref, self._dq_prev = q_ref, dq
+        if missed < 0:
+            raise RangeError('missed', missed, 0, np.inf, 'cycles')
+        state, dx = self.model.state(q, self._dq_prev), finite_vector(dx, self.model.m, 'dx')
+        blend = self._blend.advanced(self._law if self._moving else None, self._dq_prev, self.T, self.switch_time)
+        (dq, null), blend = blend.resolve(state, dx, self.T)
+        if self._q_ref is None or self._integrate_from == 'measurement':
+            q_ref = state.q + self.T * dq  # footnote 1
+        else:
+            q_ref = self._q_ref + self.T * (missed * self._dq_prev + dq)
+        self._q_ref, self._dq_prev, self._blend = q_ref, dq, blend
         return Command(dq.copy(), q_ref.copy(), null, state, self.T)
 
-    def _advance_blend(self) -> None:
-        wanted = self._law if self._moving else None
-        if self._blended >= 1.0 and wanted != self._new:
-            self._old, self._new, self._blended = self._new, wanted, 0.0
-        if self._blended < 1.0:
-            step = self.T / self.switch_time if self.switch_time > 0.0 else 1.0
-            self._blended = min(self._blended + step, 1.0)
 
-    def _blend(self, state: RobotState, dx: np.ndarray) -> Resolution:
+@dataclass(frozen=True)
+class _Blend:
+    """On the way from one law to another; None in the place of a law stands for standing still.
+
+    dq_old: (n,) [rad/s] what the old law remembers as the last velocity: its own, or its null-space motion would fade by
+    the mixture's share in every cycle. The new law remembers the mixture, which is what it takes over. share: of the
+    switch time that is over; at 1 only the new law acts.
+    """
+
+    old: Law | None
+    new: Law | None
+    dq_old: np.ndarray
+    share: float
+
+    def advanced(self, wanted: Law | None, dq_prev: np.ndarray, T: float, switch_time: float) -> '_Blend':
+        """One cycle on; towards the wanted law once the last blend is over."""
+        blend = self
+        if self.share >= 1.0:
+            if wanted == self.new:
+                return self
+            blend = _Blend(self.new, wanted, dq_prev, 0.0)
+        return replace(blend, share=min(blend.share + (T / switch_time if switch_time > 0.0 else 1.0), 1.0))
+
+    def resolve(self, state: RobotState, dx: np.ndarray, T: float) -> tuple[Resolution, '_Blend']:
         """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every mixture."""
-        new = self._resolve(self._new, state, dx)
-        if self._blended >= 1.0:
-            return new
-        old, (s, _) = self._resolve(self._old, state, dx), quintic(self._blended)
-        return Resolution((1.0 - s) * old.dq + s * new.dq, (1.0 - s) * old.null + s * new.null)
+        new = _resolve(self.new, state, dx, T)
+        if self.share >= 1.0:
+            return new, self
+        old, (s, _) = _resolve(self.old, replace(state, dq_prev=self.dq_old), dx, T), quintic(self.share)
+        mixture = Resolution((1.0 - s) * old.dq + s * new.dq, (1.0 - s) * old.null + s * new.null)
+        return mixture, replace(self, dq_old=old.dq)
 
-    def _resolve(self, law: Law | None, state: RobotState, dx: np.ndarray) -> Resolution:
-        if law is None:
-            return Resolution(np.zeros(self.model.n), np.zeros(self.model.n))
-        return resolve(state.J, dx, law.bias(state, self.T), law.weight(state))
+
+def _resolve(law: Law | None, state: RobotState, dx: np.ndarray, T: float) -> Resolution:
+    if law is None:
+        return Resolution(np.zeros_like(state.q), np.zeros_like(state.q))
+    return resolve(state.J, dx, law.bias(state, T), law.weight(state))

@@ -1,5 +1,6 @@
 """Parameters as dataclass fields: default, meaning with unit, and range are declared once and read by ROS, the CLI and the docs."""
 
+import math
 from dataclasses import Field, dataclass, field, fields
 from typing import Any
 
@@ -40,5 +41,10 @@ def check_value(name: str, value: Any, parameter: Parameter) -> None:
     """The same for one value."""
     if parameter.choices and value not in parameter.choices:
         raise UnknownNameError(name, value, parameter.choices)
-    if parameter.lower is not None and not parameter.lower <= value <= parameter.upper:
-        raise RangeError(name, value, parameter.lower, parameter.upper)
+    lower = -math.inf if parameter.lower is None else parameter.lower
+    upper = math.inf if parameter.upper is None else parameter.upper
+    if isinstance(value, (int, float)):
+        if not lower <= value <= upper:
+            raise RangeError(name, value, lower, upper)
+    elif not isinstance(value, (str, tuple)):
+        raise RangeError(name, value, lower, upper, 'a number')

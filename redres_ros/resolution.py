@@ -24,16 +24,17 @@ def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None =
     direction is executed only in part (damped) and drops out of the projector (end of Appendix A). Raises ArrayError
     for shapes that do not fit and for NaN or infinity.
     """
-    _check_shapes(J, dx, b, W)
+    _check(J, dx, b, W)
     try:
         WJ = J.T if W is None else np.linalg.solve(W, J.T)  # (n, m) W^-1 J'
         J_pinv = WJ @ damped_inverse(J @ WJ)  # (n, m) Eq. (A.5)
     except np.linalg.LinAlgError as error:
         raise ArrayError(f'J or W cannot be used: {error}; expected finite values and a positive definite W') from None
-    null = b - J_pinv @ (J @ b)
-    dq = J_pinv @ dx + null
+    with np.errstate(over='ignore', invalid='ignore'):  # what comes of it is looked at below
+        null = b - J_pinv @ (J @ b)
+        dq = J_pinv @ dx + null
     if not np.isfinite(dq).all():
-        raise ArrayError(f'J, dx, b or W hold NaN or infinity: the result would be {dq.tolist()}')
+        raise ArrayError(f'J, dx, b or W hold NaN, infinity or numbers too large: the result would be {dq.tolist()}')
     return Resolution(dq, null)
 
 
@@ -45,16 +46,20 @@ def damped_inverse(G: np.ndarray) -> np.ndarray:
     filtering after Maciejewski and Klein, 1988). A zero matrix gives zero.
     """
     squares, V = np.linalg.eigh(G)  # (m,) ascending, (m, m)
-    floor = SINGULAR_RATIO**2 * squares[-1]
+    floor = SINGULAR_RATIO**2 * abs(squares).max()
+    if squares[0] < -floor:
+        raise ArrayError(f'the weight is not positive definite: J W^-1 J\' has the eigenvalue {squares[0]:.3g}')
     if floor <= 0.0:
         return np.zeros_like(G)
     return (V / np.maximum(squares, floor)) @ V.T
 
 
-def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None) -> None:
+def _check(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None) -> None:
+    if J.ndim != 2 or not 1 <= J.shape[0] <= J.shape[1]:
+        raise ArrayError(f'J has shape {J.shape}; expected (m, n) with 1 <= m <= n')
     m, n = J.shape
-    if m > n:
-        raise ArrayError(f'J has shape {J.shape}; expected no more rows than columns')
     for name, array, shape in (('dx', dx, (m,)), ('b', b, (n,)), ('W', W, (n, n))):
         if array is not None and array.shape != shape:
             raise ArrayError(f'{name} has shape {array.shape}; expected {shape} beside J of shape {J.shape}')
+    if not (np.isfinite(J).all() and np.isfinite(b).all() and (W is None or np.isfinite(W).all())):
+        raise ArrayError('J, b or W hold NaN or infinity; every value must be finite')

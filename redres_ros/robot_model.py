@@ -72,7 +72,7 @@ class RobotModel:
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """All of x, J, M, n at (q, dq_prev); arrays of the state's own, never overwritten. Raises ArrayError for bad input."""
-        q, dq_prev = self.check(q, 'q'), self.check(dq_prev, 'dq_prev')
+        q, dq_prev = finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
         pin.computeAllTerms(self._model, self._data, q, dq_prev)
         x, R = self._pose()
         J = pin.getFrameJacobian(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED)  # (6, n)
@@ -80,34 +80,25 @@ class RobotModel:
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, which makes neither M nor n."""
-        q, dq, tau = self.check(q, 'q'), self.check(dq, 'dq'), self.check(tau, 'tau')
+        q, dq, tau = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq'), finite_vector(tau, self.n, 'tau')
         return pin.aba(self._model, self._data, q, dq, tau).copy()
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
-        q, dq = self.check(q, 'q'), self.check(dq, 'dq')
+        q, dq = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq')
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
         ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED)
         return ddx.vector[:self.m].copy()
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
-        pin.framesForwardKinematics(self._model, self._data, self.check(q, 'q'))
+        pin.framesForwardKinematics(self._model, self._data, finite_vector(q, self.n, 'q'))
         return self._pose()
 
     def position(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame's origin in the base frame, (3,) [m]."""
-        pin.framesForwardKinematics(self._model, self._data, self.check(q, 'q'))
+        pin.framesForwardKinematics(self._model, self._data, finite_vector(q, self.n, 'q'))
         return self._data.oMf[self._frame(frame)].translation.copy()
-
-    def check(self, vector: np.ndarray, name: str) -> np.ndarray:
-        """A copy of the vector as (n,) float64. Raises ArrayError when it is of another shape or holds NaN or infinity."""
-        array = np.array(vector, dtype=np.float64)
-        if array.shape != (self.n,):
-            raise ArrayError(f'{name} has shape {array.shape}; expected ({self.n},), one value per joint')
-        if not np.isfinite(array).all():
-            raise ArrayError(f'{name} is {array.tolist()}; every value must be finite')
-        return array
 
     def _pose(self) -> tuple[np.ndarray, np.ndarray]:
         placement = pin.updateFramePlacement(self._model, self._data, self._tip)
@@ -117,3 +108,16 @@ class RobotModel:
         if not self._model.existFrame(name):
             raise UnknownNameError('frame', name, [frame.name for frame in self._model.frames])
         return self._model.getFrameId(name)
+
+
+def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
+    """A copy of the values as (size,) float64. Raises ArrayError when they are anything else, or hold NaN or infinity."""
+    try:
+        vector = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArrayError(f'{name} is {values!r}; expected {size} numbers') from None
+    if vector.shape != (size,):
+        raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
+    if not np.isfinite(vector).all():
+        raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
+    return vector

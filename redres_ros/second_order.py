@@ -13,7 +13,7 @@ import numpy as np
 from redres_ros.controller import Command
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import check_parameters, param
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import RobotModel, RobotState, finite_vector
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Scheme(ABC):
     gains.
     """
 
-    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e4)
+    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -148,9 +148,7 @@ class SecondOrderController:
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
         """The command for the joint positions q (n,) [rad] and the task velocity dx (m,) [m/s]. Raises ArrayError."""
-        dx = np.array(dx, dtype=np.float64)
-        if dx.shape != (self.model.m,) or not np.isfinite(dx).all():
-            raise ArrayError(f'dx is {dx.tolist()}; expected {self.model.m} finite values')
+        dx = finite_vector(dx, self.model.m, 'dx')
         state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
         J_prev = state.J if self._last is None else self._last.state.J
         dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)

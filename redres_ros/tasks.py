@@ -74,9 +74,12 @@ def _to_task(content: Any, path: Path) -> Task:
 
 
 def _number(value: Any, key: str, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise FileError(f'{path}: {key} is {value!r}; expected a number')
-    return float(value)
+    try:  # YAML 1.1 takes 1e-3, which has no dot, for a text
+        if not isinstance(value, bool):
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    raise FileError(f'{path}: {key} is {value!r}; expected a number')
 
 
 def _numbers(value: Any, key: str, dimensions: int, path: Path) -> np.ndarray:

@@ -41,10 +41,7 @@ def side(task: Task) -> Task:
 @pytest.mark.parametrize(('name', 'damping', 'T'), [
     ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
     ('dynamically_consistent', 1000.0, 0.001),  # Fig. 8
-    ('minimum_acceleration', 5.0, 0.002),  # Fig. 13, ideal
     ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
-    ('minimum_weighted_torque', 10.0, 0.002),
-    ('minimum_velocity', 0.0, 0.002),
 ])
 def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T, task):
     found = difference(name, damping, T, task)
@@ -53,8 +50,10 @@ def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T,
     assert found.t[-1] == pytest.approx(9.0 - T)
 
 
-def test_so_do_they_for_the_least_torque_on_an_arm_that_it_does_not_make_unstable(task, heavy):
-    assert difference('minimum_torque', 10.0, 0.002, task, model=heavy).max < ZERO
+@pytest.mark.parametrize('name', ['minimum_velocity', *SCHEMES])
+@pytest.mark.parametrize('damping', [10.0, 500.0])
+def test_with_any_law_they_do_on_an_arm_that_it_does_not_make_unstable(name, damping, side, heavy):
+    assert difference(name, damping, 0.002, replace(side, segment_time=1.0), model=heavy).max < ZERO
 
 
 def test_without_damping_the_law_and_the_scheme_of_least_acceleration_go_the_same_way_astray(task):
@@ -63,16 +62,16 @@ def test_without_damping_the_law_and_the_scheme_of_least_acceleration_go_the_sam
 
 
 def test_where_the_loop_amplifies_rounding_law_and_scheme_still_agree_at_every_tick(task):
-    found = difference('minimum_weighted_torque', 0.0, 0.002, task)
+    found = difference('minimum_weighted_torque', 0.0, 0.008, task)
     assert found.max > 1.0  # [rad/s]: the closed loops have parted,
     assert 0.5 < found.holds_until < task.segment_time * task.segments  # in the course of time,
     # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits for a condition of 1e3
     assert found.same_past.max() < ZERO
-    assert amplification('minimum_weighted_torque', 0.0, 0.002, task).max > 1e9  # and a displaced start does as much
+    assert amplification('minimum_weighted_torque', 0.0, 0.008, task).max > 1e9  # and a displaced start does as much
 
 
 def test_with_damping_the_loop_amplifies_nothing(side):
-    assert amplification('minimum_weighted_torque', 10.0, 0.002, side).max < 10.0  # [1/s], not above k_P and k_d
+    assert amplification('minimum_weighted_torque', 10.0, 0.002, side).max < 10.0  # [1/s]; k_P and k_d are 10 1/s
 
 
 @pytest.mark.parametrize(('excess', 'seen'), [(0.0, False), (1e-6, True)])
@@ -135,13 +134,13 @@ def test_the_continuous_velocity_is_the_derivative_of_the_continuous_position(na
     middle, h = np.array((0.4, 2.0, 4.0)), 1e-3
     q = {shift: integrate(make_scheme(name), heavy, task, middle + shift).q for shift in (-h, h)}
     dq = integrate(make_scheme(name), heavy, task, middle).dq
-    assert (q[h] - q[-h]) / (2.0 * h) == pytest.approx(dq, abs=1e-4)  # central differences: h^2 times jerk of 100 rad/s^4
+    assert (q[h] - q[-h]) / (2.0 * h) == pytest.approx(dq, abs=1e-4)  # h^2 times a jerk below 100 rad/s^3
 
 
 def test_the_continuous_motion_does_not_depend_on_when_it_is_looked_at(task, model):
     often = integrate(make_scheme('minimum_acceleration'), model, task, np.linspace(0.0, 9.0, 19))
     seldom = integrate(make_scheme('minimum_acceleration'), model, task, np.array((0.0, 3.0, 5.0)))
-    assert seldom.q == pytest.approx(often.q[[0, 6, 10]], abs=1e-8)  # steps and so errors differ: tolerances times growth
+    assert seldom.q == pytest.approx(often.q[[0, 6, 10]], abs=1e-8)  # the last step and its error differ
     assert seldom.dq == pytest.approx(often.dq[[0, 6, 10]], abs=1e-8)
 
 

@@ -1,5 +1,6 @@
 """Guard, joint limits and follower: what stops the arm, what only slows it, and how its reference moves meanwhile."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,6 +13,7 @@ from redres_ros.errors import ArrayError, FileError, RangeError
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard, GuardSettings
 from redres_ros.fri.limits import JointLimits
+from redres_ros.fri.refusal import Refusal
 from redres_ros.robots import Arm, find_arm
 
 T = 0.002  # [s]
@@ -84,16 +86,20 @@ def test_acceleration_limits_for_other_joints_are_an_error():
 def test_a_command_that_is_not_finite_is_refused_by_name(joint, value):
     command = ZERO.copy()
     command[joint] = value
-    assert LIMITS.joint_names[joint] in Guard(LIMITS, T).refusal(command)
+    refused = Guard(LIMITS, T).refusal(command)
+    assert refused.kind is Refusal.NOT_FINITE
+    assert str(refused) == f'{LIMITS.joint_names[joint]} commanded {value} rad'
 
 
 @pytest.mark.parametrize('command', [np.zeros(6), np.zeros(8), np.zeros((7, 1)), np.array(0.0)])
 def test_a_command_of_another_shape_is_refused(command):
-    assert 'shape' in Guard(LIMITS, T).refusal(command)
+    refused = Guard(LIMITS, T).refusal(command)
+    assert refused.kind is Refusal.WRONG_LENGTH
+    assert str(refused) == f'command has shape {command.shape}, expected (7,)'
 
 
 def test_a_proper_command_is_not_refused():
-    assert Guard(LIMITS, T).refusal(ZERO) == ''
+    assert Guard(LIMITS, T).refusal(ZERO) is None
 
 
 @pytest.mark.parametrize('joint', range(7))
@@ -110,19 +116,35 @@ def test_position_is_limited_at_the_margin(joint, sign):
 def test_acceleration_is_limited_at_the_limit(joint):
     guard, limit = Guard(LIMITS, T), LIMITS.acceleration[joint]
     assert violation_on_the_way(guard, accelerated(0.999 * limit, joint, 40)) == ''
-    assert LIMITS.joint_names[joint] in violation_on_the_way(guard, accelerated(1.001 * limit, joint, 40))
+    assert LIMITS.joint_names[joint] in violation_on_the_way(guard, accelerated(1.01 * limit, joint, 40))
 
 
 def test_a_protective_stop_names_joint_window_got_and_allowed():
     reason = violation_on_the_way(Guard(LIMITS, T), accelerated(-114.0, 4, 12))
-    # The window fills from rest: 43.6 rad/s^2 are first exceeded when 4 of its 10 cycles are at 114.
-    assert reason == 'protective stop: lwr_a4_joint commanded 45.6 rad/s^2 over 20 ms, allowed 43.6'
+    # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, which is borne; with 5 it is 31 %.
+    assert reason == 'protective stop: lwr_a4_joint commanded 57 rad/s^2 over 20 ms, allowed 43.6'
 
 
 def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
-    guard, jump = Guard(LIMITS, T), LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]  # ten times the limit within a cycle
-    assert guard.violation(ZERO, 0.99 * jump) == ''
-    assert 'protective stop' in Guard(LIMITS, T).violation(ZERO, 1.01 * jump)
+    jump = LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]  # [rad/s] ten times the limit within a cycle
+    for share, stops in ((0.99, False), (1.09, False), (1.11, True)):
+        assert bool(Guard(LIMITS, T).violation(ZERO, share * jump)) is stops
+
+
+@pytest.mark.parametrize(('excess', 'milliseconds'), [(1.001, 0.2), (0.2001, 1.0), (0.051, 4.0), (0.01251, 16.0)])
+@pytest.mark.parametrize('period', [0.0005, 0.001, 0.002, 0.004])
+def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(excess, milliseconds, period):
+    guard, velocity = Guard(LIMITS, period), 0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3]
+    stops = [bool(guard.violation(ZERO, velocity)) for _ in range(math.ceil(0.001 * milliseconds / period))]
+    assert stops.index(True) == len(stops) - 1
+
+
+def test_an_excess_is_forgotten_as_it_is_made_up_for():
+    guard, limit = Guard(LIMITS, T, GuardSettings(acceleration_window=T)), LIMITS.acceleration[2] * T * np.eye(7)[2]
+    velocity = ZERO
+    for share in (1.08, 0.9) * 100:
+        velocity = velocity + share * limit
+        assert guard.violation(ZERO, velocity) == ''
 
 
 def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
@@ -131,6 +153,56 @@ def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
     ramp = np.array([accelerated(0.5 * a, j, 40)[:, j] for j, a in enumerate(LIMITS.acceleration)]).T  # (40, 7)
     for start in range(0, 4960, 40):
         assert violation_on_the_way(Guard(LIMITS, T), ramp + noise[start:start + 40] - noise[start]) == ''
+
+
+def noisy(positions: np.ndarray, seed: int) -> np.ndarray:
+    """Positions (N, 7) as encoders with steps of 10 microradians and as much noise give them."""
+    noise = np.random.default_rng(seed).uniform(-5e-6, 5e-6, positions.shape)
+    return 1e-5 * np.round((positions + noise) / 1e-5)
+
+
+def to_and_fro(acceleration: np.ndarray, cycles: int) -> np.ndarray:
+    """Positions (cycles, 7) at plus and minus the acceleration (7,), from rest, at 80 % of the top speed at most."""
+    half = np.floor(0.8 * LIMITS.velocity / (acceleration * T)).astype(int)  # (7,) cycles from rest to the top speed
+    signs = np.where((np.arange(cycles)[:, None] // half + 1) // 2 % 2 == 0, 1.0, -1.0)
+    return np.vstack((ZERO, np.cumsum(np.cumsum(signs[:-1] * acceleration * T, axis=0) * T, axis=0)))
+
+
+AT_99_PERCENT = {
+    'lower position': np.tile(0.99 * LIMITS.lower, (5000, 1)),
+    'upper position': np.tile(0.99 * LIMITS.upper, (5000, 1)),
+    'velocity': 0.99 * LIMITS.velocity * T * (np.arange(350)[:, None] - 175.0),
+    'acceleration': to_and_fro(0.99 * LIMITS.acceleration, 20000),
+}
+
+
+def from_rest(positions: np.ndarray) -> np.ndarray:
+    """The positions (N, 7), and before them the way up to their velocity, at half the acceleration limits at most."""
+    step = positions[1] - positions[0]  # (7,)
+    n = max(1, math.ceil(np.max(np.abs(step) / (0.5 * LIMITS.acceleration * T * T))))
+    ahead = np.cumsum(np.arange(n)[::-1] / n)[::-1, None]  # (n, 1) steps to the first position
+    return np.vstack((positions[0] - ahead * step, positions))
+
+
+@pytest.mark.parametrize('which', AT_99_PERCENT)
+@pytest.mark.parametrize('seed', range(3))
+def test_noise_of_encoders_at_99_percent_of_a_limit_stops_nothing(which, seed):
+    assert violation_on_the_way(Guard(LIMITS, T), noisy(from_rest(AT_99_PERCENT[which]), seed)) == ''
+
+
+def test_without_tolerance_noise_at_99_percent_of_the_acceleration_limit_would_stop_the_arm():
+    strict = Guard(LIMITS, T, GuardSettings(acceleration_tolerance=0.0))
+    assert violation_on_the_way(strict, AT_99_PERCENT['acceleration']) == ''
+    assert 'protective stop' in violation_on_the_way(strict, noisy(AT_99_PERCENT['acceleration'], 0))
+
+
+def test_no_noise_of_less_than_20_microradians_stops_the_arm_at_the_acceleration_limit():
+    # Excesses are differences of four positions over T * window; from cycle to cycle they cancel but for the first and
+    # the last. So noise of amplitude e adds up to 4 e / (T * window) at most, wherever the sum began.
+    random, stream = np.random.default_rng(0), to_and_fro(0.999 * LIMITS.acceleration, 3000)
+    for noise in (random.uniform(-1.0, 1.0, stream.shape), random.choice([-1.0, 1.0], stream.shape),
+                  np.where(np.arange(3000)[:, None] // 10 % 2, 1.0, -1.0) * np.ones(7)):
+        assert violation_on_the_way(Guard(LIMITS, T), stream + 2e-5 * noise) == ''
 
 
 def test_window_and_scale_are_as_set():
@@ -161,7 +233,8 @@ def test_nan_never_passes(joint, which):
     assert Guard(LIMITS, T).violation(**values) != ''
 
 
-@pytest.mark.parametrize('setting', [{'acceleration_window': 0.0}, {'position_margin': -0.1}, {'acceleration_scale': np.nan}])
+@pytest.mark.parametrize('setting', [{'acceleration_window': 0.0}, {'position_margin': -0.1}, {'acceleration_scale': np.nan},
+                                     {'acceleration_tolerance': -1e-4}])
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(RangeError, match=next(iter(setting))):
         GuardSettings(**setting)

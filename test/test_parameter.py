@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import pytest
 
 from redres_ros.errors import RangeError, RedresError, UnknownNameError
-from redres_ros.parameter import check_parameters, check_value, param, parameters
+from redres_ros.parameter import Parameter, check_parameters, check_value, param, parameters
 
 
 @dataclass(frozen=True)
@@ -66,3 +66,11 @@ def test_one_value_can_be_checked_before_there_is_an_instance():
 def test_errors_are_one_line_and_have_one_base(error):
     assert isinstance(error, RedresError)
     assert '\n' not in str(error)
+
+
+@pytest.mark.parametrize(('limits', 'good', 'bad'), [({'lower': 0.0}, 5.0, -1.0), ({'upper': 0.0}, -5.0, 1.0)])
+def test_a_range_may_be_open_on_one_side(limits, good, bad):
+    check_value('x', good, Parameter('', **limits))
+    for value in (bad, float('nan'), None):
+        with pytest.raises(RangeError, match='x'):
+            check_value('x', value, Parameter('', **limits))

@@ -202,3 +202,20 @@ def test_a_weight_that_holds_nan_is_refused():
 
 def test_a_weight_that_cannot_be_solved_for_is_refused():
     assert 'positive definite W' in refusal(W=np.diag((1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize('shape', [(7,), (1, 3, 7), (0, 7)])
+def test_a_jacobian_that_is_no_matrix_is_refused(shape):
+    with pytest.raises(ArrayError, match='J has shape'):
+        resolve(np.ones(shape), np.ones(3), np.ones(7))
+
+
+def test_a_weight_that_holds_infinity_is_refused():
+    W = np.diag((np.inf, *np.ones(6)))
+    with pytest.raises(ArrayError, match='finite'):
+        resolve(np.eye(3, 7), np.ones(3), np.ones(7), W)
+
+
+def test_a_negative_definite_weight_is_refused():
+    with pytest.raises(ArrayError, match='positive definite'):
+        resolve(np.eye(3, 7), np.ones(3), np.ones(7), -np.eye(7))

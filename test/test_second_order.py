@@ -1,4 +1,4 @@
-"""The original schemes. A scheme that is added to the table SCHEMES goes through every test of the first part by itself."""
+"""The original schemes. One that is added to the table SCHEMES goes through every test of the first part by itself."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -125,7 +125,7 @@ def test_a_task_velocity_that_cannot_be_used_leaves_the_controller_as_it_was(nam
     controller, undisturbed = (SecondOrderController(model, make_scheme(name), T) for _ in range(2))
     for each in (controller, undisturbed):
         each.update(task.start, DX)
-    with pytest.raises(ArrayError, match='dx is .*; expected 3 finite values'):
+    with pytest.raises(ArrayError, match='^dx '):
         controller.update(task.start, dx)
     assert (controller.update(task.start, DX).dq == undisturbed.update(task.start, DX).dq).all()
 

@@ -1,6 +1,7 @@
 """Session and connection: every way into and out of command mode, and the books on which it rests."""
 
 import math
+import statistics
 from itertools import pairwise
 
 import pytest
@@ -8,8 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
-from redres_ros.fri.connection import THRESHOLDS, WINDOW, Connection, Quality, Statistics
-from redres_ros.fri.session import TRANSITIONS, Event, Session, SessionSettings, State
+from redres_ros.fri.connection import WINDOW, Connection
+from redres_ros.fri.profile import State
+from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics
+from redres_ros.fri.refusal import Refusal, Refused
+from redres_ros.fri.session import Session, SessionSettings
 
 T = 0.002  # [s]
 
@@ -119,16 +123,33 @@ def test_an_unacceptable_connection_ends_command_mode_even_if_every_gap_is_bridg
         session.record(None)
         session.record(0)
     assert session.state is State.MON
-    assert 'UNACCEPTABLE' in session.reason
+    assert session.reason == 'timing: the connection is UNACCEPTABLE: answer rate 59%, needed 60%'
 
 
 def test_the_text_of_a_refusal_reaches_the_reason():
     session = commanding(bridged_misses=1)
     answered(session, 100)
-    session.record(None, refusal='lwr_a1_joint commanded nan rad')
+    session.refuse(Refused(Refusal.NOT_FINITE, 'lwr_a1_joint commanded nan rad'))
+    session.record(None)
     session.record(None)
     assert session.reason.endswith('last refused: lwr_a1_joint commanded nan rad')
-    assert session.counts.refused == 1
+
+
+def test_a_refusal_before_the_last_answer_is_not_the_reason():
+    session = answered(commanding(bridged_misses=0), 100)
+    session.refuse(Refused(Refusal.WRONG_NAMES, 'wrong joint names'))
+    answered(session).record(None)
+    assert session.reason == 'timing: the newest answer is 1 cycles late, 0 are bridged'
+
+
+def test_refusals_are_counted_by_kind():
+    session = Session(T)
+    for times, kind in enumerate(Refusal):
+        for _ in range(times):
+            session.refuse(Refused(kind, 'whatever'))
+    assert session.refusals == {kind: times for times, kind in enumerate(Refusal)}
+    assert session.counts.refused == sum(range(len(Refusal)))
+    assert session.counts.cycles == 0  # a refusal is no cycle
 
 
 @pytest.mark.parametrize('state', list(State))
@@ -154,11 +175,6 @@ def test_reset_in_command_mode_falls_back_without_a_reason():
     session = commanding()
     session.reset()
     assert (session.state, session.reason) == (State.MON, '')
-
-
-def test_only_a_first_command_leads_to_command_mode():
-    assert [pair for pair, state in TRANSITIONS.items() if state is State.CMD] == [(State.MON, Event.COMMAND)]
-    assert all(TRANSITIONS[state, event] is State.MON for state in State for event in (Event.FAULT, Event.RESET))
 
 
 ACTIONS = st.one_of(st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 0, 1, 7])),
@@ -197,6 +213,57 @@ def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not()
     assert connection.statistics == Statistics(1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50)
     counts = connection.counts(bridged=0, refused=0)
     assert (counts.cycles, counts.in_time, counts.late, counts.missed, counts.longest_run) == (150, 100, 20, 30, 50)
+
+
+@given(st.lists(st.tuples(st.sampled_from([None, 0, 0, 1, 5]), st.floats(0.0, 0.1)), min_size=1, max_size=400))
+def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
+    connection = Connection(T)
+    for lateness, latency in packets:
+        connection.record(lateness, latency)
+    latenesses = [lateness for lateness, _ in packets][-WINDOW:]
+    latencies = [latency for lateness, latency in packets if lateness is not None][-WINDOW:] or [0.0]
+    figures, n = connection.statistics, len(latenesses)
+    assert figures.answer_rate == (n - latenesses.count(None)) / n
+    assert figures.miss_rate == (n - latenesses.count(0)) / n
+    # Latencies are kept to the nanosecond.
+    assert figures.latency == pytest.approx(statistics.fmean(latencies), abs=0.5e-9)
+    assert figures.jitter == pytest.approx(statistics.pstdev(latencies), abs=1e-9)
+    assert figures.miss_count == sum(lateness != 0 for lateness, _ in packets)
+
+
+def test_no_latency_leaves_a_trace_once_it_is_out_of_the_window():
+    connection = Connection(T)
+    for latency in [math.nan, math.inf, 1e9, 3000.0, -math.inf] * 20 + [0.0005] * WINDOW:
+        connection.record(0, latency)
+    assert connection.statistics == Statistics(1.0, 0.0005, 0.0, 0.0, 0)  # exactly, or sums would drift for hours
+
+
+CAUSES = {'answer_rate': (None, 0.0), 'latency': (0, 3.0 * T), 'miss_rate': (2, 0.0), 'jitter': (0, 9.0 * T)}
+
+
+@pytest.mark.parametrize('cause', CAUSES)
+def test_what_is_at_fault_is_named_as_soon_as_the_quality_falls(cause):
+    connection = Connection(T)
+    for _ in range(WINDOW):
+        connection.record(0, 0.0)
+        assert (connection.quality, connection.at_fault, connection.complaint) == (Quality.PERFECT, '', '')
+    lateness, latency = CAUSES[cause]
+    for k in range(WINDOW):
+        connection.record(*((0, 0.0) if cause in ('miss_rate', 'jitter') and k % 5 else (lateness, latency)))
+        assert (connection.at_fault == '') is (connection.quality is Quality.PERFECT)
+    assert connection.at_fault == cause
+
+
+def test_what_is_at_fault_is_what_the_next_better_quality_asks_for():
+    connection = Connection(T)
+    for k in range(WINDOW):
+        connection.record(None if k % 20 == 0 else 0, 2.5 * T)  # 5 % missed is allowed for PERFECT
+    assert (connection.quality, connection.at_fault) == (Quality.BAD, 'latency')
+    assert connection.complaint == 'latency 5 ms, allowed 4 ms'
+
+
+def test_before_the_first_packet_it_is_the_lack_of_answers_that_is_at_fault():
+    assert Connection(T).at_fault == 'answer_rate'
 
 
 @pytest.mark.parametrize(('missed', 'quality'), [(0, Quality.PERFECT), (5, Quality.PERFECT), (6, Quality.OK),

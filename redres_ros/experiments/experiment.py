@@ -1,4 +1,4 @@
-"""The paper's experiment without ROS: a controller, the planner and the fake robot with its simulated arm, cycle by cycle."""
+"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated arm, cycle by cycle."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,9 +25,9 @@ AFTERMATH = 1.0  # [s] for which the arm is still watched once the task is over 
 class Experiment:
     """What was commanded, and what the arm did.
 
-    recording: one row a tick until the last point was reached or the robot stopped; q and all that follows from it alone are
-    measured, dq and the norms those of the commands. stop_reason: the robot's own words, empty if nothing stopped it.
-    q: (N, n) measured joint positions [rad] from the recording's first tick to AFTERMATH after its last.
+    recording: one row a tick until the last point was reached or the robot stopped; q and all that follows from it
+    alone are measured, dq and the norms those of the commands. stop_reason: the robot's own words, empty if nothing
+    stopped it. q: (N, n) measured joint positions [rad] from the recording's first tick to AFTERMATH after its last.
     """
 
     recording: Recording
@@ -43,8 +43,8 @@ class Experiment:
 def experiment(client: Client, task: Task, arm: Arm) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the same bits.
 
-    In monitor mode the client mirrors the measured position; the task begins in command mode. What is computed from the state of
-    tick k is used from tick k + 1. The robot limits speeds and stops as it does for the nodes.
+    In monitor mode the client mirrors the measured position; the task begins in command mode. What is computed from
+    the state of tick k is used from tick k + 1. The robot limits speeds and stops as it does for the nodes.
     """
     robot = FriRobot(MujocoPlant(arm, client.T, task.start), Guard(JointLimits.of(arm), client.T), Session(client.T))
     return _Run(client, task, robot).result()
@@ -75,7 +75,7 @@ class _Run:
         return len(self._measured) * self._client.T
 
     def _follow(self) -> Recording:
-        """Until the task is finished, the robot has stopped, or the time is over in which it should have been finished."""
+        """Until the task is finished, the robot has stopped, or too much time is over."""
         rows: list[list[float]] = []
         n, T, limit = self._client.model.n, self._client.T, PATIENCE * self._task.segments * self._task.segment_time
         while (t := self._t) < limit:
@@ -103,6 +103,6 @@ class _Run:
         self._advance(self._robot.q)
 
     def _advance(self, q_ref: np.ndarray) -> None:
-        """A cycle: the robot goes on by the last answer while q_ref (n,) [rad] becomes the answer to its present state."""
+        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] becomes the answer to its present state."""
         answer, self._answer = self._answer, Answer(self._robot.tick, q_ref)
         self._robot.advance(answer)

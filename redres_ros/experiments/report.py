@@ -12,8 +12,9 @@ from redres_ros.experiments.recording import Recording
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A bar on standard error; yields a function that is told the share done, 0 to 1. Shows nothing where there is no terminal."""
+    console = Console(stderr=True)
     bar = Progress(TextColumn('{task.description}'), BarColumn(), TextColumn('{task.percentage:3.0f} %'), TimeElapsedColumn(),
-                   transient=True, console=Console(stderr=True))
+                   transient=True, console=console, disable=not console.is_terminal)
     with bar:
         task = bar.add_task(label, total=1.0)
         yield lambda share: bar.update(task, completed=share)
@@ -21,13 +22,13 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 def peaks(recordings: Mapping[str, Recording]) -> str:
     """A table with one line a recording: end, largest norms and when, last error."""
-    lines = [f"{'law':<26}{'end [s]':>9}{'|ddq| [rad/s2]':>20}{'|dq| [rad/s]':>20}{'|tau| [Nm]':>20}{'last error [mm]':>17}"]
+    lines = [f"{'law':<26}{'end [s]':>9}{'|ddq| [rad/s2]':>23}{'|dq| [rad/s]':>23}{'|tau| [Nm]':>23}{'last error [mm]':>17}"]
     for name, recording in recordings.items():
         if not len(recording.data):
             lines.append(f'{name:<26}  no tick')
             continue
-        cells = [f'{value:.3f} at {t:5.2f} s' for value, t in
+        cells = [f'{value:.5g} at {t:5.2f} s' for value, t in
                  (recording.peak(f'joint_{what}_norm') for what in ('acceleration', 'velocity', 'torque'))]
-        lines.append(f"{name:<26}{recording['t'][-1]:9.3f}" + ''.join(f'{cell:>20}' for cell in cells)
+        lines.append(f"{name:<26}{recording['t'][-1]:9.3f}" + ''.join(f'{cell:>23}' for cell in cells)
                      + f"{1e3 * recording['task_error'][-1]:17.4f}")
     return '\n'.join(lines)

@@ -2,57 +2,19 @@
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
+
+from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics, Threshold
+
+__all__ = ['WINDOW', 'Connection', 'Counts', 'Quality']
 
 WINDOW = 100  # packets
 
-
-class Quality(IntEnum):
-    """Quality of a connection; commanding is allowed in all but the first."""
-
-    UNACCEPTABLE = 0
-    BAD = 1
-    OK = 2
-    PERFECT = 3
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """The five figures that FRI reports, over the last WINDOW packets.
-
-    answer_rate: share of cycles in which an answer arrived, late or not; miss_rate: share without an answer in time;
-    latency: mean time from a state to its answer [s], and jitter its standard deviation [s], both over the last WINDOW
-    answers; miss_count: cycles without an answer in time since the start.
-    """
-
-    answer_rate: float = 0.0
-    latency: float = 0.0
-    jitter: float = 0.0
-    miss_rate: float = 0.0
-    miss_count: int = 0
-
-
-@dataclass(frozen=True)
-class Threshold:
-    """What a quality asks for: bounds on shares of packets, and on times in units of the cycle."""
-
-    answer_rate: float
-    miss_rate: float
-    latency: float
-    jitter: float
-
-    def holds(self, statistics: Statistics, period: float) -> bool:
-        """Whether the statistics keep every bound; NaN keeps none."""
-        return (statistics.answer_rate >= self.answer_rate and statistics.miss_rate <= self.miss_rate
-                and statistics.latency <= self.latency * period and statistics.jitter <= self.jitter * period)
-
-
-THRESHOLDS = {  # ours: KUKA's are not public; best first
-    Quality.PERFECT: Threshold(answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0),
-    Quality.OK: Threshold(answer_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0),
-    Quality.BAD: Threshold(answer_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0),
-}
+_NANOSECONDS = 10**9
+_HOUR = 3600.0  # [s] a longer latency, or one that is no number, counts as this
 
 
 @dataclass(frozen=True)
@@ -60,7 +22,7 @@ class Counts:
     """What became of every cycle since the start.
 
     cycles = in_time + late + missed; longest_run: most cycles in a row without an answer in time; bridged: cycles in
-    command mode whose command was extrapolated; refused: answers that were no valid command, each of them also a miss.
+    command mode whose command was extrapolated; refused: answers that were no valid command.
     """
 
     cycles: int = 0
@@ -73,30 +35,36 @@ class Counts:
 
 
 class Connection:
-    """Keeps the books on one client, packet by packet, for a cycle of `period` [s]."""
+    """Keeps the books on one client, packet by packet, for a cycle of `period` [s].
 
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._latenesses: deque[int | None] = deque(maxlen=WINDOW)  # of packets
-        self._latencies: deque[float] = deque(maxlen=WINDOW)  # of answers
+    thresholds: what every quality but the worst asks for, best first. Recording only counts; the figures are computed
+    when they are asked for.
+    """
+
+    def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold] = THRESHOLDS) -> None:
+        self._thresholds = {quality: threshold.seconds(period) for quality, threshold in thresholds.items()}
+        self._worst = min(type(next(iter(thresholds))))
+        self._latenesses: deque[int | None] = deque([None] * WINDOW)  # of the last packets
+        self._latencies = _Latencies()
+        self._newly_answered, self._newly_in_time = 0, 0  # among the last packets
         self._age, self._run, self._longest_run = 0, 0, 0
         self._in_time, self._late, self._missed = 0, 0, 0
-        self._statistics, self._quality = Statistics(), Quality.UNACCEPTABLE
+        self._verdict: _Verdict | None = None  # on the packets so far; None: not asked for yet
 
     def record(self, lateness: int | None, latency: float) -> None:
         """Enter one cycle: its answer's lateness in cycles (0: in time; None: no answer) and latency [s]."""
-        self._latenesses.append(lateness)
-        if lateness is not None:
+        self._enter(lateness)
+        if lateness is None:
+            self._missed += 1
+            self._age += 1
+        else:
             self._latencies.append(latency)
-        self._in_time += lateness == 0
-        self._late += lateness is not None and lateness > 0
-        self._missed += lateness is None
-        self._age = self._age + 1 if lateness is None else lateness
+            self._in_time += lateness == 0
+            self._late += lateness > 0
+            self._age = lateness
         self._run = 0 if lateness == 0 else self._run + 1
         self._longest_run = max(self._longest_run, self._run)
-        self._statistics = self._evaluate()
-        self._quality = next((quality for quality, threshold in THRESHOLDS.items()
-                              if threshold.holds(self._statistics, self._period)), Quality.UNACCEPTABLE)
+        self._verdict = None
 
     @property
     def age(self) -> int:
@@ -104,24 +72,93 @@ class Connection:
         return self._age
 
     @property
-    def statistics(self) -> Statistics:
-        """The five figures as they stand."""
-        return self._statistics
+    def silent(self) -> bool:
+        """Whether none of the last WINDOW packets was answered."""
+        return self._newly_answered == 0
 
     @property
-    def quality(self) -> Quality:
-        """The best quality whose threshold the statistics meet; UNACCEPTABLE before the first packet."""
-        return self._quality
+    def statistics(self) -> Statistics:
+        """The five figures as they stand."""
+        return Statistics(*self._judge().figures, miss_count=self._late + self._missed)
+
+    @property
+    def quality(self) -> IntEnum:
+        """The best quality whose threshold the statistics meet; the worst before the first packet."""
+        return self._judge().quality
+
+    @property
+    def at_fault(self) -> str:
+        """Name of the statistic that keeps the quality from being the next better one; empty if it is the best."""
+        return self._judge().at_fault
+
+    @property
+    def complaint(self) -> str:
+        """The same in words, with the figure and what the next better quality asks for; empty if it is the best."""
+        _, quality, at_fault = self._judge()
+        if not at_fault:
+            return ''
+        return self._thresholds[type(quality)(quality + 1)].describe(at_fault, getattr(self.statistics, at_fault))
 
     def counts(self, bridged: int, refused: int) -> Counts:
         """What became of every cycle so far; bridged and refused are known to others."""
         cycles = self._in_time + self._late + self._missed
         return Counts(cycles, self._in_time, self._late, self._missed, self._longest_run, bridged, refused)
 
-    def _evaluate(self) -> Statistics:
-        packets, answers = len(self._latenesses), len(self._latencies)
-        in_time, silent = self._latenesses.count(0), self._latenesses.count(None)
-        mean = sum(self._latencies) / max(answers, 1)
-        jitter = math.dist(tuple(self._latencies), (mean,) * answers) / math.sqrt(max(answers, 1))
-        return Statistics(answer_rate=(packets - silent) / packets, latency=mean, jitter=jitter,
-                          miss_rate=(packets - in_time) / packets, miss_count=self._late + self._missed)
+    def _enter(self, lateness: int | None) -> None:
+        oldest = self._latenesses.popleft()
+        self._latenesses.append(lateness)
+        self._newly_answered += (lateness is not None) - (oldest is not None)
+        self._newly_in_time += (lateness == 0) - (oldest == 0)
+
+    def _judge(self) -> '_Verdict':
+        if self._verdict is None:
+            self._verdict = self._find()
+        return self._verdict
+
+    def _find(self) -> '_Verdict':
+        """The best quality first, as it is the usual one."""
+        figures, at_fault = self._figures(), ''
+        for quality, threshold in self._thresholds.items():
+            breach = threshold.breach(*figures)
+            if not breach:
+                return _Verdict(figures, quality, at_fault)
+            at_fault = breach
+        return _Verdict(figures, self._worst, at_fault)
+
+    def _figures(self) -> tuple[float, float, float, float]:
+        """Answer rate, latency [s], jitter [s] and miss rate."""
+        packets = min(self._in_time + self._late + self._missed, WINDOW)
+        if not packets:
+            return 0.0, 0.0, 0.0, 0.0
+        return (self._newly_answered / packets, *self._latencies.mean_and_deviation(),
+                (packets - self._newly_in_time) / packets)
+
+
+class _Verdict(NamedTuple):
+    """What the packets so far amount to."""
+
+    figures: tuple[float, float, float, float]
+    quality: IntEnum
+    at_fault: str
+
+
+class _Latencies:
+    """Mean and standard deviation of the last WINDOW latencies, from running sums: of whole nanoseconds, so exact."""
+
+    def __init__(self) -> None:
+        self._last: deque[int] = deque()  # [ns]
+        self._sum, self._sum_of_squares = 0, 0  # [ns], [ns^2]
+
+    def append(self, latency: float) -> None:
+        """Enter a latency [s]; one too many makes the oldest forgotten."""
+        newest = round(_NANOSECONDS * (latency if abs(latency) <= _HOUR else _HOUR))
+        oldest = self._last.popleft() if len(self._last) == WINDOW else 0
+        self._last.append(newest)
+        self._sum += newest - oldest
+        self._sum_of_squares += newest * newest - oldest * oldest
+
+    def mean_and_deviation(self) -> tuple[float, float]:
+        """Both in [s]; 0 before the first."""
+        n = max(len(self._last), 1)
+        variance = n * self._sum_of_squares - self._sum * self._sum  # [ns^2], n^2 times
+        return self._sum / (n * _NANOSECONDS), math.sqrt(variance) / (n * _NANOSECONDS)

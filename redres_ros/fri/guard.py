@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from redres_ros.fri.limits import JointLimits
+from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.parameter import check_parameters, param
 
 
@@ -16,6 +17,8 @@ class GuardSettings:
     acceleration_window: float = param(0.02, 'time over which the commanded acceleration is averaged [s]', 1e-4, 1.0)
     position_margin: float = param(float(np.radians(0.5)), 'distance kept from the position limits [rad]', 0.0, 0.5)
     acceleration_scale: float = param(1.0, 'factor on the acceleration limits', 0.01, 100.0)
+    acceleration_tolerance: float = param(
+        2e-4, 'for how long twice the acceleration limit is borne, a smaller excess for longer in proportion [s]', 0.0, 0.1)
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -26,8 +29,10 @@ class Guard:
 
     Position and acceleration end in a stop. Velocity does not: the follower keeps to it, as the robot's own
     interpolation does. Acceleration is the commanded velocity's change over a window, because a single step of a
-    sampled command, such as a new segment makes, is far above the limit and does the arm no harm. Every comparison asks
-    whether a value is allowed, so NaN is not.
+    sampled command, such as a new segment makes, is far above the limit and does the arm no harm. Its excess over the
+    limit adds up from cycle to cycle, and what is below the limit takes away from the sum, so that noise on a command
+    just below the limit is no reason to stop: it goes to and fro, and an excess that lasts does not. Every comparison
+    asks whether a value is allowed, so NaN is not.
     """
 
     def __init__(self, limits: JointLimits, period: float, settings: GuardSettings | None = None) -> None:
@@ -36,20 +41,22 @@ class Guard:
         self.period = period
         self._lower, self._upper = limits.lower + settings.position_margin, limits.upper - settings.position_margin
         self._cycles = max(1, round(settings.acceleration_window / period))
+        self._tolerance = self.limits.acceleration * settings.acceleration_tolerance / period  # (n,) for a sum over cycles
         self.begin()
 
     def begin(self) -> None:
         """Forget the stream: the next command follows a standstill."""
         standstill = np.zeros(len(self.limits.joint_names))  # (n,)
         self._velocities = deque([standstill] * self._cycles, maxlen=self._cycles)  # the oldest is one window ago
+        self._excess = standstill  # (n,) [rad/s^2] by which the acceleration was above its limit, summed over cycles
 
-    def refusal(self, command: np.ndarray) -> str:
-        """Why this is no command at all, its shape or a value that is not finite; empty if it is one."""
+    def refusal(self, command: np.ndarray) -> Refused | None:
+        """Why this is no command at all, its shape or a value that is not finite; None if it is one."""
         n = len(self.limits.joint_names)
         if command.shape != (n,):
-            return f'command has shape {command.shape}, expected ({n},)'
+            return Refused(Refusal.WRONG_LENGTH, f'command has shape {command.shape}, expected ({n},)')
         j = _first_false(np.isfinite(command))
-        return '' if j is None else f'{self.limits.joint_names[j]} commanded {command[j]} rad'
+        return None if j is None else Refused(Refusal.NOT_FINITE, f'{self.limits.joint_names[j]} commanded {command[j]} rad')
 
     def violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
         """Why the arm must stop at a command, position (n,) [rad] at velocity (n,) [rad/s]; empty if it need not."""
@@ -75,7 +82,8 @@ class Guard:
 
     def _acceleration_violation(self, acceleration: np.ndarray) -> str:
         allowed = self.limits.acceleration
-        j = _first_false(acceleration <= allowed)
+        self._excess = np.maximum(0.0, self._excess + (acceleration - allowed))
+        j = _first_false(self._excess <= self._tolerance)
         return '' if j is None else (f'protective stop: {self.limits.joint_names[j]} commanded {acceleration[j]:.3g} '
                                      f'rad/s^2 over {1e3 * self._cycles * self.period:g} ms, allowed {allowed[j]:.3g}')
 

@@ -1,7 +1,7 @@
 """Pictures of an arm, drawn by MuJoCo off screen.
 
-They are drawn in a process of its own: MuJoCo chooses its GL library once and for all when it is imported, and a library that does
-not work may take the process with it.
+They are drawn in a process of their own: MuJoCo chooses its GL library once and for all when it is imported, and a
+library that does not work may take the process with it.
 """
 
 import os
@@ -21,14 +21,14 @@ from redres_ros.robots import Arm
 
 BACKENDS = ('egl', 'osmesa')  # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
 TIME_LIMIT = 120.0  # [s] for all pictures of a film
-AZIMUTH, ELEVATION = 28.0, -14.0  # direction in which the camera looks, from the base frame's x towards y and from the horizontal [deg]
+AZIMUTH, ELEVATION = 28.0, -14.0  # [deg] where the camera looks: from the base frame's x towards y, from the horizontal
 
 _SIZE = 480, 600  # width and height [pixels]
 _LOOK_AT, _DISTANCE = (-0.2, 0.0, 0.49), 2.12  # [m]
 _FLOOR = -0.3  # [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
+_SPARE = 100  # shapes that MuJoCo may add of its own, such as lights and frames
 _BLACK, _BLUE, _RED = (0.05, 0.05, 0.05, 1.0), (0.12, 0.47, 0.71, 1.0), (0.84, 0.15, 0.16, 1.0)
 _LINE, _POINT = 0.007, 0.022  # radii [m]
-_PIECES = 150  # of a path
 
 
 class RenderError(RedresError):
@@ -61,7 +61,8 @@ def render(arm: Arm, film: Film) -> np.ndarray:
             if not failure:
                 return np.load(pictures)
             failures.append(f'{backend}: {failure}')
-    raise RenderError(f"MuJoCo cannot draw off screen here ({'; '.join(failures)}); it needs a GL library such as libegl1 or libosmesa6")
+    raise RenderError(f"MuJoCo cannot draw off screen here ({'; '.join(failures)}); "
+                      'it needs a GL library such as libegl1 or libosmesa6')
 
 
 def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
@@ -69,8 +70,8 @@ def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
     environment = {**os.environ, 'MUJOCO_GL': backend, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
     environment.pop('PYOPENGL_PLATFORM', None)  # MuJoCo sets it to go with MUJOCO_GL
     try:
-        done = subprocess.run([sys.executable, '-m', __spec__.name, job, pictures], check=False, env=environment,
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, errors='replace', timeout=TIME_LIMIT)
+        done = subprocess.run([sys.executable, '-m', __spec__.name, job, pictures], check=False, timeout=TIME_LIMIT,
+                              env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors='replace')
     except subprocess.TimeoutExpired:
         return f'took longer than {TIME_LIMIT:g} s'
     except OSError as error:
@@ -86,7 +87,8 @@ def _draw(job: Path, pictures: Path) -> None:
         film = Film(**{field.name: content[field.name] for field in fields(Film)})
         model = _scene(str(content['urdf']), str(content['tip_frame']))
     data, (width, height) = mujoco.MjData(model), _SIZE
-    with mujoco.Renderer(model, height, width) as renderer:
+    drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
+    with mujoco.Renderer(model, height, width, max_geom=_SPARE + drawn) as renderer:
         shots = [_shot(renderer, data, film, frame) for frame in range(len(film.q))]
     np.save(pictures, shots)
 
@@ -97,7 +99,7 @@ def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int
     renderer.update_scene(data, _camera())
     for path, colour in ((film.tip, _BLACK), (film.elbow, _BLUE)):
         traced = path[:round(film.traced[frame] * len(path))]
-        for start, end in pairwise(traced[np.linspace(0, len(traced) - 1, _PIECES).round().astype(int)] if len(traced) else ()):
+        for start, end in pairwise(traced):
             line = _add_shape(renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, _LINE, start, colour)
             mujoco.mjv_connector(line, line.type, _LINE, start, end)
     for point in film.points:
@@ -105,7 +107,8 @@ def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int
     return renderer.render().copy()
 
 
-def _add_shape(scene: mujoco.MjvScene, shape: mujoco.mjtGeom, radius: float, place: np.ndarray, colour: Iterable[float]) -> mujoco.MjvGeom:
+def _add_shape(scene: mujoco.MjvScene, shape: mujoco.mjtGeom, radius: float, place: np.ndarray,
+               colour: Iterable[float]) -> mujoco.MjvGeom:
     """A shape of this picture alone, without a shadow."""
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, shape, np.full(3, radius), place, np.eye(3).ravel(), np.array(colour, dtype=np.float32))
@@ -133,8 +136,8 @@ def _scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
 
 def _add_tool(tip: mujoco.MjsBody) -> None:
     if np.linalg.norm(tip.pos) > 1e-3:
-        tip.parent.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0.0, 0.0, 0.0, *tip.pos], size=[0.011, 0.0, 0.0],
-                            rgba=(0.25, 0.26, 0.28, 1.0), material='paint')
+        tip.parent.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=(0.0, 0.0, 0.0, *tip.pos),
+                            size=(0.011, 0.0, 0.0), rgba=(0.25, 0.26, 0.28, 1.0), material='paint')
 
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
@@ -146,7 +149,8 @@ def _add_surroundings(spec: mujoco.MjSpec) -> None:
     tiles = spec.add_material(name='tiles', reflectance=0.0, texrepeat=(2.0, 2.0), texuniform=True)
     tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = 'tiles'
     world.add_geom(type=shape.mjGEOM_PLANE, pos=(0.0, 0.0, _FLOOR), size=(0.0, 0.0, 0.1), material='tiles')
-    world.add_geom(type=shape.mjGEOM_CYLINDER, fromto=(0.0, 0.0, _FLOOR, 0.0, 0.0, 0.0), size=(0.1, 0.0, 0.0), rgba=(0.6, 0.62, 0.65, 1.0))
+    world.add_geom(type=shape.mjGEOM_CYLINDER, fromto=(0.0, 0.0, _FLOOR, 0.0, 0.0, 0.0), size=(0.1, 0.0, 0.0),
+                   rgba=(0.6, 0.62, 0.65, 1.0))
     world.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(-1.8, 0.6, 3.0), dir=(0.5, -0.17, -0.85),
                     diffuse=(0.6, 0.6, 0.6), specular=(0.4, 0.4, 0.4), castshadow=True)
     spec.stat.extent, spec.stat.center = 1.4, _LOOK_AT

@@ -6,9 +6,11 @@ from typing import Protocol
 import numpy as np
 
 from redres_ros.errors import JointNamesError, RedresError
+from redres_ros.fri.connection import WINDOW
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard
-from redres_ros.fri.session import Session, State
+from redres_ros.fri.refusal import Refusal, Refused
+from redres_ros.fri.session import Session
 
 
 class Plant(Protocol):
@@ -30,8 +32,8 @@ class Plant(Protocol):
 class Answer:
     """A client's answer to the state of one tick.
 
-    q: (n,) commanded position [rad]; in monitor mode the position where the arm stands; latency: time from the state to
-    the arrival of the answer [s], 0 where nobody measures it.
+    q: (n,) commanded position [rad], outside command mode the position where the arm stands; latency: time from the
+    state to the arrival of the answer [s], 0 where nobody measures it.
     """
 
     tick: int
@@ -114,14 +116,15 @@ class FriRobot:
         """Move from tick k to k + 1, given the newest answer that arrived since the last call; None if there was none.
 
         An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An older one is late:
-        the command is taken to have gone on since then at its last velocity, as it does when no answer comes. In
-        monitor mode, and after a stop, the arm holds its position; from any motion it is braked there.
+        the command is taken to have gone on since then at its last velocity, as it does when no answer comes. A second
+        answer to the same state counts as none. Outside command mode the arm holds its position; from any motion it is
+        braked there.
         """
         if self._tick > 0:  # before, no state has been sent that could be answered
             self._receive(answer)
-        if self.session.state is State.CMD:
+        if self.session.commanding:
             self._execute(self._course.at(self._tick - 1))
-        if self.session.state is State.MON:
+        if not self.session.commanding:
             self._follower.brake()
         self._plant.step(self._follower.reference)
         self._tick += 1
@@ -132,26 +135,34 @@ class FriRobot:
 
     def _receive(self, answer: Answer | None) -> None:
         """Enter what arrived in the session's books; a new and valid answer gives the commands' course."""
-        if answer is None or answer.tick <= self._course.tick:
+        if answer is None or answer.tick == self._course.tick:
             self.session.record(None)
-        elif refusal := self._refusal(answer):
-            self.session.record(None, refusal=refusal)
+        elif refused := self._refusal(answer):
+            self.session.refuse(refused)
+            self.session.record(None)
         else:
             self._course = self._course.through(answer)
             self.session.record(self._tick - 1 - answer.tick, answer.latency)
             if self.session.ready and self._follower.at_rest:
                 self._begin()
 
-    def _refusal(self, answer: Answer) -> str:
-        if answer.tick >= self._tick:
-            return f'answer to tick {answer.tick} at tick {self._tick}, before it can be due'
+    def _refusal(self, answer: Answer) -> Refused | None:
+        if not 0 <= answer.tick < self._tick:
+            return self._refuse(Refusal.NO_STATE, answer, f'expected one from 0 to {self._tick - 1}')
+        if answer.tick < self._tick - 1 - WINDOW:
+            return self._refuse(Refusal.OUT_OF_DATE, answer, f'more than {WINDOW} cycles late')
+        if answer.tick < self._course.tick:
+            return self._refuse(Refusal.OUT_OF_ORDER, answer, f'after one to tick {self._course.tick}')
         return self._guard.refusal(np.asarray(answer.q))
+
+    def _refuse(self, kind: Refusal, answer: Answer, why: str) -> Refused:
+        return Refused(kind, f'answer to tick {answer.tick} at tick {self._tick}, {why}')
 
     def _begin(self) -> None:
         """Let the session decide whether command mode begins with this command, as from a standstill there."""
         command = self._course.q
         self.session.offer(float(np.abs(command - self._follower.reference).max()))
-        if self.session.state is State.CMD:
+        if self.session.commanding:
             self._course, self._command = _Course(self._course.tick, command, np.zeros_like(command)), command
             self._follower.begin(command)
             self._guard.begin()

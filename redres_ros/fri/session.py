@@ -1,42 +1,22 @@
-"""Who may command: the session between robot controller and client, profile lwr_fri1. No physics, no arrays, no ROS."""
+"""Who may command: the session between robot controller and client. No physics, no arrays, no ROS."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
-from enum import Enum
+from enum import IntEnum
 
-from redres_ros.fri.connection import Connection, Counts, Quality, Statistics
+from redres_ros.fri.connection import Connection, Counts, Statistics
+from redres_ros.fri.profile import LWR_FRI1, PROFILES, Event, Profile, State
+from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.parameter import check_parameters, param
-
-
-class State(Enum):
-    """States of the LWR's session: the arm holds its position in monitor mode, follows its client in command mode."""
-
-    MON = 'MON'
-    CMD = 'CMD'
-
-
-class Event(Enum):
-    """What moves a session from state to state."""
-
-    COMMAND = 'timing was good for long enough and the first command continues the mirrored position'
-    FAULT = 'the command, its timing or its limits are at fault'
-    RESET = 'somebody asks to begin anew'
-
-
-TRANSITIONS = {  # a pair that is not here cannot happen
-    (State.MON, Event.COMMAND): State.CMD,
-    (State.MON, Event.FAULT): State.MON,
-    (State.MON, Event.RESET): State.MON,
-    (State.CMD, Event.FAULT): State.MON,
-    (State.CMD, Event.RESET): State.MON,
-}
 
 
 @dataclass(frozen=True)
 class SessionSettings:
     """When command mode is given and when it is taken away. KUKA's figures are not public: the defaults are ours."""
 
-    monitor_time: float = param(0.5, 'PERFECT timing needed before command mode; 0: one answer will do [s]', 0.0, 60.0)
+    profile: str = param(LWR_FRI1.name, "kind of FRI session: the LWR's, or that of Sunrise", choices=tuple(PROFILES))
+    monitor_time: float = param(0.5, 'good timing needed before command mode; 0: no longer than it takes [s]', 0.0, 60.0)
     bridged_misses: int = param(5, 'cycles in a row without an answer that are bridged by extrapolation', 0, 100)
     entry_tolerance: float = param(0.01, 'how far the first command may be from the mirrored position [rad]', 0.0, 1.0)
 
@@ -48,21 +28,33 @@ class Session:
     """Grants command mode to a client that answers well, and takes it away with a reason that stays until `reset`.
 
     period [s]: the cycle. The caller records every cycle, offers each command that arrives in time, and reports
-    violations.
+    refusals and violations.
     """
 
     def __init__(self, period: float, settings: SessionSettings | None = None) -> None:
         self.period = period
         self._settings = settings or SessionSettings()
-        self._connection = Connection(period)
+        self._profile = PROFILES[self._settings.profile]
+        self._connection = Connection(period, self._profile.thresholds)
         self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
-        self._perfect_cycles, self._bridged, self._refused = 0, 0, 0
-        self._state, self._reason, self._refusal = State.MON, '', ''
+        self._good_cycles, self._bridged = 0, 0
+        self._refusals, self._refused = Counter[Refusal](), ''  # and the last one in words, if no answer came since
+        self._state, self._reason = self._profile.states[0], ''
+
+    @property
+    def profile(self) -> Profile:
+        """What kind of session it is."""
+        return self._profile
 
     @property
     def state(self) -> State:
-        """Monitor or command mode."""
+        """One of the profile's states."""
         return self._state
+
+    @property
+    def commanding(self) -> bool:
+        """Whether the arm follows its client."""
+        return self._state is self._profile.commanding
 
     @property
     def reason(self) -> str:
@@ -70,9 +62,14 @@ class Session:
         return self._reason
 
     @property
-    def quality(self) -> Quality:
-        """Quality of the connection."""
+    def quality(self) -> IntEnum:
+        """Quality of the connection, as the profile names it."""
         return self._connection.quality
+
+    @property
+    def at_fault(self) -> str:
+        """Name of the statistic that keeps the quality from being a better one; empty if it is the best."""
+        return self._connection.at_fault
 
     @property
     def statistics(self) -> Statistics:
@@ -82,26 +79,39 @@ class Session:
     @property
     def counts(self) -> Counts:
         """What became of every cycle so far."""
-        return self._connection.counts(self._bridged, self._refused)
+        return self._connection.counts(self._bridged, self._refusals.total())
+
+    @property
+    def refusals(self) -> dict[Refusal, int]:
+        """How many answers were refused, for every kind of refusal."""
+        return {kind: self._refusals[kind] for kind in Refusal}
 
     @property
     def ready(self) -> bool:
-        """Whether a command of this cycle could be the first: PERFECT for long enough, in time, nothing against it."""
-        return (self._state is State.MON and not self._reason and self._connection.age == 0
-                and self._perfect_cycles >= self._cycles_needed)
+        """Whether a command of this cycle could be the first: good timing for long enough, nothing against it."""
+        return (self._profile.awaits_command(self._state) and not self._reason and self._connection.age == 0
+                and self._good_cycles >= self._cycles_needed)
 
-    def record(self, lateness: int | None, latency: float = 0.0, refusal: str = '') -> None:
-        """Enter one cycle by its answer's lateness in cycles: 0 in time, None no answer, or one refused for `refusal`.
+    def record(self, lateness: int | None, latency: float = 0.0) -> None:
+        """Enter one cycle by its answer's lateness in cycles: 0 in time, None if there was no valid one.
 
         latency [s]: from the state to its answer, 0 where nobody measures it. In command mode bad timing ends the
         session.
         """
         self._connection.record(lateness, latency)
-        self._perfect_cycles = self._perfect_cycles + 1 if self.quality is Quality.PERFECT else 0
-        self._refused += bool(refusal)
-        self._refusal = refusal if refusal or lateness is not None else self._refusal
-        if self._state is State.CMD:
-            self._check_timing()
+        self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
+        if lateness is not None:
+            self._refused = ''
+        if self.commanding and (fault := self._timing_fault()):
+            self.stop(fault)
+            return
+        self._bridged += self.commanding and self._connection.age > 0
+        self._take(self._timing())
+
+    def refuse(self, refused: Refused) -> None:
+        """Count an answer that is no valid command. A cycle that has no other answer is recorded as one without."""
+        self._refusals[refused.kind] += 1
+        self._refused = refused.text
 
     def offer(self, gap: float) -> None:
         """Begin command mode if the session is ready and the command is within the tolerance of the mirrored position.
@@ -111,31 +121,39 @@ class Session:
         if not self.ready:
             return
         if gap <= self._settings.entry_tolerance:
-            self._take(Event.COMMAND)
+            self._take(Event.FIRST_COMMAND)
         else:
             self.stop(f'interpolation error: the first command is {gap:.3g} rad from the mirrored position, '
                       f'allowed {self._settings.entry_tolerance:g}')
 
     def stop(self, reason: str) -> None:
-        """Fall back to monitor mode. The first reason is kept: what follows from it is not the cause."""
-        self._reason = self._reason or reason
+        """End command mode. The first reason is kept: what follows from it is not the cause."""
+        self._reason, self._good_cycles = self._reason or reason, 0
         self._take(Event.FAULT)
 
     def reset(self) -> None:
         """Clear the reason and monitor anew; command mode takes another monitor_time."""
-        self._reason = ''
+        self._reason, self._good_cycles = '', 0
         self._take(Event.RESET)
 
-    def _check_timing(self) -> None:
+    def _timing_fault(self) -> str:
+        """Why the timing ends command mode; empty if it does not."""
         age, bridged = self._connection.age, self._settings.bridged_misses
+        refused = f'; last refused: {self._refused}' if self._refused else ''
         if age > bridged:
-            refused = f'; last refused: {self._refusal}' if self._refusal else ''
-            self.stop(f'timing: the newest answer is {age} cycles late, {bridged} are bridged{refused}')
-        elif self.quality is Quality.UNACCEPTABLE:
-            self.stop(f'timing: the connection is UNACCEPTABLE, {self.statistics.miss_rate:.0%} of its answers missed')
-        else:
-            self._bridged += age > 0
+            return f'timing: the newest answer is {age} cycles late, {bridged} are bridged{refused}'
+        if self.quality < self._profile.lowest:
+            return f'timing: the connection is {self.quality.name}: {self._connection.complaint}{refused}'
+        return ''
+
+    def _timing(self) -> Event:
+        """What the timing up to this cycle is to the session."""
+        if self._connection.silent:
+            return Event.SILENCE
+        if self.quality < self._profile.entry:
+            return Event.POOR_TIMING
+        enough = self._good_cycles >= self._cycles_needed and not self._reason
+        return Event.LONG_GOOD_TIMING if enough else Event.GOOD_TIMING
 
     def _take(self, event: Event) -> None:
-        self._state = TRANSITIONS[self._state, event]
-        self._perfect_cycles = 0
+        self._state = self._profile.after(self._state, event)

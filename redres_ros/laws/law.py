@@ -18,7 +18,7 @@ class Law(ABC):
     acts through the forgetting factor lambda = 1 - k_d T (Appendix B).
     """
 
-    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e4)
+    damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
 
     def __post_init__(self) -> None:
         check_parameters(self)

@@ -15,8 +15,8 @@ _DIFFERENCE = r'$\Vert\dot q_{\mathrm{I}}-\dot q_{\mathrm{II}}\Vert$'
 
 def figure_5(runs: Runs) -> Figure:
     """Simulation: law (23) against scheme (22)."""
-    title = r'Figure 5. Simulation: velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 10 1/s, T = 1 ms'
-    return _simulations(title, runs.ideal_damped, runs.ideal_22)
+    title = r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 10 1/s, T = 1 ms'
+    return _simulations(f'Figure 5. Simulation: {title}', runs.ideal_damped, runs.ideal_22)
 
 
 def figure_8(runs: Runs) -> Figure:
@@ -27,14 +27,14 @@ def figure_8(runs: Runs) -> Figure:
 
 def figure_13(runs: Runs) -> Figure:
     """Experiment: law (23) against scheme (22)."""
-    title = r'Figure 13. Experiment: velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 5 1/s, T = 2 ms'
-    return _experiments(title, runs.experiment_damped_unblended, runs.experiment_22)
+    title = r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 5 1/s, T = 2 ms'
+    return _experiments(f'Figure 13. Experiment: {title}', runs.experiment_damped_unblended, runs.experiment_22)
 
 
 def figure_16(runs: Runs) -> Figure:
     """Experiment: law (35) against scheme (29)."""
-    title = 'Figure 16. Experiment: velocity law (35) and torque scheme (29) with damping (34), points in reverse order, T = 2 ms'
-    return _experiments(title, runs.experiment_35_unblended, runs.experiment_29)
+    title = 'velocity law (35) and torque scheme (29) with damping (34), points in reverse order, T = 2 ms'
+    return _experiments(f'Figure 16. Experiment: {title}', runs.experiment_35_unblended, runs.experiment_29)
 
 
 def difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
@@ -45,7 +45,8 @@ def difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
 
 def _simulations(title: str, law: Recording, scheme: Recording) -> Figure:
     dq_I = law.vectors('dq1')
-    return _draw(title, law['t'], {_SCALE: np.linalg.norm(dq_I, axis=1), _DIFFERENCE: difference(dq_I, scheme.vectors('dq1'))})
+    curves = {_SCALE: np.linalg.norm(dq_I, axis=1), _DIFFERENCE: difference(dq_I, scheme.vectors('dq1'))}
+    return _draw(title, law['t'], curves)
 
 
 def _experiments(title: str, law: Experiment, scheme: Experiment) -> Figure:

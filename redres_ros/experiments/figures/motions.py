@@ -21,7 +21,8 @@ _EVERY = 10  # ticks between the points of a path
 
 def figure_3(runs: Runs) -> Figure:
     """Simulation with law (23)."""
-    return _draw(r'Figure 3. Simulation: least acceleration, law (23), $\lambda$ = 0.99, T = 1 ms', runs.ideal_damped, runs.model, runs.task)
+    title = r'Figure 3. Simulation: least acceleration, law (23), $\lambda$ = 0.99, T = 1 ms'
+    return _draw(title, runs.ideal_damped, runs.model, runs.task)
 
 
 def figure_6(runs: Runs) -> Figure:
@@ -31,20 +32,20 @@ def figure_6(runs: Runs) -> Figure:
 
 def figure_9(runs: Runs) -> Figure:
     """Experiment with law (2), which the robot stops."""
-    shown = runs.experiment_minimum_velocity.recording
-    return _draw('Figure 9. Experiment: least velocity, law (2), T = 2 ms', shown, runs.experiment_model, runs.task)
+    title = 'Figure 9. Experiment: least velocity, law (2), T = 2 ms'
+    return _draw(title, runs.experiment_minimum_velocity.recording, runs.experiment_model, runs.task)
 
 
 def figure_11(runs: Runs) -> Figure:
     """Experiment with law (23)."""
-    shown = runs.experiment_damped.recording
-    return _draw(r'Figure 11. Experiment: least acceleration, law (23), $\lambda$ = 0.99, T = 2 ms', shown, runs.experiment_model, runs.task)
+    title = r'Figure 11. Experiment: least acceleration, law (23), $\lambda$ = 0.99, T = 2 ms'
+    return _draw(title, runs.experiment_damped.recording, runs.experiment_model, runs.task)
 
 
 def figure_14(runs: Runs) -> Figure:
     """Experiment with law (35), points in reverse order."""
-    shown = runs.experiment_35.recording
-    return _draw('Figure 14. Experiment: least torque, law (35), points in reverse order, T = 2 ms', shown, runs.experiment_model, runs.reversed_task)
+    title = 'Figure 14. Experiment: least torque, law (35), points in reverse order, T = 2 ms'
+    return _draw(title, runs.experiment_35.recording, runs.experiment_model, runs.reversed_task)
 
 
 def _draw(title: str, recording: Recording, model: RobotModel, task: Task) -> Figure:

@@ -19,8 +19,9 @@ Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples,
 
 def figure_4(runs: Runs) -> Figure:
     """Law (23): acceleration, null-space part and velocity."""
+    title = r'Figure 4. Simulation: least acceleration, law (23), $\lambda$ = 0.99, T = 1 ms'
     shown = 'joint_acceleration_norm', 'null_velocity_norm', 'joint_velocity_norm'
-    return _simulation(r'Figure 4. Simulation: least acceleration, law (23), $\lambda$ = 0.99, T = 1 ms', runs.ideal_damped, shown, runs.task)
+    return _simulation(title, runs.ideal_damped, shown, runs.task)
 
 
 def figure_7(runs: Runs) -> Figure:
@@ -31,22 +32,24 @@ def figure_7(runs: Runs) -> Figure:
 
 def figure_10(runs: Runs) -> Figure:
     """Law (2): acceleration and velocity until the robot stops, and a little longer."""
+    title = 'Figure 10. Experiment: least velocity, law (2), T = 2 ms'
     tried = runs.experiment_minimum_velocity
-    return _experiment('Figure 10. Experiment: least velocity, law (2), T = 2 ms', tried, _kinematic(tried.motion), runs.task)
+    return _experiment(title, tried, _kinematic(tried.motion), runs.task)
 
 
 def figure_12(runs: Runs) -> Figure:
     """Law (23): acceleration and velocity."""
-    tried = runs.experiment_damped
     title = r'Figure 12. Experiment: least acceleration, law (23), $k_d$ = 5 1/s ($\lambda$ = 0.99), T = 2 ms'
+    tried = runs.experiment_damped
     return _experiment(title, tried, _kinematic(tried.motion), runs.task)
 
 
 def figure_15(runs: Runs) -> Figure:
     """Law (35): torque and velocity."""
+    title = 'Figure 15. Experiment: least torque, law (35), points in reverse order, T = 2 ms'
     tried = runs.experiment_35
-    curves = {'joint_torque_norm': torque_norm(tried.motion, runs.experiment_model), 'joint_velocity_norm': _norm(tried.motion.dq)}
-    return _experiment('Figure 15. Experiment: least torque, law (35), points in reverse order, T = 2 ms', tried, curves, runs.reversed_task)
+    tau, dq = torque_norm(tried.motion, runs.experiment_model), _norm(tried.motion.dq)
+    return _experiment(title, tried, {'joint_torque_norm': tau, 'joint_velocity_norm': dq}, runs.reversed_task)
 
 
 def torque_norm(motion: Motion, model: RobotModel) -> np.ndarray:

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from redres_ros.experiments.figures.runs import Runs
 from redres_ros.resolution import resolve
 
-J, DX, DQ_N = np.array([[0.5, 1.0]]), np.array([1.6]), np.array([1.9, 1.5])  # a task of one dimension and a bias [rad/s]
+J, DX = np.array([[0.5, 1.0]]), np.array([1.6])  # a task of one dimension
+DQ_N = np.array([1.9, 1.5])  # the bias [rad/s]
 
 _REACH = 4.0  # [rad/s] half length of the lines
 
@@ -28,7 +29,8 @@ def figure_2(runs: Runs) -> Figure:
         ax.plot(*np.transpose((start, dq)), ls=':', color='0.4', lw=1.4)
     ax.axhline(0.0, color='0.8', lw=0.8, zorder=0)
     ax.axvline(0.0, color='0.8', lw=0.8, zorder=0)
-    ax.set(xlabel=r'velocity of joint 1, $\dot q_1$ [rad/s]', ylabel=r'velocity of joint 2, $\dot q_2$ [rad/s]', xlim=(-0.8, 3.0), ylim=(-1.0, 2.4),
+    ax.set(xlabel=r'velocity of joint 1, $\dot q_1$ [rad/s]', ylabel=r'velocity of joint 2, $\dot q_2$ [rad/s]',
+           xlim=(-0.8, 3.0), ylim=(-1.0, 2.4),
            title='Figure 2. Of all joint velocities that execute the task, the one nearest to $\\dot q_N$:\n'
                  'solution (2) for a robot with two joints and a task of one dimension')
     ax.set_aspect('equal')
@@ -44,7 +46,8 @@ def _line(ax: Axes, point: np.ndarray, label: str, **style: object) -> None:
 
 def _circle(ax: Axes, centre: np.ndarray, radius: float, label: str) -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 200)
-    ax.plot(centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles), color='tab:green', lw=1.0, ls=':', label=label)
+    x, y = centre[:, None] + radius * np.array((np.cos(angles), np.sin(angles)))
+    ax.plot(x, y, color='tab:green', lw=1.0, ls=':', label=label)
 
 
 def _arrow(ax: Axes, end: np.ndarray, label: str, color: str, beside: tuple[float, float]) -> None:

@@ -16,14 +16,14 @@ from redres_ros.tasks import Task, load_task
 SIMULATION_T, EXPERIMENT_T = 0.001, 0.002  # [s]
 SIMULATION_DAMPING, EXPERIMENT_DAMPING = 10.0, 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
-EXPERIMENT_DYNAMICS = 'lwr'  # of the simulated arm and of the controller's model; the simulations have the paper's equal links
+EXPERIMENT_DYNAMICS = 'lwr'  # identified, of arm and controller alike; the simulations have the paper's equal links
 
 
 class Runs:
-    """Recordings of Section 5, with an ideal arm, and experiments of Section 6, with the simulated arm behind the fake robot.
+    """Recordings of Section 5, with an ideal arm, and experiments of Section 6, with the arm behind the fake robot.
 
-    A number in a name is that of the paper's equation. The schemes of second order, (16), (22) and (29), start at once, so the laws
-    that are compared with them in an experiment do so too: those are the runs called `unblended`.
+    A number in a name is that of the paper's equation. The schemes of second order, (16), (22) and (29), start at
+    once, so the laws that are compared with them in an experiment do so too: those are the runs called `unblended`.
     """
 
     def __init__(self) -> None:

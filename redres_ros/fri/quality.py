@@ -1,0 +1,80 @@
+"""How good a connection is: the figures that tell, and what each quality asks of them."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+
+class Quality(IntEnum):
+    """Quality of a connection as the LWR names it."""
+
+    UNACCEPTABLE = 0
+    BAD = 1
+    OK = 2
+    PERFECT = 3
+
+
+class SunriseQuality(IntEnum):
+    """Quality of a connection as Sunrise names it."""
+
+    POOR = 0
+    FAIR = 1
+    GOOD = 2
+    EXCELLENT = 3
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """The five figures that FRI reports, over the last WINDOW packets.
+
+    answer_rate: share of cycles in which an answer arrived, late or not; miss_rate: share without an answer in time;
+    latency: mean time from a state to its answer [s], and jitter its standard deviation [s], both over the last WINDOW
+    answers; miss_count: cycles without an answer in time since the start.
+    """
+
+    answer_rate: float = 0.0
+    latency: float = 0.0
+    jitter: float = 0.0
+    miss_rate: float = 0.0
+    miss_count: int = 0
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """What a quality asks for: bounds on the statistics, for times in units of the cycle."""
+
+    answer_rate: float
+    miss_rate: float
+    latency: float
+    jitter: float
+
+    def seconds(self, period: float) -> 'Threshold':
+        """The same with times in seconds, for a cycle of `period` [s]."""
+        return replace(self, latency=self.latency * period, jitter=self.jitter * period)
+
+    def breach(self, answer_rate: float, latency: float, jitter: float, miss_rate: float) -> str:
+        """Name of the statistic that breaks its bound, empty if none does; NaN breaks every bound.
+
+        Misses follow from answers that are lost or late, so they are named only if nothing else is at fault.
+        """
+        if not answer_rate >= self.answer_rate:
+            return 'answer_rate'
+        if not latency <= self.latency:
+            return 'latency'
+        if not jitter <= self.jitter:
+            return 'jitter'
+        return '' if miss_rate <= self.miss_rate else 'miss_rate'
+
+    def describe(self, name: str, value: float) -> str:
+        """A statistic beside its bound, in words: 'latency 9.1 ms, allowed 8 ms'."""
+        bound = getattr(self, name)
+        if name in ('latency', 'jitter'):
+            return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
+        return f"{name.replace('_', ' ')} {value:.0%}, {'needed' if name == 'answer_rate' else 'allowed'} {bound:.0%}"
+
+
+PERFECT = Threshold(answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0)  # ours: KUKA's are not public
+OK = Threshold(answer_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
+BAD = Threshold(answer_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
+
+THRESHOLDS = {Quality.PERFECT: PERFECT, Quality.OK: OK, Quality.BAD: BAD}  # best first; the worst asks for nothing
+SUNRISE_THRESHOLDS = {SunriseQuality.EXCELLENT: PERFECT, SunriseQuality.GOOD: OK, SunriseQuality.FAIR: BAD}
