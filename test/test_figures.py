@@ -182,7 +182,8 @@ def test_a_film_begins_without_paths_and_ends_with_all_of_them(runs):
 
 def test_pictures_show_the_arm_move_and_are_the_same_every_time(runs):
     try:
-        first, second = (render(find_arm('lwr4_paper'), film(runs)) for _ in range(2))
+        # without paths, which would hide different parts of the arm
+        first, second = (render(find_arm('lwr4_paper'), replace(film(runs), traced=np.zeros(2))) for _ in range(2))
     except RenderError as error:
         pytest.skip(str(error))
     assert first.dtype == np.uint8
@@ -192,6 +193,15 @@ def test_pictures_show_the_arm_move_and_are_the_same_every_time(runs):
     assert (orange.mean(axis=(1, 2)) > 0.01).all()
     assert (orange[0] != orange[1]).any()
     assert np.median(first) > 200  # light, not the black of an empty picture
+
+
+def test_pictures_show_the_paths_grow(runs):
+    try:
+        still = replace(film(runs), q=np.tile(runs.task.start, (2, 1)))
+        before, after = render(find_arm('lwr4_paper'), still).astype(int)
+    except RenderError as error:
+        pytest.skip(str(error))
+    assert (before != after).any()
 
 
 def test_without_a_renderer_the_figure_says_why(runs, monkeypatch):

@@ -1,4 +1,4 @@
-"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated arm, cycle by cycle."""
+"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated arm."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -103,6 +103,6 @@ class _Run:
         self._advance(self._robot.q)
 
     def _advance(self, q_ref: np.ndarray) -> None:
-        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] becomes the answer to its present state."""
+        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] answers its present state."""
         answer, self._answer = self._answer, Answer(self._robot.tick, q_ref)
         self._robot.advance(answer)

@@ -48,7 +48,7 @@ def draw_motion(recording: Recording, model: RobotModel, task: Task, title: str,
 
 def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: Task) -> None:
     """The tip in black and the elbow in blue, with the task's points, as the paper's figures show them."""
-    elbow = np.array([model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]])  # (ticks / 10, 3)
+    elbow = np.array([model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]])
     ax.plot(*recording.vectors('x').T, color='black', label='tip')
     if len(elbow):
         ax.plot(*elbow.T, color='tab:blue', label='elbow')

@@ -23,7 +23,7 @@ class Motion:
 
 
 def differentiate(q: np.ndarray, T: float) -> Motion:
-    """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on; without its first and last W/2 samples.
+    """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on, but for the first and last W/2.
 
     Each sample gets the derivatives of the polynomial of fifth degree that fits it and W/2 samples on either side best.
     That is W + 1 samples: with an even number the estimates would belong to instants half a cycle beside the samples.

@@ -70,8 +70,9 @@ def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
     environment = {**os.environ, 'MUJOCO_GL': backend, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
     environment.pop('PYOPENGL_PLATFORM', None)  # MuJoCo sets it to go with MUJOCO_GL
     try:
-        done = subprocess.run([sys.executable, '-m', __spec__.name, job, pictures], check=False, timeout=TIME_LIMIT,
-                              env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors='replace')
+        done = subprocess.run([sys.executable, '-m', __spec__.name, job, pictures], env=environment, check=False,
+                              stdin=subprocess.DEVNULL, capture_output=True, text=True, errors='replace',
+                              timeout=TIME_LIMIT)
     except subprocess.TimeoutExpired:
         return f'took longer than {TIME_LIMIT:g} s'
     except OSError as error:

@@ -174,6 +174,7 @@ class Demo:
         while t < PATIENCE * nominal and recorder.words['planner/state'][-1:] != ['finished']:
             self._check(recorder)
             if recorder.stopped:
+                self._await_stamp(recorder)
                 return
             t = recorder.seconds
             while switches and t >= switches[0][1]:
@@ -181,6 +182,13 @@ class Demo:
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
         time.sleep(SETTLING)
+
+    def _await_stamp(self, recorder: Recorder) -> None:
+        """Until the robot has said when it stopped, which it does with its next diagnostics."""
+        until = time.monotonic() + SILENCE
+        while not recorder.stopped_at and time.monotonic() < until:
+            self._check(recorder)
+            time.sleep(_LOOK)
 
     def _switch(self, recorder: Recorder, law: str) -> None:
         set_parameters(recorder, 'controller', {'law': law})
@@ -194,7 +202,7 @@ class Demo:
 
     def _outcome(self, recorder: Recorder) -> Outcome:
         reason = recorder.words['sim/stop_reason'][-1] if recorder.stopped else ''
-        log = recorder.log.until(int(recorder.figures.get('stopped at [ns]', 0)) if reason else None)
+        log = recorder.log.until(recorder.stopped_at or None)
         recording = replay(log, recorder.begun, self.model, self._task, self._laws, self._T, reason)
         return Outcome(recording, self._laws[0][1], reason, tuple(recorder.words['sim/session_state']), recorder.final_error(self.model, self._task),
                        recorder.figures)

@@ -43,6 +43,11 @@ class Recorder(Node):
         return any(self.words['sim/stop_reason'])
 
     @property
+    def stopped_at(self) -> int:
+        """Stamp [ns] at which the robot says that it stopped; 0 as long as it has not said so."""
+        return int(self.figures.get('stopped at [ns]', 0))
+
+    @property
     def seconds(self) -> float:
         """Time on the robot's clock since the planner began [s]."""
         return (self.newest - self.begun) / 1e9 if self.begun else 0.0
