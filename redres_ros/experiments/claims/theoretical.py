@@ -123,10 +123,10 @@ def cost(runs: Runs) -> Finding:
 
 def proportional(runs: Runs) -> Finding:
     """Order of convergence to the continuous scheme on the first segment."""
-    orders = {name: found.dq_order for name, found in runs.convergences.items()}
+    orders = {name: found.q_order for name, found in runs.convergences.items()}
     return Finding(all(0.9 <= order <= 1.1 for order in orders.values()),
-                   'the error against the continuous scheme falls as T^p over the first segment, with p = '
-                   + ', '.join(f'{order:.2f} ({name})' for name, order in orders.items()))
+                   'the error of q against the continuous scheme falls as T^p over the first segment, with p = '
+                   + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()))
 
 
 def _seconds(controller: Controller | SecondOrderController, q: np.ndarray, dx: np.ndarray) -> float:
