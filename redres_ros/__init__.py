@@ -1,4 +1,4 @@
-"""Discrete-time redundancy resolution at the velocity level (Flacco and De Luca, 2015) for arms behind a position interface."""
+"""Discrete-time redundancy resolution for arms behind a position interface (Flacco and De Luca, 2015)."""
 
 from redres_ros.controller import Command, Controller
 from redres_ros.errors import RedresError

@@ -1,4 +1,4 @@
-"""The controller of Fig. 1: measured joint positions and a task velocity in, the next position reference out, once a cycle."""
+"""The controller of Fig. 1: joint positions and a task velocity in, the next position reference out, once a cycle."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,9 +16,9 @@ INTEGRATE_FROM = ('command', 'measurement')
 
 @dataclass(frozen=True)
 class Command:
-    """One tick's answer: dq (n,) [rad/s], q_ref (n,) [rad], null (n,) the part of dq in the null space, and the state it answers.
+    """One tick's answer: dq (n,) [rad/s], q_ref (n,) [rad], and the state it answers.
 
-    What only onlookers want is computed when asked for.
+    null: (n,) the part of dq in the null space. What only onlookers want is computed when asked for.
     """
 
     dq: np.ndarray
@@ -51,7 +51,8 @@ class Controller:
     does not make the arm creep, or the last 'measurement'. Raises RangeError for T, switch_time or the law's damping.
     """
 
-    def __init__(self, model: RobotModel, law: Law, T: float, *, switch_time: float = 0.0, integrate_from: str = 'command') -> None:
+    def __init__(self, model: RobotModel, law: Law, T: float, *, switch_time: float = 0.0,
+                 integrate_from: str = 'command') -> None:
         if not 1e-5 <= T <= 1.0:
             raise RangeError('T', T, 1e-5, 1.0, 's')
         if not 0.0 <= switch_time <= 60.0:
@@ -74,9 +75,10 @@ class Controller:
         return self._moving
 
     def switch_law(self, law: Law) -> None:
-        """Go over to another law, or to the same one with other gains. Of several asked for during one blend the last one counts.
+        """Go over to another law, or to the same one with other gains.
 
-        Raises RangeError for a damping outside [0, 1/T]; the law in force then stays.
+        Of several asked for during one blend the last one counts. Raises RangeError for a damping outside [0, 1/T]; the
+        law in force then stays.
         """
         law.check_damping(self.T)
         self._law = law
@@ -96,11 +98,11 @@ class Controller:
         self._blend = _Blend(None, None, np.zeros(self.model.n), 1.0)
 
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
-        """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,) [m/s], [rad/s] below it.
+        """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,).
 
-        missed: cycles since the last update that went without one; the arm is taken to have gone on with the last
-        velocity. Raises ArrayError for a wrong shape, NaN or infinity, RangeError for missed; the controller is then as
-        it was before.
+        dx: [m/s], and [rad/s] below it. missed: cycles since the last update that went without one; the arm is taken to
+        have gone on with the last velocity. Raises ArrayError for a wrong shape, NaN or infinity, RangeError for
+        missed; the controller is then as it was before.
         """
         if missed < 0:
             raise RangeError('missed', missed, 0, np.inf, 'cycles')
@@ -119,8 +121,8 @@ class Controller:
 class _Blend:
     """On the way from one law to another; None in the place of a law stands for standing still.
 
-    dq_old: (n,) [rad/s] what the old law remembers as the last velocity: its own, or its null-space motion would fade by
-    the mixture's share in every cycle. The new law remembers the mixture, which is what it takes over. share: of the
+    dq_old: (n,) [rad/s] what the old law remembers as the last velocity: its own, or its null-space motion would fade
+    by the mixture's share in every cycle. The new law remembers the mixture, which is what it takes over. share: of the
     switch time that is over; at 1 only the new law acts.
     """
 

@@ -1,4 +1,4 @@
-"""Parameters as dataclass fields: default, meaning with unit, and range are declared once and read by ROS, the CLI and the docs."""
+"""Parameters as dataclass fields: default, meaning with unit, and range, declared once for ROS, CLI and docs."""
 
 import math
 from dataclasses import Field, dataclass, field, fields

@@ -8,7 +8,7 @@ from redres_ros.tasks import Task
 
 
 def quintic(xi: float) -> tuple[float, float]:
-    """s(xi) and ds/dxi of Eq. (36): from 0 to 1 with zero velocity and acceleration at both ends. xi outside [0, 1] is clipped."""
+    """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is clipped to [0, 1]."""
     xi = min(max(xi, 0.0), 1.0)
     return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
 

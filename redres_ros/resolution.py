@@ -10,7 +10,7 @@ SINGULAR_RATIO = 1e-3  # task directions whose singular value is below this shar
 
 
 class Resolution(NamedTuple):
-    """The two terms of Eq. (2), both (n,) [rad/s]: dq = J_W^# dx + null, where null is the projected bias and J null = 0."""
+    """Both terms of Eq. (2), (n,) [rad/s]: dq = J_W^# dx + null, where null is the projected bias and J null = 0."""
 
     dq: np.ndarray
     null: np.ndarray

@@ -47,7 +47,8 @@ class RobotModel:
         except ValueError as error:
             raise FileError(f'{arm.urdf} is no URDF that can be used: {error}') from None
         if self._model.nq != self._model.nv:
-            raise FileError(f'{arm.urdf} has joints without limits (continuous); only revolute and prismatic ones are supported')
+            raise FileError(f'{arm.urdf} has joints without limits (continuous); '
+                            'only revolute and prismatic ones are supported')
         if arm.armature:
             self._model.armature[:] = arm.armature
         self._data = self._model.createData()
@@ -60,8 +61,8 @@ class RobotModel:
         self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
 
     @classmethod
-    def named(cls, name: str, task_space: str = 'position', *, dynamics: str | None = None, base_offset: float | None = None,
-              tool_offset: float | None = None) -> 'RobotModel':
+    def named(cls, name: str, task_space: str = 'position', *, dynamics: str | None = None,
+              base_offset: float | None = None, tool_offset: float | None = None) -> 'RobotModel':
         """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless given here."""
         return cls(find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset), task_space)
 
@@ -71,7 +72,7 @@ class RobotModel:
         return cls(Arm(Path(path), tip_frame), task_space)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """All of x, J, M, n at (q, dq_prev); arrays of the state's own, never overwritten. Raises ArrayError for bad input."""
+        """All of x, J, M, n at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad input."""
         q, dq_prev = finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
         pin.computeAllTerms(self._model, self._data, q, dq_prev)
         x, R = self._pose()
@@ -79,7 +80,7 @@ class RobotModel:
         return RobotState(q, dq_prev, x, R, J[:self.m], self._data.M.copy(), self._data.nle.copy())
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, which makes neither M nor n."""
+        """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without M or n."""
         q, dq, tau = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq'), finite_vector(tau, self.n, 'tau')
         return pin.aba(self._model, self._data, q, dq, tau).copy()
 
@@ -111,7 +112,7 @@ class RobotModel:
 
 
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """A copy of the values as (size,) float64. Raises ArrayError when they are anything else, or hold NaN or infinity."""
+    """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or infinity."""
     try:
         vector = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):

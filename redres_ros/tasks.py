@@ -1,4 +1,4 @@
-"""A task: points that the tip passes from rest to rest, and where the arm starts. Read from config/tasks/*.yaml or any file."""
+"""A task: points that the tip passes from rest to rest, and the arm's start; read from config/tasks or a YAML file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +47,8 @@ def load_task(name_or_path: str) -> Task:
         folder = share_path('config/tasks')
         path = folder / f'{name_or_path}.yaml'
         if not path.is_file():
-            raise UnknownNameError('task', name_or_path, [file.stem for file in folder.glob('*.yaml')] + ['a path ending in .yaml'])
+            known = [file.stem for file in folder.glob('*.yaml')]
+            raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml'])
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except OSError as error:
@@ -60,7 +61,8 @@ def load_task(name_or_path: str) -> Task:
 def _to_task(content: Any, path: Path) -> Task:
     required, optional = ('robot', 'start', 'waypoints'), ('segment_time', 'feedback_gain', 'tolerance', 'switching')
     if not isinstance(content, dict) or not all(key in content for key in required):
-        raise FileError(f"{path} is no task; expected the keys {', '.join(required)} and, if wished, {', '.join(optional)}")
+        raise FileError(f"{path} is no task; expected the keys {', '.join(required)} "
+                        f"and, if wished, {', '.join(optional)}")
     for key in content:
         if key not in required + optional:
             raise UnknownNameError(f'key in {path}', str(key), required + optional)
@@ -69,7 +71,8 @@ def _to_task(content: Any, path: Path) -> Task:
     start = np.radians(_numbers(content['start'], 'start', 1, path))
     waypoints = _numbers(content['waypoints'], 'waypoints', 2, path)
     if waypoints.shape[1] != 3 or len(waypoints) < 2:
-        raise FileError(f'{path}: waypoints has shape {waypoints.shape}; expected at least two points of three coordinates')
+        raise FileError(f'{path}: waypoints has shape {waypoints.shape}; '
+                        'expected at least two points of three coordinates')
     return Task(str(content['robot']), start, waypoints, **numbers, **words)
 
 
@@ -88,5 +91,6 @@ def _numbers(value: Any, key: str, dimensions: int, path: Path) -> np.ndarray:
     except (TypeError, ValueError):
         array = np.empty(())
     if array.ndim != dimensions or not np.isfinite(array).all():
-        raise FileError(f"{path}: {key} is {value!r}; expected {'a list' if dimensions == 1 else 'rows'} of finite numbers")
+        shape = 'a list' if dimensions == 1 else 'rows'
+        raise FileError(f'{path}: {key} is {value!r}; expected {shape} of finite numbers')
     return array

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from redres_ros.cli import main
 from redres_ros.errors import FileError
+from redres_ros.experiments import claims, figures
 from redres_ros.experiments.claims import CLAIMS, Claim, Finding, check_all, table, theoretical, write_csv
 from redres_ros.experiments.figures import Runs
 
@@ -15,8 +17,8 @@ def runs() -> Runs:
     return Runs()
 
 
-CHEAP = (theoretical.square_task, theoretical.two_forms, theoretical.special_case_35, theoretical.optimality, theoretical.resting_place,
-         theoretical.regimes)
+CHEAP = (theoretical.square_task, theoretical.two_forms, theoretical.special_case_35, theoretical.optimality,
+         theoretical.resting_place, theoretical.regimes)
 
 
 @pytest.mark.parametrize('measure', CHEAP, ids=lambda measure: measure.__name__)
@@ -42,7 +44,8 @@ def test_every_claim_names_its_place_in_the_paper_and_is_measured_once() -> None
 
 
 def test_findings_are_shown_and_written_whole(tmp_path: Path) -> None:
-    good, bad = Claim('1', 'One', lambda _: Finding(True, 'a = 1')), Claim('2', 'Two', lambda _: Finding(False, 'b = 2', 'because'))
+    good = Claim('1', 'One', lambda _: Finding(True, 'a = 1'))
+    bad = Claim('2', 'Two', lambda _: Finding(False, 'b = 2', 'because'))
     shares: list[float] = []
     findings = check_all((good, bad), None, shares.append)
     assert shares == [0.5, 1.0]
@@ -54,3 +57,14 @@ def test_findings_are_shown_and_written_whole(tmp_path: Path) -> None:
         'section,claim,held,measured,remark', '1,One,yes,a = 1,', '2,Two,no,b = 2,because']
     with pytest.raises(FileError, match='cannot write'):
         write_csv(findings, Path('/dev/null/claims.csv'))
+
+
+def test_the_command_draws_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    drawn: list[Path] = []
+    monkeypatch.setattr(figures, 'draw_all', lambda out, progress, runs: drawn.append(out))
+    monkeypatch.setattr(claims, 'CLAIMS', tuple(claim for claim in CLAIMS if claim.measure in CHEAP))
+    assert main(['reproduce', '--out', str(tmp_path)]) == 0
+    assert drawn == [tmp_path]
+    assert f'{len(CHEAP)} of {len(CHEAP)} claims held' in capsys.readouterr().out
+    assert len((tmp_path / 'claims.csv').read_text().splitlines()) == 1 + len(CHEAP)

@@ -39,7 +39,8 @@ def test_integrals_do_not_depend_on_the_sampling_time() -> None:
 
 
 def test_the_law_of_least_kinetic_energy_spends_the_least_of_it() -> None:
-    efforts = {law: effort(law).kinetic_energy for law in ('minimum_kinetic_energy', 'minimum_velocity', 'minimum_acceleration')}
+    laws = ('minimum_kinetic_energy', 'minimum_velocity', 'minimum_acceleration')
+    efforts = {law: effort(law).kinetic_energy for law in laws}
     assert min(efforts, key=efforts.__getitem__) == 'minimum_kinetic_energy'
 
 
@@ -56,16 +57,20 @@ def test_the_table_marks_the_least_of_each_column() -> None:
 
 
 def test_the_command_writes_plot_and_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['compare', '--laws', 'minimum_velocity,minimum_acceleration@5', '--period', '0.005', '--out', str(tmp_path)]) == 0
+    laws = 'minimum_velocity,minimum_acceleration@5'
+    assert main(['compare', '--laws', laws, '--period', '0.005', '--out', str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert 'minimum_acceleration, k_d = 5 1/s' in shown
     assert (tmp_path / 'comparison.png').stat().st_size > 10_000
     assert {path.name for path in tmp_path.glob('*.csv')} == {'minimum_velocity_10.csv', 'minimum_acceleration_5.csv'}
 
 
-@pytest.mark.parametrize(('laws', 'words'), [('foo', ('foo', 'minimum_velocity')), ('minimum_velocity@x', ('NAME@DAMPING',)),
-                                             ('minimum_velocity@-1', ('-1',)), ('', ("''",))])
-def test_bad_laws_get_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], laws: str, words: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(('laws', 'words'), [
+    ('foo', ('foo', 'minimum_velocity')), ('minimum_velocity@x', ('NAME@DAMPING',)), ('minimum_velocity@-1', ('-1',)),
+    ('', ("''",)),
+])
+def test_bad_laws_get_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], laws: str,
+                               words: tuple[str, ...]) -> None:
     assert main(['compare', '--laws', laws, '--out', str(tmp_path)]) == 1
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1

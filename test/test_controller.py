@@ -287,8 +287,8 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
     assert jumps > 10  # a third, most of them to a law without memory; without this the test may have tested nothing
 
 
-# With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a configuration that neither law
-# alone would pass, and from there fling it; so may one just before the stretched arm at 7 s.
+# With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a configuration that neither
+# law alone would pass, and from there fling it; so may one just before the stretched arm at 7 s.
 @pytest.mark.parametrize('time', [1.5, 4.5])
 @pytest.mark.parametrize(('old', 'new'), list(permutations([law for law in LAWS if law != 'minimum_torque'], 2)))
 def test_a_switch_takes_little_more_acceleration_than_the_two_laws(identified_underway, old, new, time):

@@ -23,10 +23,14 @@ from redres_ros.tasks import load_task
 JOINTS = slice(1, 8)  # columns q1..q7
 
 
+def command(out: Path) -> list[str]:
+    """The command line of a demo."""
+    return [sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(out)]
+
+
 def demo(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """A run to its end."""
-    return subprocess.run([sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(out), *arguments], text=True, timeout=180,
-                          capture_output=True)
+    return subprocess.run([*command(out), *arguments], text=True, timeout=180, capture_output=True)
 
 
 def motion(out: Path) -> np.ndarray:
@@ -35,7 +39,7 @@ def motion(out: Path) -> np.ndarray:
 
 
 def at_common_times(one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows that both have. A listener loses a sample now and then when the machine stalls; the nodes themselves do not."""
+    """The rows that both have. A listener loses a sample now and then when the machine stalls; the nodes do not."""
     ticks = [np.round(rows[:, 0] / 0.002).astype(int) for rows in (one, two)]
     common = np.intersect1d(*ticks)
     assert len(common) > 0.9 * max(map(len, ticks))
@@ -108,8 +112,8 @@ def test_a_law_switched_on_the_way_is_blended(tmp_path: Path, short_task: str) -
 
 
 def test_ctrl_c_ends_the_demo_and_leaves_no_process(tmp_path: Path) -> None:
-    process = subprocess.Popen([sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(tmp_path)], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               start_new_session=True)
     until = time.monotonic() + 30.0
     while len(descendants(process.pid)) < 3 and time.monotonic() < until:
         time.sleep(0.1)
@@ -124,8 +128,7 @@ def test_ctrl_c_ends_the_demo_and_leaves_no_process(tmp_path: Path) -> None:
 
 
 def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
-    process = subprocess.Popen([sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(tmp_path)], stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command(tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 30.0
     while len(descendants(process.pid)) < 3 and time.monotonic() < until:
         time.sleep(0.1)

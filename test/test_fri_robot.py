@@ -9,8 +9,9 @@ from redres_ros.errors import JointNamesError, RedresError
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.plant import IdealPlant, MujocoPlant
+from redres_ros.fri.refusal import Refusal
 from redres_ros.fri.robot import Answer, FriRobot
-from redres_ros.fri.session import Session, SessionSettings, State
+from redres_ros.fri.session import Session, SessionSettings
 from redres_ros.robots import find_arm
 
 T = 0.002  # [s]
@@ -70,7 +71,7 @@ def test_before_command_mode_the_arm_holds_its_position():
     for _ in range(249):
         robot.advance(Answer(robot.tick - 1, Q0 + 0.005))
         assert (robot.q == Q0).all()
-    assert robot.session.state is State.MON
+    assert not robot.session.commanding
 
 
 def test_at_tick_zero_nobody_can_have_answered():
@@ -79,16 +80,40 @@ def test_at_tick_zero_nobody_can_have_answered():
     assert robot.session.counts.cycles == 0
 
 
-def test_an_answer_before_its_time_is_refused():
-    robot = run(make_robot(monitor_time=0.0), 10)
-    robot.advance(Answer(robot.tick, cruise(robot.tick)))
-    assert (robot.session.counts.refused, robot.session.counts.missed) == (1, 1)
-
-
 def test_an_answer_given_twice_counts_once():
     robot = run(make_robot(monitor_time=0.0), 10)
     robot.advance(Answer(robot.tick - 2, cruise(robot.tick - 2)))
-    assert (robot.session.counts.late, robot.session.counts.missed) == (0, 1)
+    assert (robot.session.counts.late, robot.session.counts.missed, robot.session.counts.refused) == (0, 1, 0)
+
+
+WRONG = {  # by how much the tick answered differs from the one before the present one
+    'answers the present state': (1, Refusal.NO_STATE),
+    'answers a future state': (1000, Refusal.NO_STATE),
+    'answers a state before the first': (-300, Refusal.NO_STATE),
+    'answers a state of long ago': (-101, Refusal.OUT_OF_DATE),
+    'answers a state before one answered': (-2, Refusal.OUT_OF_ORDER),
+}
+
+
+@pytest.mark.parametrize(('off', 'kind'), WRONG.values(), ids=list(WRONG))
+def test_an_answer_to_the_wrong_state_is_refused_as_what_it_is_and_is_a_miss(off, kind):
+    robot = run(make_robot(monitor_time=0.0), 200)
+    robot.advance(Answer(robot.tick - 1 + off, Q0 + 1.0))
+    assert robot.reference == pytest.approx(cruise(robot.tick - 2), abs=ROUNDING)  # bridged
+    assert {refusal for refusal, count in robot.session.refusals.items() if count} == {kind}
+    assert (robot.session.counts.refused, robot.session.counts.missed) == (1, 1)
+
+
+def test_of_several_answers_the_newest_valid_one_counts():
+    robot, alone = run(make_robot(monitor_time=0.0), 200), run(make_robot(monitor_time=0.0), 200)
+    alone.advance(None)
+    robot.advance(None)
+    alone.advance(answer(alone))
+    robot.advance(Answer(robot.tick - 2, cruise(robot.tick - 2)), answer(robot), Answer(robot.tick - 2, Q0 + 1.0),
+                  Answer(robot.tick, Q0 + 1.0), answer(robot))
+    assert robot.reference == pytest.approx(alone.reference, abs=ROUNDING)
+    assert (robot.session.counts.in_time, robot.session.counts.late) == (200, 0)
+    assert robot.session.refusals[Refusal.OUT_OF_ORDER] == robot.session.refusals[Refusal.NO_STATE] == 1
 
 
 # --- entering command mode --------------------------------------------------------------------------------------------
@@ -99,7 +124,7 @@ def test_a_first_command_nearby_is_reached_without_a_jump():
     for _ in range(200):
         robot.advance(Answer(robot.tick - 1, Q0 + gap) if robot.tick else None)
         references.append(robot.reference)
-    assert robot.session.state is State.CMD
+    assert robot.session.commanding
     assert (robot.reference == Q0 + gap).all()
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
 
@@ -118,7 +143,7 @@ def test_the_first_command_follows_a_standstill_whatever_was_mirrored_before():
     robot.advance(None)
     for tick in range(10):
         robot.advance(Answer(tick, Q0 + 0.0005 * tick))
-    assert robot.session.state is State.CMD
+    assert robot.session.commanding
     for _ in range(5):
         robot.advance(None)
         assert (robot.reference <= Q0 + 0.0045 + ROUNDING).all()
@@ -128,7 +153,7 @@ def test_the_first_command_follows_a_standstill_whatever_was_mirrored_before():
 def test_an_arm_that_mirrors_its_measured_position_is_let_in(ideal):
     robot = make_robot(ideal, monitor_time=0.1)
     previous = None
-    while robot.session.state is State.MON and robot.tick < 100:
+    while not robot.session.commanding and robot.tick < 100:
         mirrored = Answer(robot.tick, robot.q)
         robot.advance(previous)
         previous = mirrored
@@ -167,7 +192,7 @@ def test_a_late_answer_is_brought_up_to_date(lateness):
     for _ in range(35):  # a few more and the connection would be UNACCEPTABLE
         robot.advance(Answer(robot.tick - 1 - lateness, cruise(robot.tick - 1 - lateness)))
         assert robot.reference == pytest.approx(cruise(robot.tick - 2), abs=ROUNDING)
-    assert robot.session.state is State.CMD
+    assert robot.session.commanding
     assert robot.session.counts.late == 35
 
 
@@ -218,7 +243,7 @@ def test_too_high_a_velocity_is_limited_and_not_stopped():
         before = robot.reference
         robot.advance(answer(robot, velocity=fast) if robot.tick else None)
         steps.append(robot.reference - before)
-    assert robot.session.state is State.CMD
+    assert robot.session.commanding
     assert np.max(steps, axis=0)[0] == pytest.approx(LIMITS.velocity[0] * T, abs=ROUNDING)
     assert robot.reference[0] < cruise(348, fast)[0] - 0.1
 
@@ -250,7 +275,7 @@ def test_reset_begins_anew_where_the_arm_stands():
     assert robot.session.reason == ''
     for _ in range(200):
         robot.advance(Answer(robot.tick - 1, held))
-    assert robot.session.state is State.CMD
+    assert robot.session.commanding
     assert (robot.q == held).all()
 
 
@@ -258,10 +283,10 @@ def test_reset_in_motion_brakes_and_lets_nobody_in_before_standstill():
     robot = run(make_robot(monitor_time=0.0), 200, velocity=3.0 * SPEED)
     robot.reset()
     references = [robot.reference]
-    while robot.session.state is State.MON and robot.tick < 300:
+    while not robot.session.commanding and robot.tick < 300:
         robot.advance(Answer(robot.tick - 1, robot.reference))
         references.append(robot.reference)
-    assert (robot.session.state, robot.session.reason) == (State.CMD, '')
+    assert (robot.session.commanding, robot.session.reason) == (True, '')
     assert len(references) > 0.9 / (LIMITS.acceleration[0] * T)
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
 

@@ -225,6 +225,13 @@ def test_begin_forgets_the_stream():
     assert guard.violation(ZERO, -0.3 + ZERO) == ''  # -0.3 rad/s after 0.3 would be 30 rad/s^2
 
 
+def test_begin_forgets_an_excess():
+    guard, jump = Guard(LIMITS, T), 1.09 * 0.020 * LIMITS.acceleration * np.eye(7)[0]
+    for _ in range(3):
+        assert guard.violation(ZERO, jump) == ''  # a second time in a row would be too much
+        guard.begin()
+
+
 @pytest.mark.parametrize('joint', range(7))
 @pytest.mark.parametrize('which', ['position', 'velocity'])
 def test_nan_never_passes(joint, which):
@@ -233,8 +240,8 @@ def test_nan_never_passes(joint, which):
     assert Guard(LIMITS, T).violation(**values) != ''
 
 
-@pytest.mark.parametrize('setting', [{'acceleration_window': 0.0}, {'position_margin': -0.1}, {'acceleration_scale': np.nan},
-                                     {'acceleration_tolerance': -1e-4}])
+@pytest.mark.parametrize('setting', [{'acceleration_window': 0.0}, {'position_margin': -0.1},
+                                     {'acceleration_scale': np.nan}, {'acceleration_tolerance': -1e-4}])
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(RangeError, match=next(iter(setting))):
         GuardSettings(**setting)
@@ -342,7 +349,8 @@ def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign):
     speed = sign * 0.8 * LIMITS.velocity * np.eye(7)[joint]
-    guard, follower, position = Guard(LIMITS, T, GuardSettings(acceleration_window=1.0)), Follower(LIMITS, T, ZERO), ZERO
+    guard, follower = Guard(LIMITS, T, GuardSettings(acceleration_window=1.0)), Follower(LIMITS, T, ZERO)
+    position = ZERO
     while not (reason := guard.violation(position + T * speed, speed)):
         follower.follow(position + T * speed, T * speed)
         position = position + T * speed

@@ -57,16 +57,18 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
 def bad_starts() -> list[subprocess.CompletedProcess[str]]:
     """All of them, some at a time."""
 
-    def run(module: str, parameter: str, environment: dict[str, str], _: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([sys.executable, '-m', f'redres_ros.nodes.{module}', '--ros-args', '-p', parameter], text=True,
-                              timeout=60, capture_output=True, env={**os.environ, **environment})
+    def run(module: str, parameter: str, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, '-m', f'redres_ros.nodes.{module}', '--ros-args', '-p', parameter]
+        return subprocess.run(command, text=True, timeout=60, capture_output=True, env={**os.environ, **environment})
 
     with own_domain(), ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda case: run(*case), BAD_STARTS))
+        return list(pool.map(lambda case: run(*case[:3]), BAD_STARTS))
 
 
-@pytest.mark.parametrize('number', range(len(BAD_STARTS)), ids=lambda number: f'{BAD_STARTS[number][1]} {BAD_STARTS[number][2]}')
-def test_a_node_that_cannot_start_says_why_in_one_line(bad_starts: list[subprocess.CompletedProcess[str]], number: int) -> None:
+@pytest.mark.parametrize('number', range(len(BAD_STARTS)),
+                         ids=[f'{parameter} {environment}' for _, parameter, environment, _ in BAD_STARTS])
+def test_a_node_that_cannot_start_says_why_in_one_line(bad_starts: list[subprocess.CompletedProcess[str]],
+                                                       number: int) -> None:
     done, words = bad_starts[number], BAD_STARTS[number][3]
     assert done.returncode not in (0, -signal.SIGKILL)
     lines = done.stderr.strip().splitlines()
@@ -86,7 +88,8 @@ def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signa
 
 
 def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
-    controller = Controller(RobotModel.named('lwr4_paper'), make_law('minimum_acceleration', damping=7.0), 0.002, switch_time=0.1)
+    law = make_law('minimum_acceleration', damping=7.0)
+    controller = Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1)
     with nodes(tmp_path, controller={'damping': 7.0, 'switch_time': 0.1}) as (probe, _):
         q_ref, _ = probe.ask(START)
         controller.hold()
@@ -122,15 +125,17 @@ class TestBadInput:
     """One controller gets it all, and is none the worse for it."""
 
     @pytest.mark.parametrize(('spoil', 'words'), [
-        (lambda message: setattr(message, 'name', ['a', *message.name[1:]]), ('missing lwr_a1_joint', 'not of this arm a')),
+        (lambda message: setattr(message, 'name', ['a', *message.name[1:]]),
+         ('missing lwr_a1_joint', 'not of this arm a')),
         (lambda message: setattr(message, 'name', message.name[:-1]), ('missing lwr_a6_joint',)),
         (lambda message: setattr(message, 'position', message.position[:-1]), ('6 positions', '7 joints')),
         (lambda message: message.position.__setitem__(2, float('nan')), ('nan', 'finite')),
         (lambda message: message.position.__setitem__(2, float('inf')), ('inf', 'finite')),
-        (lambda message: setattr(message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000), ('2.7 ms', 'rate 500 Hz')),
+        (lambda message: setattr(message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000),
+         ('2.7 ms', 'rate 500 Hz')),
     ])
-    def test_a_bad_state_is_not_answered_and_told_once(self, resting: tuple[Probe, Callable[[], list[str]]], spoil: Callable[[Any], None],
-                                                       words: tuple[str, ...]) -> None:
+    def test_a_bad_state_is_not_answered_and_told_once(self, resting: tuple[Probe, Callable[[], list[str]]],
+                                                       spoil: Callable[[Any], None], words: tuple[str, ...]) -> None:
         probe, lines = resting
         before, _ = probe.ask(START)
         last_good, told = probe.stamp, len(lines())
@@ -152,8 +157,8 @@ class TestBadInput:
         (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
         (DX, '', ("''", 'world')),
     ])
-    def test_a_bad_task_velocity_does_not_move_the_arm(self, resting: tuple[Probe, Callable[[], list[str]]], dx: np.ndarray, frame: str,
-                                                       words: tuple[str, ...]) -> None:
+    def test_a_bad_task_velocity_does_not_move_the_arm(self, resting: tuple[Probe, Callable[[], list[str]]],
+                                                       dx: np.ndarray, frame: str, words: tuple[str, ...]) -> None:
         probe, lines = resting
         q_ref, _ = probe.ask(START)
         told = len(lines())
@@ -203,9 +208,10 @@ def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Pat
         probe.ask(START)
         for name in LAWS:
             set_parameters(probe, 'controller', {'law': name, 'damping': 20.0})
-            await_that(lambda name=name: probe.ask(START) and laws and laws[-1].data == name, f'{name} on controller/law')
+            await_that(lambda name=name: probe.ask(START) and laws and laws[-1].data == name, f'{name} in force')
         for values, words in (({'law': 'none'}, ('none', 'minimum_torque')), ({'damping': 501.0}, ('501', '0 to 500')),
-                              ({'damping': float('nan')}, ('nan',)), ({'law': 7}, ('STRING', 'INTEGER')), ({'rate': 100.0}, ('rate',)),
+                              ({'damping': float('nan')}, ('nan',)), ({'law': 7}, ('STRING', 'INTEGER')),
+                              ({'rate': 100.0}, ('rate',)),
                               ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',))):
             with pytest.raises(CallError) as refusal:
                 set_parameters(probe, 'controller', values)
@@ -243,11 +249,11 @@ def test_hold_stops_the_arm_and_lets_it_go_again(tmp_path: Path) -> None:
 
 def test_a_namespace_makes_a_second_robot(tmp_path: Path) -> None:
     with nodes(tmp_path, controller={}) as (probe, _):
-        second = subprocess.Popen([sys.executable, '-m', 'redres_ros.nodes.controller', '--ros-args', '-r', '__ns:=/left'],
-                                  stderr=subprocess.DEVNULL)
+        command = [sys.executable, '-m', 'redres_ros.nodes.controller', '--ros-args', '-r', '__ns:=/left']
+        second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         try:
             expected = {'/joint_command', '/left/joint_command', '/left/controller/law'}
-            await_that(lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()}, 'the topics of both')
+            await_that(lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()}, 'topics of both')
         finally:
             second.terminate()
             second.wait(10.0)
@@ -277,7 +283,8 @@ def test_the_sim_stamps_its_states_exactly_one_period_apart(tmp_path: Path) -> N
 
 def test_the_sim_reports_its_session_and_the_five_statistics(tmp_path: Path) -> None:
     with nodes(tmp_path, sim={}) as (probe, _):
-        state, reports = probe.listen(String, 'sim/session_state', LATCHED), probe.listen(DiagnosticArray, '/diagnostics')
+        state = probe.listen(String, 'sim/session_state', LATCHED)
+        reports = probe.listen(DiagnosticArray, '/diagnostics')
         await_that(lambda: bool(state and reports), 'session state and diagnostics')
         assert state[-1].data == 'MON'
         keys = {pair.key for pair in reports[-1].status[0].values}

@@ -191,7 +191,8 @@ def test_any_other_cycle_is_an_error_that_names_it_and_the_step(rate):
         MujocoPlant(find_arm('lwr4'), 1.0 / rate, Q0)
 
 
-@pytest.mark.parametrize('wrong', [{'plant_step': 0.0}, {'servo_bandwidth': np.nan}, {'servo_bandwidth': 600.0, 'plant_step': 0.001}])
+@pytest.mark.parametrize('wrong', [{'plant_step': 0.0}, {'servo_bandwidth': np.nan},
+                                   {'servo_bandwidth': 600.0, 'plant_step': 0.001}])
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(RangeError, match=next(iter(wrong))):
         MujocoSettings(**wrong)
@@ -263,3 +264,66 @@ def test_holding_its_weight_takes_part_of_a_joints_effort(tmp_path):
 def test_a_tip_frame_that_is_not_there_is_an_error(tmp_path):
     with pytest.raises(UnknownNameError, match='gripper'):
         Witness(replace(find_arm('lwr4'), tip_frame='gripper'))
+
+
+def test_a_plant_without_its_tip_frame_is_an_error():
+    with pytest.raises(UnknownNameError, match='gripper'):
+        MujocoPlant(replace(find_arm('lwr4'), tip_frame='gripper'), T, Q0)
+
+
+# --- pushes -----------------------------------------------------------------------------------------------------------
+
+FORCES = pytest.mark.parametrize('force', [(30.0, 0.0, 0.0), (0.0, -20.0, 0.0), (5.0, 10.0, 15.0)])
+
+
+def pushed(plant: MujocoPlant, force: tuple[float, ...], cycles: int = 500) -> np.ndarray:
+    """Joint positions, (n,) [rad], once the arm has yielded to a force."""
+    for _ in range(cycles):
+        plant.push(np.array(force))
+        plant.step(Q0)
+    return plant.q
+
+
+@FORCES
+@pytest.mark.parametrize('tip_frame', ['tool0', 'link_7'])  # one without mass, one with its centre of mass elsewhere
+def test_a_push_at_the_tip_is_borne_by_the_stiffness_of_the_servos(force, tip_frame):
+    arm = replace(find_arm('lwr4'), tip_frame=tip_frame)
+    plant = MujocoPlant(arm, T, Q0)
+    q = pushed(plant, force)
+    J = Witness(arm).kinematics(q)[2][:3]
+    stiffness = plant._model.actuator_gainprm[:7, 0]
+    assert np.abs(q - Q0).max() > 1e-5
+    assert stiffness * (q - Q0) == pytest.approx(J.T @ force, abs=1e-6)  # [Nm]: gravity is compensated
+
+
+def test_a_push_acts_at_the_tip_from_the_first_cycle_on():
+    arm = replace(find_arm('lwr4'), tip_frame='link_7')
+    at_once, later = MujocoPlant(arm, T, Q0), MujocoPlant(arm, T, Q0)
+    later.step(Q0)
+    for plant in (at_once, later):
+        plant.push(np.array([0.0, 0.0, 100.0]))
+        plant.step(Q0)
+    assert at_once.dq == pytest.approx(later.dq, abs=1e-12)
+    assert np.abs(at_once.dq).max() > 1e-3
+
+
+@FORCES
+def test_when_the_push_is_over_the_arm_comes_back(force):
+    plant = MujocoPlant(find_arm('lwr4'), T, Q0)
+    pushed(plant, force)
+    assert pushed(plant, (0.0, 0.0, 0.0)) == pytest.approx(Q0, abs=1e-9)
+
+
+def test_reset_ends_a_push():
+    plant = MujocoPlant(find_arm('lwr4'), T, Q0)
+    pushed(plant, (30.0, 0.0, 0.0), cycles=10)
+    plant.reset(Q0)
+    plant.step(Q0)
+    assert plant.q == pytest.approx(Q0, abs=1e-9)
+
+
+def test_an_ideal_arm_yields_to_no_push():
+    plant = plants(Q0)[0]
+    plant.push(np.full(3, 500.0))
+    plant.step(Q0)
+    assert (plant.q == Q0).all()

@@ -13,26 +13,33 @@ from redres_ros.fri.session import Session, SessionSettings
 T = 0.002  # [s]
 EACH = pytest.mark.parametrize('profile', PROFILES.values(), ids=list(PROFILES))
 
-# The state to which each event leads from each state, all of them: rows are states, columns events.
+# The state to which each event leads from each state, all of them: rows are events, columns states.
 LWR_TABLE = """
-      SILENCE POOR_TIMING GOOD_TIMING LONG_GOOD_TIMING FIRST_COMMAND FAULT RESET
-MON   MON     MON         MON         MON              CMD           MON   MON
-CMD   MON     CMD         CMD         CMD              CMD           MON   MON
+                 MON CMD
+SILENCE          MON MON
+POOR_TIMING      MON CMD
+GOOD_TIMING      MON CMD
+LONG_GOOD_TIMING MON CMD
+FIRST_COMMAND    CMD CMD
+FAULT            MON MON
+RESET            MON MON
 """
 SUNRISE_TABLE = """
-                  SILENCE POOR_TIMING     GOOD_TIMING       LONG_GOOD_TIMING  FIRST_COMMAND     FAULT           RESET
-IDLE              IDLE    MONITORING_WAIT MONITORING_WAIT   MONITORING_WAIT   IDLE              IDLE            IDLE
-MONITORING_WAIT   IDLE    MONITORING_WAIT MONITORING_READY  MONITORING_READY  MONITORING_WAIT   MONITORING_WAIT MONITORING_WAIT
-MONITORING_READY  IDLE    MONITORING_WAIT MONITORING_READY  COMMANDING_WAIT   MONITORING_READY  MONITORING_WAIT MONITORING_WAIT
-COMMANDING_WAIT   IDLE    MONITORING_WAIT COMMANDING_WAIT   COMMANDING_WAIT   COMMANDING_ACTIVE MONITORING_WAIT MONITORING_WAIT
-COMMANDING_ACTIVE IDLE    MONITORING_WAIT COMMANDING_ACTIVE COMMANDING_ACTIVE COMMANDING_ACTIVE MONITORING_WAIT MONITORING_WAIT
+                 IDLE            MONITORING_WAIT  MONITORING_READY COMMANDING_WAIT   COMMANDING_ACTIVE
+SILENCE          IDLE            IDLE             IDLE             IDLE              IDLE
+POOR_TIMING      MONITORING_WAIT MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
+GOOD_TIMING      MONITORING_WAIT MONITORING_READY MONITORING_READY COMMANDING_WAIT   COMMANDING_ACTIVE
+LONG_GOOD_TIMING MONITORING_WAIT MONITORING_READY COMMANDING_WAIT  COMMANDING_WAIT   COMMANDING_ACTIVE
+FIRST_COMMAND    IDLE            MONITORING_WAIT  MONITORING_READY COMMANDING_ACTIVE COMMANDING_ACTIVE
+FAULT            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
+RESET            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WAIT   MONITORING_WAIT
 """
 
 
 def pairs(profile: Profile, table: str) -> list[tuple[Profile, State, Event, State]]:
     head, *rows = [line.split() for line in table.strip().splitlines()]
-    return [(profile, State[row[0]], Event[event], State[after]) for row in rows
-            for event, after in zip(head, row[1:], strict=True)]
+    return [(profile, State[state], Event[row[0]], State[after]) for row in rows
+            for state, after in zip(head, row[1:], strict=True)]
 
 
 EVERY_PAIR = pairs(LWR_FRI1, LWR_TABLE) + pairs(SUNRISE, SUNRISE_TABLE)

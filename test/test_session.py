@@ -262,6 +262,14 @@ def test_what_is_at_fault_is_what_the_next_better_quality_asks_for():
     assert connection.complaint == 'latency 5 ms, allowed 4 ms'
 
 
+@pytest.mark.parametrize('name', ['answer_rate', 'latency', 'jitter', 'miss_rate'])
+def test_a_statistic_that_is_no_number_breaks_its_bound(name):
+    figures = {'answer_rate': 1.0, 'latency': 0.0, 'jitter': 0.0, 'miss_rate': 0.0}
+    for threshold in THRESHOLDS.values():
+        assert threshold.breach(**figures) == ''
+        assert threshold.breach(**figures | {name: math.nan}) == name
+
+
 def test_before_the_first_packet_it_is_the_lack_of_answers_that_is_at_fault():
     assert Connection(T).at_fault == 'answer_rate'
 

@@ -48,7 +48,8 @@ def run(controller: Client, task: Task, *, delay: int = 0, switches: Mapping[int
             return Recording.of(rows, len(q), T, True, f'reached the last point after {t:.3f} s')
         command = controller.update(q, reference.dx)
         if np.abs(command.dq).max() > SPEED_LIMIT:
-            return Recording.of(rows, len(q), T, False, f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s')
+            ending = f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
+            return Recording.of(rows, len(q), T, False, ending)
         rows.append(row(t, command, reference))
         on_the_way.append(command.q_ref)
         q = on_the_way.popleft()

@@ -14,21 +14,22 @@ from redres_ros.planner import Reference
 def columns(n: int) -> tuple[str, ...]:
     """Column names for an arm of n joints; positions [rad], velocities [rad/s], lengths [m], torque [Nm], time [s]."""
     joints = range(1, n + 1)
-    return ('t', *(f'q{i}' for i in joints), *(f'dq{i}' for i in joints), 'x', 'y', 'z', 'x_d', 'y_d', 'z_d', 'task_error',
-            'joint_velocity_norm', 'joint_acceleration_norm', 'null_velocity_norm', 'joint_torque_norm', 'min_singular_value',
-            'segment')
+    return ('t', *(f'q{i}' for i in joints), *(f'dq{i}' for i in joints), 'x', 'y', 'z', 'x_d', 'y_d', 'z_d',
+            'task_error', 'joint_velocity_norm', 'joint_acceleration_norm',
+            'null_velocity_norm', 'joint_torque_norm', 'min_singular_value', 'segment')
 
 
 def row(t: float, command: Command, reference: Reference) -> list[float]:
     """One tick in the order of `columns`; all norms are Euclidean."""
     norm, state = np.linalg.norm, command.state
-    return [t, *state.q, *command.dq, *state.x, *reference.x_d, norm(reference.error), norm(command.dq), norm(command.ddq),
+    return [t, *state.q, *command.dq, *state.x, *reference.x_d,
+            norm(reference.error), norm(command.dq), norm(command.ddq),
             norm(command.null), norm(command.tau), command.min_singular_value, reference.segment]
 
 
 @dataclass(frozen=True)
 class Recording:
-    """data: (ticks, columns); n: joints; T [s]; finished: the last point was reached; ending: how it ended, in words."""
+    """data: (ticks, columns); n: joints; T [s]; finished: the last point was reached; ending: the end in words."""
 
     data: np.ndarray
     n: int

@@ -16,7 +16,7 @@ from redres_ros.tasks import Task
 
 @dataclass(frozen=True)
 class Log:
-    """What went over the wire. states: stamp [ns] -> q (n,); commands: stamp of the answered state -> (q_ref, dq), both (n,)."""
+    """What went over the wire, by the stamp [ns] of the state: states: q (n,); commands: (q_ref, dq), both (n,)."""
 
     states: dict[int, np.ndarray]
     commands: dict[int, tuple[np.ndarray, np.ndarray]]
@@ -25,10 +25,12 @@ class Log:
         """What was before a stamp [ns]; all of it for None."""
         if stamp is None:
             return self
-        return Log({at: q for at, q in self.states.items() if at < stamp}, {at: c for at, c in self.commands.items() if at < stamp})
+        return Log({at: q for at, q in self.states.items() if at < stamp},
+                   {at: c for at, c in self.commands.items() if at < stamp})
 
 
-def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[tuple[int, Law]], T: float, ending: str) -> Recording:
+def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[tuple[int, Law]], T: float,
+           ending: str) -> Recording:
     """The table from the stamp `begun` [ns], at which the planner began, until the last point was reached.
 
     laws: (stamp from which it was in force, law), oldest first. Figures of a state that was recorded without its
@@ -45,7 +47,8 @@ def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[t
             finished = reference.finished
             law = next(law for since, law in reversed(laws) if since <= stamp or law is laws[0][1])
             if not finished:
-                null = resolve(state.J, np.zeros(model.m), dq, law.weight(state)).null  # P_W dq = P_W b, because P_W J_W^# = 0
+                # P_W dq = P_W b, because P_W J_W^# = 0
+                null = resolve(state.J, np.zeros(model.m), dq, law.weight(state)).null
                 elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T  # more than T where a cycle was missed
                 rows.append(row((stamp - begun) / 1e9, Command(dq, q_ref, null, state, elapsed), reference))
         dq_prev, stamp_prev = dq, stamp

@@ -11,10 +11,10 @@ from redres_ros.experiments.recording import Recording
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error; yields a function that is told the share done, 0 to 1. Shows nothing where there is no terminal."""
+    """A bar on standard error, if that is a terminal; yields a function that is told the share done, 0 to 1."""
     console = Console(stderr=True)
-    bar = Progress(TextColumn('{task.description}'), BarColumn(), TextColumn('{task.percentage:3.0f} %'), TimeElapsedColumn(),
-                   transient=True, console=console, disable=not console.is_terminal)
+    parts = TextColumn('{task.description}'), BarColumn(), TextColumn('{task.percentage:3.0f} %'), TimeElapsedColumn()
+    bar = Progress(*parts, transient=True, console=console, disable=not console.is_terminal)
     with bar:
         task = bar.add_task(label, total=1.0)
         yield lambda share: bar.update(task, completed=share)
@@ -22,7 +22,8 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 def peaks(recordings: Mapping[str, Recording]) -> str:
     """A table with one line a recording: end, largest norms and when, last error."""
-    lines = [f"{'law':<26}{'end [s]':>9}{'|ddq| [rad/s2]':>23}{'|dq| [rad/s]':>23}{'|tau| [Nm]':>23}{'last error [mm]':>17}"]
+    heads = ''.join(f'{head:>23}' for head in ('|ddq| [rad/s2]', '|dq| [rad/s]', '|tau| [Nm]'))
+    lines = [f"{'law':<26}{'end [s]':>9}{heads}{'last error [mm]':>17}"]
     for name, recording in recordings.items():
         if not len(recording.data):
             lines.append(f'{name:<26}  no tick')

@@ -18,7 +18,7 @@ class GuardSettings:
     position_margin: float = param(float(np.radians(0.5)), 'distance kept from the position limits [rad]', 0.0, 0.5)
     acceleration_scale: float = param(1.0, 'factor on the acceleration limits', 0.01, 100.0)
     acceleration_tolerance: float = param(
-        2e-4, 'for how long twice the acceleration limit is borne, a smaller excess for longer in proportion [s]', 0.0, 0.1)
+        2e-4, 'how long twice the acceleration limit is borne; a smaller excess in proportion longer [s]', 0.0, 0.1)
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -41,7 +41,7 @@ class Guard:
         self.period = period
         self._lower, self._upper = limits.lower + settings.position_margin, limits.upper - settings.position_margin
         self._cycles = max(1, round(settings.acceleration_window / period))
-        self._tolerance = self.limits.acceleration * settings.acceleration_tolerance / period  # (n,) for a sum over cycles
+        self._tolerance = self.limits.acceleration * settings.acceleration_tolerance / period  # (n,) [rad/s^2], summed
         self.begin()
 
     def begin(self) -> None:
@@ -56,7 +56,9 @@ class Guard:
         if command.shape != (n,):
             return Refused(Refusal.WRONG_LENGTH, f'command has shape {command.shape}, expected ({n},)')
         j = _first_false(np.isfinite(command))
-        return None if j is None else Refused(Refusal.NOT_FINITE, f'{self.limits.joint_names[j]} commanded {command[j]} rad')
+        if j is None:
+            return None
+        return Refused(Refusal.NOT_FINITE, f'{self.limits.joint_names[j]} commanded {command[j]} rad')
 
     def violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
         """Why the arm must stop at a command, position (n,) [rad] at velocity (n,) [rad/s]; empty if it need not."""

@@ -34,6 +34,9 @@ class IdealPlant:
         """Move to q_ref (n,) [rad]."""
         self._q, self._dq = np.array(q_ref, dtype=np.float64), (q_ref - self._q) / self.period
 
+    def push(self, force: np.ndarray) -> None:
+        """Do nothing: an arm that is where its reference says yields to no force at its tip."""
+
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError."""
         self._q = _finite_vector(q, len(self.joint_names), 'q')
@@ -44,7 +47,7 @@ class IdealPlant:
 class MujocoSettings:
     """The simulated arm below the level of the reference."""
 
-    plant_step: float = param(0.0005, 'step of the simulation; the cycle must be a whole number of them [s]', 1e-5, 0.01)
+    plant_step: float = param(0.0005, 'simulation step, of which the cycle must be a whole multiple [s]', 1e-5, 0.01)
     servo_bandwidth: float = param(100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0)
     joint_friction: bool = param(False, 'leave joint friction to the servos, as if no joint torque loop took it out')
 
@@ -72,14 +75,14 @@ class MujocoPlant:
     0.65 mm, 0.15 mm of them after it has come to rest, and a cycle takes half as long again.
 
     Raises RedresError if the period is not a whole number of plant steps, FileError if MuJoCo cannot use the URDF,
-    ArrayError or RangeError for q0.
+    UnknownNameError if it lacks the tip frame, ArrayError or RangeError for q0.
     """
 
     def __init__(self, arm: Arm, period: float, q0: np.ndarray, settings: MujocoSettings | None = None) -> None:
         settings = settings or MujocoSettings()
         self._substeps = _whole_steps(period, settings.plant_step)
         self._model = _servo_model(arm, settings)
-        self._data = mujoco.MjData(self._model)
+        self._data, self._tip = mujoco.MjData(self._model), _tip_body(self._model, arm)
         self.period = period
         self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
         self._reference = np.zeros(self._model.nq)  # (n,) [rad] at the end of the last cycle
@@ -103,6 +106,12 @@ class MujocoPlant:
         mujoco.mj_step(self._model, self._data, self._substeps)
         self._reference = np.array(q_ref, dtype=np.float64)
 
+    def push(self, force: np.ndarray) -> None:
+        """Push the tip, where it is now, with a force (3,) [N] in the base frame until the next call or `reset`."""
+        data, tip = self._data, self._tip
+        data.xfrc_applied[tip, :3] = force  # at the body's centre of mass: it takes a torque to have it at the tip
+        data.xfrc_applied[tip, 3:] = np.cross(data.xpos[tip] - data.xipos[tip], force)
+
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the joint limits."""
         q = _finite_vector(q, self._model.nq, 'q')
@@ -111,6 +120,7 @@ class MujocoPlant:
                 raise RangeError(name, value, lower, upper, 'rad')
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos[:] = q
+        mujoco.mj_kinematics(self._model, self._data)  # where a push would act
         self._reference = q
 
 
@@ -123,10 +133,7 @@ class Witness:
 
     def __init__(self, arm: Arm) -> None:
         self._model = _compile(_load(arm), arm)
-        self._data = mujoco.MjData(self._model)
-        self._tip = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, arm.tip_frame)
-        if self._tip < 0:
-            raise UnknownNameError('frame', arm.tip_frame, [self._model.body(b).name for b in range(self._model.nbody)])
+        self._data, self._tip = mujoco.MjData(self._model), _tip_body(self._model, arm)
 
     def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tip position (3,) [m], orientation (3, 3) and Jacobian (6, n), linear rows first, in the base frame."""
@@ -168,6 +175,13 @@ def _compile(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
         return spec.compile()
     except ValueError as error:
         raise FileError(f"MuJoCo cannot use {arm.urdf}: {' '.join(str(error).split())}") from None
+
+
+def _tip_body(model: mujoco.MjModel, arm: Arm) -> int:
+    tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, arm.tip_frame)
+    if tip < 0:
+        raise UnknownNameError('frame', arm.tip_frame, [model.body(b).name for b in range(model.nbody)])
+    return tip
 
 
 def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:

@@ -112,8 +112,8 @@ class FriRobot:
         """Reference in force, (n,) [rad]: where the plant was sent in the last cycle."""
         return self._follower.reference
 
-    def advance(self, answer: Answer | None) -> None:
-        """Move from tick k to k + 1, given the newest answer that arrived since the last call; None if there was none.
+    def advance(self, *answers: Answer | None) -> None:
+        """Move from tick k to k + 1, given the answers that arrived since the last call, in that order; None is none.
 
         An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An older one is late:
         the command is taken to have gone on since then at its last velocity, as it does when no answer comes. A second
@@ -121,7 +121,7 @@ class FriRobot:
         braked there.
         """
         if self._tick > 0:  # before, no state has been sent that could be answered
-            self._receive(answer)
+            self._receive(answers)
         if self.session.commanding:
             self._execute(self._course.at(self._tick - 1))
         if not self.session.commanding:
@@ -133,18 +133,20 @@ class FriRobot:
         """Clear the reason of a stop and monitor anew; an arm that moves is braked."""
         self.session.reset()
 
-    def _receive(self, answer: Answer | None) -> None:
-        """Enter what arrived in the session's books; a new and valid answer gives the commands' course."""
-        if answer is None or answer.tick == self._course.tick:
-            self.session.record(None)
-        elif refused := self._refusal(answer):
-            self.session.refuse(refused)
-            self.session.record(None)
-        else:
+    def _receive(self, answers: tuple[Answer | None, ...]) -> None:
+        """Enter what arrived in the session's books; new and valid answers give the commands' course."""
+        lateness, latency = None, 0.0
+        for answer in answers:
+            if answer is None or answer.tick == self._course.tick:
+                continue
+            if refused := self._refusal(answer):
+                self.session.refuse(refused)
+                continue
             self._course = self._course.through(answer)
-            self.session.record(self._tick - 1 - answer.tick, answer.latency)
-            if self.session.ready and self._follower.at_rest:
-                self._begin()
+            lateness, latency = self._tick - 1 - answer.tick, answer.latency
+        self.session.record(lateness, latency)
+        if self.session.ready and self._follower.at_rest:
+            self._begin()
 
     def _refusal(self, answer: Answer) -> Refused | None:
         if not 0 <= answer.tick < self._tick:

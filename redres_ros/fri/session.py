@@ -16,7 +16,7 @@ class SessionSettings:
     """When command mode is given and when it is taken away. KUKA's figures are not public: the defaults are ours."""
 
     profile: str = param(LWR_FRI1.name, "kind of FRI session: the LWR's, or that of Sunrise", choices=tuple(PROFILES))
-    monitor_time: float = param(0.5, 'good timing needed before command mode; 0: no longer than it takes [s]', 0.0, 60.0)
+    monitor_time: float = param(0.5, 'good timing needed before command mode; 0: as soon as possible [s]', 0.0, 60.0)
     bridged_misses: int = param(5, 'cycles in a row without an answer that are bridged by extrapolation', 0, 100)
     entry_tolerance: float = param(0.01, 'how far the first command may be from the mirrored position [rad]', 0.0, 1.0)
 

@@ -21,7 +21,7 @@ class MinimumKineticEnergy(Law):
 
 @dataclass(frozen=True)
 class _TorqueLaw(Law):
-    """The bias that the torque laws share: where the arm would go in one tick with zero torque and null-space damping."""
+    """The bias that the torque laws share: the velocity after one tick of zero torque and null-space damping."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return self.forgetting(T) * state.dq_prev - T * np.linalg.solve(state.M, state.n)  # lambda dq_{k-1} - T M^-1 n

@@ -21,7 +21,8 @@ def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.
     client = node.create_client(kind, service)
     try:
         if not client.wait_for_service(timeout_sec=timeout):
-            raise CallError(f'nobody offers the service {service}; is its node running in ROS domain {node.context.get_domain_id()}?')
+            domain = node.context.get_domain_id()
+            raise CallError(f'nobody offers the service {service}; is its node running in ROS domain {domain}?')
         future, until = client.call_async(request), time.monotonic() + timeout
         while not future.done() and time.monotonic() < until and rclpy.ok():
             time.sleep(0.002)
@@ -34,7 +35,8 @@ def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.
 
 def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
     """Set all parameters of another node or none. Raises CallError with the node's reason."""
-    request = SetParametersAtomically.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+    wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    request = SetParametersAtomically.Request(parameters=wanted)
     result = call(node, SetParametersAtomically, f'{of}/set_parameters_atomically', request).result
     if not result.successful:
         raise CallError(f'{of} refused: {result.reason}')

@@ -32,11 +32,13 @@ class ControllerParameters:
 
     rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
     base_frame: str = param('', "frame of cartesian_velocity; empty: the root link of the arm's URDF")
-    switch_time: float = param(0.2, 'time over which a change of law, starting and stopping are blended [s]', 0.0, 10.0, live=True)
+    switch_time: float = param(0.2, 'time over which a change of law, starting and stopping are blended [s]', 0.0, 10.0,
+                               live=True)
     integrate_from: str = param('command', 'what a reference is integrated from', choices=INTEGRATE_FROM)
     command_timeout: float = param(0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True)
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
-    bridged_misses: int = param(5, 'cycles without a state after which the controller starts anew from the measurement', 0, 1000)
+    bridged_misses: int = param(5, 'cycles without a state after which the controller starts anew from the measurement',
+                                0, 1000)
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
     lockstep: bool = param(False, 'answer a state only together with the cartesian_velocity of the same stamp')
 
@@ -60,7 +62,8 @@ class ControllerNode(Node):
         self._robot, self._settings = declare_robot(self), declare(self, ControllerParameters())
         self._law_parameters = LawParameters(self)
         model, rate = self._robot.model, self._settings.rate
-        self._controller = Controller(model, self._law_parameters.law, 1.0 / rate, switch_time=self._settings.switch_time,
+        self._controller = Controller(model, self._law_parameters.law, 1.0 / rate,
+                                      switch_time=self._settings.switch_time,
                                       integrate_from=self._settings.integrate_from)
         self._frame = self._settings.base_frame or model.base_frame
         self._joints, self._period = JointOrder(model.joint_names), round(NANOSECONDS / rate)
@@ -77,8 +80,9 @@ class ControllerNode(Node):
         self._command = self.create_publisher(JointState, 'joint_command', PUBLISH)
         self._forward = (self.create_publisher(Float64MultiArray, 'forward_position_controller/commands', PUBLISH)
                          if self._settings.forward_commands else None)
-        norms = ('joint_velocity_norm', 'joint_acceleration_norm', 'null_velocity_norm', 'joint_torque_norm', 'min_singular_value')
-        self._signals = Signals(self, {'tip_pose': PoseStamped, **dict.fromkeys(norms, Float64), 'law': String})
+        numbers = ('joint_velocity_norm', 'joint_acceleration_norm', 'null_velocity_norm', 'joint_torque_norm',
+                   'min_singular_value')
+        self._signals = Signals(self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String})
         self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
@@ -142,8 +146,8 @@ class ControllerNode(Node):
             return 1
         cycles = round(elapsed / self._period)
         if cycles < 1 or abs(elapsed - cycles * self._period) > self._period / 10:
-            raise StampError(f'stamped {elapsed / 1e6:g} ms after the last; expected a multiple of {self._period / 1e6:g} ms '
-                             f'(rate {self._settings.rate:g} Hz)')
+            raise StampError(f'stamped {elapsed / 1e6:g} ms after the last; expected a multiple of '
+                             f'{self._period / 1e6:g} ms (rate {self._settings.rate:g} Hz)')
         return cycles
 
     def _publish_rest(self, stamp: int, command: Command) -> None:
@@ -180,8 +184,9 @@ class ControllerNode(Node):
         self._controller.switch_time = self._settings.switch_time
 
     def _health(self) -> Health:
-        figures = {'law': law_name(self._controller.law), 'damping [1/s]': self._controller.law.damping,
-                   'forgetting factor': self._controller.law.forgetting(self._controller.T), 'states answered': self._answered,
+        law = self._controller.law
+        figures = {'law': law_name(law), 'damping [1/s]': law.damping,
+                   'forgetting factor': law.forgetting(self._controller.T), 'states answered': self._answered,
                    'states skipped': self._skipped, 'messages refused': self._refusals.count}
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)

@@ -31,7 +31,8 @@ class JointOrder:
         if message.name != self._seen:
             self._learn(message.name)
         if len(message.position) != len(self.names):
-            raise ArrayError(f'{len(message.position)} positions for {len(self.names)} joints; expected one value per joint')
+            got, joints = len(message.position), len(self.names)
+            raise ArrayError(f'{got} positions for {joints} joints; expected one value per joint')
         q = np.frombuffer(message.position)  # a view of the message's array of doubles
         if not np.isfinite(q).all():
             raise ArrayError(f'positions {q.tolist()}; every value must be finite')
@@ -64,7 +65,7 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
 
 
 def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
-    """The first `rows` rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN or infinity."""
+    """The first rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN or infinity."""
     if message.header.frame_id != frame:
         raise FrameError(f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}')
     linear, angular = message.twist.linear, message.twist.angular

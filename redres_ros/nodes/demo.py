@@ -26,7 +26,7 @@ from redres_ros.tasks import Task
 
 START_PATIENCE = 30.0  # [s] from starting the processes to command mode
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
-CLOCK_PATIENCE = 5.0  # [s] a machine that is no real-time one may stall for that long; the fake arm's clock then stands still
+CLOCK_PATIENCE = 5.0  # [s] that an ordinary machine may stall; the fake arm's clock then stands still
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _LOOK = 0.02  # [s] between looks at the state of things
@@ -78,24 +78,28 @@ class Outcome:
     @property
     def title(self) -> str:
         """Law, damping and rate in words."""
-        T = self.recording.T
-        return f'{law_name(self.law)}, $k_d$ = {self.law.damping:g} 1/s ($\\lambda$ = {self.law.forgetting(T):g}), {1.0 / T:g} Hz'
+        T, law = self.recording.T, self.law
+        return f'{law_name(law)}, $k_d$ = {law.damping:g} 1/s ($\\lambda$ = {law.forgetting(T):g}), {1.0 / T:g} Hz'
 
     def table(self) -> str:
         """The summary that ends a demo."""
         figures, recording = self.figures, self.recording
         cycles = int(figures.get('cycles', 0))
         waited = sum(int(figures.get(name, 0)) for name in ('late', 'missed', 'cycles waited for'))
-        peak = {name: recording.peak(f'joint_{name}_norm') for name in ('acceleration', 'velocity', 'torque')} if len(recording.data) else {}
+        share, stood = 1.0 - waited / max(cycles, 1), float(figures.get('clock stood still [s]', 0.0))
+        begun, end, peak = 0, 0.0, {}
+        if len(recording.data):
+            begun, end = int(recording['segment'].max()), recording['t'][-1]
+            peak = {name: recording.peak(f'joint_{name}_norm') for name in ('acceleration', 'velocity', 'torque')}
         lines = [
             ('task', 'finished' if self.succeeded else 'NOT finished'),
             ('robot', f'stopped: {self.stop_reason}' if self.stop_reason else 'not stopped'),
             ('session states', ' > '.join(self.states)),
-            ('segments begun', f"{int(recording['segment'].max()) if peak else 0} in {recording.data[-1, 0] if peak else 0.0:.3f} s"),
+            ('segments begun', f'{begun} in {end:.3f} s'),
             ('error at the end', f'{1e3 * self.final_error:.3f} mm'),
             *((f'largest joint {name}', f'{value:.3f} at {t:.3f} s') for name, (value, t) in peak.items()),
-            ('cycles', f"{cycles}, of which {cycles - waited} were answered in time ({1.0 - waited / max(cycles, 1):.1%})"),
-            ("robot's clock", f"stood still for {float(figures.get('clock stood still [s]', 0.0)):.3f} s, waiting for late answers"),
+            ('cycles', f'{cycles}, of which {cycles - waited} were answered in time ({share:.1%})'),
+            ("robot's clock", f'stood still for {stood:.3f} s, waiting for late answers'),
         ]
         return '\n'.join(f'{label:<28}{text}' for label, text in lines)
 
@@ -137,7 +141,8 @@ class Demo:
         shared = {'lockstep': options.lockstep, 'rate': options.rate, 'robot': self._task.robot,
                   'dynamics': options.dynamics, **options.parameters}
         if options.lockstep:
-            shared['state_timeout'] = START_PATIENCE / 10.0  # nobody keeps time, and the first state waits for the planner
+            # Nobody keeps time, and the first state waits for the planner.
+            shared['state_timeout'] = START_PATIENCE / 10.0
         sim = {'start': tuple(self._task.start.tolist())}
         sim |= {'monitor_time': 0.0} if options.lockstep else {'patience': CLOCK_PATIENCE}
         own = {'sim': sim,
@@ -168,9 +173,9 @@ class Demo:
         return recorder.words['sim/session_state'][-1:] == ['CMD']
 
     def _follow(self, recorder: Recorder, progress: Callable[[float], None]) -> None:
-        """Until the task is finished, the robot is stopped, or the time is over in which it should have been finished."""
-        nominal, switches = self._task.segments * self._task.segment_time, sorted(self._options.switches, key=lambda pair: pair[1])
-        t = 0.0
+        """Until the task is finished, the robot is stopped, or the task should have been finished long ago."""
+        switches = sorted(self._options.switches, key=lambda pair: pair[1])
+        nominal, t = self._task.segments * self._task.segment_time, 0.0
         while t < PATIENCE * nominal and recorder.words['planner/state'][-1:] != ['finished']:
             self._check(recorder)
             if recorder.stopped:
@@ -204,5 +209,5 @@ class Demo:
         reason = recorder.words['sim/stop_reason'][-1] if recorder.stopped else ''
         log = recorder.log.until(recorder.stopped_at or None)
         recording = replay(log, recorder.begun, self.model, self._task, self._laws, self._T, reason)
-        return Outcome(recording, self._laws[0][1], reason, tuple(recorder.words['sim/session_state']), recorder.final_error(self.model, self._task),
-                       recorder.figures)
+        return Outcome(recording, self._laws[0][1], reason, tuple(recorder.words['sim/session_state']),
+                       recorder.final_error(self.model, self._task), recorder.figures)

@@ -31,16 +31,17 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish now."""
         level, summary, figures = self._health()
-        values = [KeyValue(key=key, value=f'{value:g}' if isinstance(value, float) else str(value)) for key, value in figures.items()]
-        status = DiagnosticStatus(level=level, name=self._node.get_fully_qualified_name(), message=summary, values=values,
-                                  hardware_id=self._hardware)
+        values = [KeyValue(key=key, value=f'{value:g}' if isinstance(value, float) else str(value))
+                  for key, value in figures.items()]
+        status = DiagnosticStatus(level=level, name=self._node.get_fully_qualified_name(), message=summary,
+                                  values=values, hardware_id=self._hardware)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
 
 class Refusals:
-    """Input that was refused: a log line when a source turns bad, or bad in another way, and one when it is good again."""
+    """Input that was refused: a log line when a source turns bad, or bad in another way, and one when it is good."""
 
     def __init__(self, node: Node) -> None:
         self._logger, self._bad = node.get_logger(), {}
@@ -67,7 +68,7 @@ class Refusals:
 
 
 class Watchdog:
-    """Notices the silence of a topic by the monotonic clock; one log line when it falls silent and one when it is back."""
+    """Notices the silence of a topic by the monotonic clock; logs when it falls silent and when it is back."""
 
     def __init__(self, node: Node, topic: str, timeout: float) -> None:
         self._logger, self._topic, self._timeout = node.get_logger(), topic, timeout

@@ -27,9 +27,9 @@ class GraphError(RedresError):
 
 @contextmanager
 def own_domain(wanted: int | None = None) -> Iterator[int]:
-    """Set the environment to a ROS domain on this host that no other graph uses, or to the wanted one; yields its number.
+    """Yields the number of the ROS domain to which it has set the environment.
 
-    Raises GraphError when every domain is taken.
+    The wanted one, or one that no other graph on this host uses. Raises GraphError when every domain is taken.
     """
     if wanted is not None:
         with joined_domain(wanted):
@@ -94,8 +94,9 @@ class NodeProcess:
         arguments = [argument for key, value in parameters.items() for argument in ('-p', f'{key}:={_yaml(value)}')]
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', f'redres_ros.nodes.{name}', '--ros-args', *arguments], stdin=subprocess.DEVNULL, stdout=output,
-                stderr=subprocess.STDOUT, start_new_session=True, env={**os.environ, PARENT: str(os.getpid())})
+                [sys.executable, '-m', f'redres_ros.nodes.{name}', '--ros-args', *arguments],
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, PARENT: str(os.getpid())})
 
     @property
     def pid(self) -> int:

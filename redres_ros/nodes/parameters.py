@@ -44,12 +44,14 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
     try:
         value = node.declare_parameter(name, initial, _descriptor(default, parameter)).value
     except ParameterException as error:
-        raise ParameterError(f"{' '.join(str(error).split())}; allowed for {name}: {_allowed(default, parameter)}") from None
+        reason = ' '.join(str(error).split())
+        raise ParameterError(f'{reason}; allowed for {name}: {_allowed(default, parameter)}') from None
     return tuple(value) if isinstance(default, tuple) else value
 
 
-def on_live_change(node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]) -> None:
-    """Have changes of parameters checked before and applied after they are set; a RedresError from check refuses them all."""
+def on_live_change(node: Node, check: Callable[[dict[str, Any]], None],
+                   apply: Callable[[dict[str, Any]], None]) -> None:
+    """Have changes of parameters checked before they are set and applied after; a RedresError refuses them all."""
 
     def before(changed: list[RosParameter]) -> SetParametersResult:
         try:
@@ -86,7 +88,7 @@ class RobotParameters:
 
 
 def declare_robot(node: Node, **preferred: Any) -> RobotParameters:
-    """Declare the parameters of the arm; the defaults of the others follow from `robot`, unless the node prefers another one."""
+    """Declare the parameters of the arm; the other defaults follow from `robot`, unless the node prefers its own."""
     field, parameter = next((f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot')
     arm = find_arm(declare_one(node, field.name, field.default, parameter))
     defaults = {f.name: getattr(arm, f.name) for f in fields(RobotParameters) if hasattr(arm, f.name)} | preferred
@@ -133,9 +135,11 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
     if parameter.choices:
         descriptor.additional_constraints = 'one of: ' + ', '.join(parameter.choices)
     if parameter.lower is not None and isinstance(default, float):
-        descriptor.floating_point_range = [FloatingPointRange(from_value=float(parameter.lower), to_value=float(parameter.upper))]
+        lower, upper = float(parameter.lower), float(parameter.upper)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
     elif parameter.lower is not None and isinstance(default, int):
-        descriptor.integer_range = [IntegerRange(from_value=int(parameter.lower), to_value=int(parameter.upper), step=1)]
+        lower, upper = int(parameter.lower), int(parameter.upper)
+        descriptor.integer_range = [IntegerRange(from_value=lower, to_value=upper, step=1)]
     return descriptor
 
 

@@ -105,7 +105,9 @@ class PlannerNode(Node):
         figures = {'task': self._settings.task, 'state': self._state_name, 'messages refused': self._refusals.count}
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
-        return Health(WARN, self._refusals.reasons, figures) if self._refusals.reasons else Health(OK, self._state_name, figures)
+        if self._refusals.reasons:
+            return Health(WARN, self._refusals.reasons, figures)
+        return Health(OK, self._state_name, figures)
 
 
 def main(arguments: list[str] | None = None) -> int:

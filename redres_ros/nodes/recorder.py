@@ -61,7 +61,8 @@ class Recorder(Node):
         self.log.states[self.newest] = self._joints.positions(message)
 
     def _on_command(self, message: JointState) -> None:
-        self.log.commands[to_nanoseconds(message.header.stamp)] = (self._joints.positions(message), np.array(message.velocity))
+        stamp = to_nanoseconds(message.header.stamp)
+        self.log.commands[stamp] = (self._joints.positions(message), np.array(message.velocity))
 
     def _on_twist(self, message: TwistStamped) -> None:
         self.begun = self.begun or to_nanoseconds(message.header.stamp)

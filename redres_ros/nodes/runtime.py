@@ -81,7 +81,7 @@ def start(arguments: list[str] | None = None) -> None:
 
 @contextmanager
 def spun(make: Callable[[], N]) -> Iterator[N]:
-    """Start ROS and yield a node that is spun in a thread of its own; for programs that listen and ask. Raises StartError."""
+    """Start ROS and yield a node that is spun in a thread; for programs that listen and ask. Raises StartError."""
     start()
     try:
         node, stopped = make(), threading.Event()
@@ -100,7 +100,7 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
 
 
 def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> int:
-    """The main of a node: make it, spin it, end it cleanly on SIGINT or SIGTERM. The exit status is 0, or 1 after an error.
+    """The exit status of a node that is made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1 after an error.
 
     A node may have `run(stopped)`, a loop of its own that ends when the event is set; it is then spun in a second
     thread. A node may have `close()`, called while it can still publish.

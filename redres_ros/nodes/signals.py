@@ -15,7 +15,8 @@ class Signals:
     """Publishers by topic, each with whether it has a listener at present."""
 
     def __init__(self, node: Node, types: dict[str, type]) -> None:
-        self._publishers = {name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH) for name, kind in types.items()}
+        self._publishers = {name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH)
+                            for name, kind in types.items()}
         self._heard: list[str] = []
         node.create_timer(LOOK_PERIOD, self._look)
 

@@ -25,8 +25,12 @@ _NUMBERS = {  # topic -> (type, what it is, unit, factor)
     'controller/joint_torque_norm': (Float64, 'joint torque', 'Nm', 1.0),
     'controller/min_singular_value': (Float64, 'smallest singular value', '', 1.0),
 }
-_LATCHED_WORDS = {'sim/session_state': 'session', 'sim/connection_quality': 'connection', 'sim/stop_reason': 'stopped because',
-                  'planner/state': 'planner'}
+_LATCHED_WORDS = {
+    'sim/session_state': 'session',
+    'sim/connection_quality': 'connection',
+    'sim/stop_reason': 'stopped because',
+    'planner/state': 'planner',
+}
 
 
 class Watch(Node):
@@ -35,10 +39,9 @@ class Watch(Node):
     def __init__(self) -> None:
         super().__init__('watch')
         self._values: dict[str, Any] = {}
-        for topic, (kind, *_) in _NUMBERS.items():
-            self.create_subscription(kind, topic, lambda message, topic=topic: self._keep(topic, message.data), NEWEST)
-        for topic in _LATCHED_WORDS:
-            self.create_subscription(String, topic, lambda message, topic=topic: self._keep(topic, message.data), LATCHED)
+        topics = [(kind, topic, NEWEST) for topic, (kind, *_) in _NUMBERS.items()]
+        for kind, topic, quality in (*topics, *((String, topic, LATCHED) for topic in _LATCHED_WORDS)):
+            self.create_subscription(kind, topic, lambda message, topic=topic: self._keep(topic, message.data), quality)
         self.create_subscription(String, 'controller/law', lambda message: self._keep('law', message.data), NEWEST)
         self.create_subscription(PoseStamped, 'controller/tip_pose', self._on_pose, NEWEST)
 
@@ -54,7 +57,8 @@ class Watch(Node):
             table.add_row(escape(label), escape(str(self._values.get(topic, '-'))))
         for topic, (_, label, unit, factor) in _NUMBERS.items():
             value = self._values.get(topic)
-            table.add_row(escape(f'{label} [{unit}]' if unit else label), '-' if value is None else f'{value * factor:.4g}')
+            table.add_row(escape(f'{label} [{unit}]' if unit else label),
+                          '-' if value is None else f'{value * factor:.4g}')
         return table
 
     def _keep(self, name: str, value: Any) -> None:

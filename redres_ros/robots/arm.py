@@ -1,4 +1,4 @@
-"""An arm: its URDF with tool, base offset and choice of dynamics filled in, and the figures that a URDF has no place for."""
+"""An arm: its URDF with tool, base offset and choice of dynamics filled in, and figures a URDF has no place for."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
@@ -71,7 +71,7 @@ def _mount(robot: ET.Element, joint: str, urdf: Path) -> ET.Element:
 
 
 def _make_cylinders(robot: ET.Element) -> None:
-    """Replace each moving link's inertia by a cylinder from its joint along z to the next joint (the last one: to the tip)."""
+    """Replace each moving link's inertia by a cylinder from its joint along z to the next joint, or to the tip."""
     for joint in robot.findall("joint[@type='revolute']"):
         link = joint.find('child').get('link')
         offset = _length_along_z(robot, link)
@@ -87,11 +87,12 @@ def _make_cylinders(robot: ET.Element) -> None:
 
 
 def _length_along_z(robot: ET.Element, link: str) -> float:
-    """Distance from a link's frame along its z to the next moving joint, through fixed joints, or to the chain's end [m]."""
+    """Distance from a link's frame along z, through fixed joints, to the next moving joint or the chain's end [m]."""
     for joint in robot.findall('joint'):
         if joint.find('parent').get('link') == link:
             z = float(joint.find('origin').get('xyz').split()[2])
-            return z + (_length_along_z(robot, joint.find('child').get('link')) if joint.get('type') == 'fixed' else 0.0)
+            is_fixed = joint.get('type') == 'fixed'
+            return z + (_length_along_z(robot, joint.find('child').get('link')) if is_fixed else 0.0)
     return 0.0
 
 
@@ -101,7 +102,8 @@ _LWR4 = Arm(
     # Ia3..Ia7 as identified by Jubien, Gautier and Janot (2014); Ia1 and Ia2 are their ZZ1 and ZZ2 less the links'
     # share.
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
-    acceleration_limit=tuple(np.radians((1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0)).tolist()),  # KRC2 file
+    # From the KRC2 file.
+    acceleration_limit=tuple(np.radians((1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0)).tolist()),
 )
 
 ARMS: dict[str, Arm] = {
@@ -111,7 +113,7 @@ ARMS: dict[str, Arm] = {
 
 
 def find_arm(name: str, **changes: object) -> Arm:
-    """The arm of that name, with fields changed as given (None leaves a field as it is). Raises UnknownNameError, RangeError."""
+    """The arm of that name, with the given fields changed unless None. Raises UnknownNameError, RangeError."""
     if name not in ARMS:
         raise UnknownNameError('robot', name, ARMS)
     return replace(ARMS[name], **{field: value for field, value in changes.items() if value is not None})

@@ -16,7 +16,7 @@ _WIDTH = 118
 
 @dataclass(frozen=True)
 class Finding:
-    """held: whether the claim holds as it stands; measured: the figures; remark: where ours differ from the paper's, and why."""
+    """held: whether the claim holds as it stands; measured: figures; remark: where and why ours are not the paper's."""
 
     held: bool
     measured: str
@@ -32,7 +32,8 @@ class Claim:
     measure: Callable[[Runs], Finding]
 
 
-def check_all(claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None] | None = None) -> dict[Claim, Finding]:
+def check_all(claims: Iterable[Claim], runs: Runs,
+              progress: Callable[[float], None] | None = None) -> dict[Claim, Finding]:
     """The findings in the order of the claims. progress is told the share that is done."""
     claims, findings = list(claims), {}
     for done, claim in enumerate(claims, start=1):
@@ -62,6 +63,7 @@ def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
             writer = csv.writer(file)
             writer.writerow(('section', 'claim', 'held', 'measured', 'remark'))
             for claim, finding in findings.items():
-                writer.writerow((claim.section, claim.says, 'yes' if finding.held else 'no', finding.measured, finding.remark))
+                held = 'yes' if finding.held else 'no'
+                writer.writerow((claim.section, claim.says, held, finding.measured, finding.remark))
     except OSError as error:
         raise FileError(f'cannot write {path}: {error.strerror}') from None

@@ -18,27 +18,33 @@ def stopped(runs: Runs) -> Finding:
     tried = runs.experiment_minimum_velocity
     ended, (peak, at) = tried.recording['t'][-1], tried.recording.peak('joint_acceleration_norm')
     return Finding(bool(tried.stop_reason) and 7.0 < ended < 9.0 and at > 7.0,
-                   f'stopped at {ended:.2f} s, {tried.stop_reason}; largest commanded |ddq| {peak:.0f} rad/s^2 at {at:.2f} s')
+                   f'stopped at {ended:.2f} s, {tried.stop_reason}; '
+                   f'largest commanded |ddq| {peak:.0f} rad/s^2 at {at:.2f} s')
 
 
 def finishes(runs: Runs) -> Finding:
     """The run of Figs. 11 and 12."""
     tried = runs.experiment_damped
     error = _end_error(tried, runs.experiment_model, runs.task)
-    return Finding(tried.recording.finished and error < 0.001, f'{tried.recording.ending}, {1e3 * error:.3f} mm from it')
+    return Finding(tried.recording.finished and error < 0.001,
+                   f'{tried.recording.ending}, {1e3 * error:.3f} mm from it')
 
 
 def lower_peak(runs: Runs) -> Finding:
     """Peaks of Figs. 10 and 12."""
-    one, two = (tried.recording.peak('joint_acceleration_norm')[0] for tried in (runs.experiment_minimum_velocity, runs.experiment_damped))
-    return Finding(two < one, f'largest commanded |ddq| {two:.1f} rad/s^2 with (23), {one:.1f} rad/s^2 with (2) until it was stopped')
+    one, _ = runs.experiment_minimum_velocity.recording.peak('joint_acceleration_norm')
+    two, _ = runs.experiment_damped.recording.peak('joint_acceleration_norm')
+    return Finding(two < one, f'largest commanded |ddq| {two:.1f} rad/s^2 with (23), '
+                   f'{one:.1f} rad/s^2 with (2) until it was stopped')
 
 
 def alike(runs: Runs) -> Finding:
     """Joint paths of the two laws over the first segment."""
-    one, two = (_until(tried.recording, runs.task.segment_time) for tried in (runs.experiment_minimum_velocity, runs.experiment_damped))
+    one = _until(runs.experiment_minimum_velocity.recording, runs.task.segment_time)
+    two = _until(runs.experiment_damped.recording, runs.task.segment_time)
     apart, way = float(np.abs(one - two).max()), float(np.ptp(one, axis=0).max())
-    return Finding(apart < _ALIKE * way, f'over the first segment at most {apart:.4f} rad apart, on a way of {way:.2f} rad')
+    return Finding(apart < _ALIKE * way,
+                   f'over the first segment at most {apart:.4f} rad apart, on a way of {way:.2f} rad')
 
 
 def practically_23(runs: Runs) -> Finding:
@@ -63,7 +69,8 @@ def _practically(one: Experiment, two: Experiment) -> Finding:
     ticks = min(len(one.motion.dq), len(two.motion.dq))
     apart = float(np.linalg.norm(one.motion.dq[:ticks] - two.motion.dq[:ticks], axis=1).max())
     speed = float(np.linalg.norm(one.motion.dq, axis=1).max())
-    return Finding(apart < _PRACTICAL * speed, f'measured velocities at most {apart:.1e} rad/s apart, the largest being {speed:.2f} rad/s',
+    return Finding(apart < _PRACTICAL * speed,
+                   f'measured velocities at most {apart:.1e} rad/s apart, the largest being {speed:.2f} rad/s',
                    'closer than in the paper: the fake robot takes every sample in time and measures without noise')
 
 

@@ -76,7 +76,8 @@ def optimality(runs: Runs) -> Finding:
             dq = resolve(state.J, state.J @ moved, b, W).dq
             residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b)))
         worst[name] = max(residuals)
-    return Finding(bool(max(worst.values()) <= 1e-9), 'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()))
+    return Finding(bool(max(worst.values()) <= 1e-9),
+                   'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()))
 
 
 def resting_place(runs: Runs) -> Finding:
@@ -103,7 +104,8 @@ def regimes(runs: Runs) -> Finding:
                        'dies out' if ratio < 1e-6 else 'grows' if ratio > 1e6 else 'stays')
     expected = {0.5: ('one sign', 'dies out'), 1.5: ('alternating', 'dies out'), 2.0: ('alternating', 'stays'),
                 2.5: ('alternating', 'grows')}
-    return Finding(seen == expected, '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()))
+    return Finding(seen == expected,
+                   '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()))
 
 
 def cost(runs: Runs) -> Finding:
@@ -137,11 +139,13 @@ def _seconds(controller: Controller | SecondOrderController, q: np.ndarray, dx: 
 
 THEORETICAL = (
     Claim('2.2 (14)', 'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx', square_task),
-    Claim('2.2', 'The approximations (8) to (10) are consistent: the sampled laws tend to the continuous schemes', proportional),
+    Claim('2.2', 'The approximations (8) to (10) are consistent: the sampled laws tend to the continuous schemes',
+          proportional),
     Claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical', two_forms),
     Claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)', special_case_35),
     Claim('A', 'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)', optimality),
     Claim('B (B.2)', 'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)', resting_place),
-    Claim('B', 'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; beyond: diverges', regimes),
+    Claim('B', 'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; beyond: diverges',
+          regimes),
     Claim('7', 'The velocity laws cost no more computation than the second-order schemes', cost),
 )

@@ -12,7 +12,8 @@ def figure_convergence(runs: Runs) -> Figure:
     for law, found in runs.convergences.items():
         ax.loglog(1e3 * found.periods, found.q_errors, 'o-', label=f'{law}: slope {found.q_order:.3f}')
     found = next(iter(runs.convergences.values()))
-    ax.loglog(1e3 * found.periods, 0.5 * found.q_errors[0] * found.periods / found.periods[0], '--', color='0.6', label='slope 1')
+    slope = 0.5 * found.q_errors[0] * found.periods / found.periods[0]
+    ax.loglog(1e3 * found.periods, slope, '--', color='0.6', label='slope 1')
     ax.set_xticks(1e3 * found.periods, [f'{1e3 * T:g}' for T in found.periods], minor=False)
     ax.minorticks_off()
     ax.set(xlabel='sampling time T [ms]', ylabel=r'largest $\Vert q_k-q(t_k)\Vert$ [rad]',

@@ -1,0 +1,26 @@
+"""`redres watch`: the live state of running nodes."""
+
+import argparse
+from typing import Any
+
+from redres_ros.cli.options import add_domain
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    watch = commands.add_parser('watch', help='the live state of running nodes')
+    watch.add_argument('--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C')
+    add_domain(watch)
+    watch.set_defaults(run=_watch)
+
+
+def _watch(options: argparse.Namespace) -> int:
+    import threading
+
+    from redres_ros.nodes.graph import joined_domain
+    from redres_ros.nodes.runtime import spun
+    from redres_ros.nodes.watch import Watch, watch
+
+    with joined_domain(options.domain), spun(Watch) as node:
+        watch(node, threading.Event(), options.duration)
+        return 0 if node.heard else 1

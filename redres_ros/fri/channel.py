@@ -1,0 +1,55 @@
+"""The way of messages from one end to the other, with the faults of a network. It knows no clock but ticks."""
+
+from collections import deque
+from random import Random
+from typing import Generic, TypeVar
+
+from redres_ros.fri.faults import Link
+
+M = TypeVar('M')
+
+
+class Channel(Generic[M]):
+    """Takes messages in and gives them out as `link` says, which may be set at any time.
+
+    What happens is random, but the same seed, messages and links make the same happen. Every message takes four random
+    numbers whatever the link, so that setting one fault does not change when another one strikes.
+    """
+
+    def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
+        self.link = link or Link()
+        self._random = Random(seed)
+        self._under_way: deque[tuple[int, M]] = deque()  # with the tick when each is due, in the order of arrival
+        self._overtaken: list[M] = []  # to arrive right after the next message
+        self._still_to_lose = 0
+
+    def send(self, message: M, tick: int) -> None:
+        """Put a message in at a tick."""
+        losing, doubling, overtaking, spread = (self._random.random() for _ in range(4))
+        if self._is_lost(losing):
+            return
+        copies = [message] * (2 if doubling < self.link.duplication else 1)
+        if not self._overtaken and overtaking < self.link.reordering:
+            self._overtaken = copies
+            return
+        due = tick + self.link.delay + int(spread * (self.link.delay_spread + 1))
+        self._under_way.extend((due, arriving) for arriving in (*copies, *self._overtaken))
+        self._overtaken = []
+
+    def receive(self, tick: int) -> list[M]:
+        """What arrives up to a tick and was not received yet; what is behind a message that is late waits for it."""
+        arrived = []
+        while self._under_way and self._under_way[0][0] <= tick:
+            arrived.append(self._under_way.popleft()[1])
+        return arrived
+
+    def _is_lost(self, chance: float) -> bool:
+        """Losses come in bursts, seldom enough for `loss` to be the share of messages that are lost on an average."""
+        loss, burst = self.link.loss, self.link.loss_burst
+        if not loss:
+            self._still_to_lose = 0
+        elif self._still_to_lose == 0 and chance < loss / (loss + burst * (1.0 - loss)):
+            self._still_to_lose = burst
+        lost = self._still_to_lose > 0
+        self._still_to_lose -= lost
+        return lost
