@@ -1,12 +1,29 @@
 """Discrete-time redundancy resolution for arms behind a position interface (Flacco and De Luca, 2015)."""
 
-from redres_ros.controller import Command, Controller
-from redres_ros.errors import RedresError
-from redres_ros.laws import LAWS, Law, make_law
-from redres_ros.planner import Planner
-from redres_ros.resolution import resolve
-from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.tasks import Task, load_task
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from redres_ros.controller import Command, Controller
+    from redres_ros.errors import RedresError
+    from redres_ros.laws import LAWS, Law, make_law
+    from redres_ros.planner import Planner
+    from redres_ros.resolution import resolve
+    from redres_ros.robot_model import RobotModel, RobotState
+    from redres_ros.tasks import Task, load_task
+
+# Where each name lives. They are imported when first asked for, so that `redres --help` need not load numpy and pinocchio.
+_HOMES = {
+    'Command': 'controller', 'Controller': 'controller', 'RedresError': 'errors', 'LAWS': 'laws', 'Law': 'laws',
+    'make_law': 'laws', 'Planner': 'planner', 'resolve': 'resolution', 'RobotModel': 'robot_model',
+    'RobotState': 'robot_model', 'Task': 'tasks', 'load_task': 'tasks',
+}
 
 __all__ = ['LAWS', 'Command', 'Controller', 'Law', 'Planner', 'RedresError', 'RobotModel', 'RobotState', 'Task',
            'load_task', 'make_law', 'resolve']
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

@@ -194,3 +194,17 @@ def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
     assert result.returncode == 1
     assert 'pip install' in result.stderr
     assert 'Traceback' not in result.stderr
+
+
+def test_the_package_offers_what_it_names():
+    assert {name: getattr(redres_ros, name) for name in redres_ros.__all__}.keys() == set(redres_ros._HOMES)
+    with pytest.raises(AttributeError, match='no attribute'):
+        redres_ros.nothing  # noqa: B018
+
+
+def test_help_loads_nothing_heavy():
+    program = ('import sys\nfrom redres_ros.cli import main\ntry:\n    main(["--help"])\nexcept SystemExit:\n    pass\n'
+               'print(*{"numpy", "pinocchio", "mujoco", "rclpy", "matplotlib"} & set(sys.modules), file=sys.stderr)')
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == ''
+    assert 'COMMAND' in done.stdout

@@ -32,11 +32,6 @@ class Runs:
         self.experiment_model = RobotModel.named(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
 
     @cached_property
-    def ideal_minimum_velocity(self) -> Recording:
-        """Law (2) with dq_N = 0."""
-        return self._simulate('minimum_velocity')
-
-    @cached_property
     def ideal_damped(self) -> Recording:
         """Law (23), lambda = 0.99."""
         return self._simulate('minimum_acceleration', SIMULATION_DAMPING)
