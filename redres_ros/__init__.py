@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from redres_ros.robot_model import RobotModel, RobotState
     from redres_ros.tasks import Task, load_task
 
-# Where each name lives. They are imported when first asked for, so that `redres --help` need not load numpy and pinocchio.
+# Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy nor pinocchio.
 _HOMES = {
     'Command': 'controller', 'Controller': 'controller', 'RedresError': 'errors', 'LAWS': 'laws', 'Law': 'laws',
     'make_law': 'laws', 'Planner': 'planner', 'resolve': 'resolution', 'RobotModel': 'robot_model',

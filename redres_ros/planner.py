@@ -36,12 +36,14 @@ class Reference:
 class Planner:
     """Walks through a task's points, one segment after the other, and then holds the last one.
 
-    x_start: (3,) where the tip is when the task begins [m]; farther than `task.segment_time` allows no harm: unless it
-    is x_0 itself to within start_tolerance [m], a first segment of its own leads to x_0. None begins at x_0.
+    x_start: (3,) where the tip is when the task begins [m]; unless it is x_0 to within start_tolerance [m], a first
+    segment of its own leads to x_0. None begins at x_0. feedback_limit [m/s]: largest speed that the feedback may add;
+    errors that need more come from an interruption, and a jump in velocity would be the answer to them.
     """
 
-    def __init__(self, task: Task, x_start: np.ndarray | None = None, *, start_tolerance: float = 0.005) -> None:
-        self._task = task
+    def __init__(self, task: Task, x_start: np.ndarray | None = None, *, start_tolerance: float = 0.005,
+                 feedback_limit: float = np.inf) -> None:
+        self._task, self._feedback_limit = task, feedback_limit
         approaches = x_start is not None and np.linalg.norm(x_start - task.waypoints[0]) > start_tolerance
         self._points = np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()  # (N, 3)
         self._first_segment = 0 if approaches else 1
@@ -58,7 +60,9 @@ class Planner:
             self._finished = self._index == len(self._points) - 1
         x_d, dx_d = self._desired(t - self._t_segment)
         error = x_d - x
-        dx = dx_d + self._task.feedback_gain * error  # Eq. (37)
+        feedback = self._task.feedback_gain * error
+        excess = float(np.linalg.norm(feedback)) / self._feedback_limit
+        dx = dx_d + feedback / max(excess, 1.0)  # Eq. (37)
         return Reference(dx, x_d, error, min(self._index, len(self._points) - 2) + self._first_segment, self._finished)
 
     def _is_over(self, x: np.ndarray, t: float) -> bool:

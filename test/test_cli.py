@@ -78,8 +78,8 @@ def test_simulate_tells_how_it_ended_and_the_peaks(short, capsys):
 
 
 def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
-    # Without feedback the start's distance of 0.15 mm from x_0 stays. A point out of reach would do, too, but whether the
-    # stretched arm ends in time or diverges there is a matter of rounding.
+    # Without feedback the start's distance of 0.15 mm from x_0 stays. A point out of reach would do, too, but whether
+    # the stretched arm runs out of time or diverges there is a matter of rounding.
     open_loop = tmp_path / 'open_loop.yaml'
     open_loop.write_text(Path(short).read_text() + 'feedback_gain: 0.0\ntolerance: 1.0e-5\n')
     options = ['--task', str(open_loop), '--law', 'minimum_velocity', '--out', str(tmp_path / 'motion.csv')]

@@ -212,3 +212,15 @@ def test_the_orientation_error_is_to_first_order_the_turn_that_is_left():
         R = Rotation.random(random_state=random).as_matrix()
         R_d = Rotation.from_rotvec(turn).as_matrix() @ R
         assert orientation_error(R_d, R) == pytest.approx(turn, abs=1e-11)  # sin(a) = a - a^3 / 6
+
+
+def test_the_feedback_is_limited_in_speed_but_not_in_direction(task):
+    error = np.array((0.3, -0.4, 0.0))
+    held = Planner(task, feedback_limit=0.2).reference(task.waypoints[0] - error, 0.0)
+    assert held.dx == pytest.approx(0.2 * error / 0.5)
+    assert Planner(task).reference(task.waypoints[0] - error, 0.0).dx == pytest.approx(task.feedback_gain * error)
+
+
+def test_a_limit_that_is_not_reached_changes_nothing(task):
+    x = task.waypoints[0] + 0.001
+    assert (Planner(task, feedback_limit=0.2).reference(x, 0.1).dx == Planner(task).reference(x, 0.1).dx).all()

@@ -13,7 +13,7 @@ from redres_ros.fri.guard import Guard
 from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.plant import MujocoPlant
 from redres_ros.fri.robot import Answer, FriRobot
-from redres_ros.fri.session import Session, State
+from redres_ros.fri.session import Session
 from redres_ros.planner import Planner, Reference
 from redres_ros.robots import Arm
 from redres_ros.tasks import Task
@@ -56,7 +56,7 @@ class _Run:
     def __init__(self, client: Client, task: Task, robot: FriRobot) -> None:
         self._client, self._task, self._robot = client, task, robot
         self._answer: Answer | None = None  # to the state of the tick before
-        while robot.session.state is State.MON and not robot.session.reason:
+        while not robot.session.commanding and not robot.session.reason:
             self._advance(robot.q)
         self._planner = Planner(task, client.model.tip(robot.q)[0])
         self._measured: list[np.ndarray] = []  # (n,) each, one a tick since the task began

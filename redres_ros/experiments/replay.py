@@ -36,13 +36,12 @@ def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[t
     laws: (stamp from which it was in force, law), oldest first. Figures of a state that was recorded without its
     command, or the other way round, are left out.
     """
-    planner, rows, finished = None, [], False
+    planner, rows, finished = Planner(task), [], False
     dq_prev, stamp_prev = np.zeros(model.n), 0
     for stamp in sorted(log.states.keys() & log.commands.keys()):
         q, (q_ref, dq) = log.states[stamp], log.commands[stamp]
         if stamp >= begun and not finished:
             state = model.state(q, dq_prev)
-            planner = planner or Planner(task, state.x)
             reference = planner.reference(state.x, (stamp - begun) / 1e9)
             finished = reference.finished
             law = next(law for since, law in reversed(laws) if since <= stamp or law is laws[0][1])

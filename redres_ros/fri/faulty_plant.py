@@ -28,6 +28,7 @@ class FaultyPlant:
         self.joint_names, self.period = plant.joint_names, plant.period
         self._plant, self._random = plant, np.random.default_rng(seed)
         self._q, self._dq = plant.q, plant.dq  # (n,), as measured
+        self._pushed = False  # in the last cycle
         self.faults = faults or Faults()
 
     @property
@@ -61,9 +62,16 @@ class FaultyPlant:
         if faults.paused_physics:
             self._measure(faults, self._plant.q, np.zeros_like(self._q))
             return
-        self._plant.push(faults.push_force)
+        self._push(faults.push_force)
         self._plant.step(q_ref)
         self._measure(faults, self._plant.q, self._plant.dq)
+
+    def _push(self, force: np.ndarray) -> None:
+        """Push the tip where it is in this cycle; without a force the plant is left alone once the last push is over."""
+        pushed = bool(force.any())
+        if pushed or self._pushed:
+            self._plant.push(force)
+        self._pushed = pushed
 
     def _measure(self, faults: Faults, q: np.ndarray, dq: np.ndarray) -> None:
         """Take what the encoders show of q, dq (n,) [rad], [rad/s]."""

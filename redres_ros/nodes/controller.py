@@ -21,7 +21,7 @@ from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
 from redres_ros.nodes.signals import Signals
 from redres_ros.parameter import param
 
-COMMANDING = 'CMD'  # the session state in which the robot takes commands
+COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states in which the robot takes commands, by profile
 
 _NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
 
@@ -165,9 +165,9 @@ class ControllerNode(Node):
             publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:
-        self._has_commanded |= message.data == COMMANDING
+        self._has_commanded |= message.data in COMMANDING
         # In lock-step the first answer begins command mode; the tick in which the news of that arrives must not matter.
-        self._commanding = message.data == COMMANDING or (self._settings.lockstep and not self._has_commanded)
+        self._commanding = message.data in COMMANDING or (self._settings.lockstep and not self._has_commanded)
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._held = request.data

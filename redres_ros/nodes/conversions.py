@@ -10,12 +10,15 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError
-
-NANOSECONDS = 1_000_000_000
+from redres_ros.nodes.robot_clock import NANOSECONDS
 
 
 class FrameError(RedresError):
     """A message in another frame than the one expected; nothing is transformed here."""
+
+
+class LengthError(ArrayError):
+    """Another number of values than of joints."""
 
 
 class JointOrder:
@@ -32,7 +35,7 @@ class JointOrder:
             self._learn(message.name)
         if len(message.position) != len(self.names):
             got, joints = len(message.position), len(self.names)
-            raise ArrayError(f'{got} positions for {joints} joints; expected one value per joint')
+            raise LengthError(f'{got} positions for {joints} joints; expected one value per joint')
         q = np.frombuffer(message.position)  # a view of the message's array of doubles
         if not np.isfinite(q).all():
             raise ArrayError(f'positions {q.tolist()}; every value must be finite')

@@ -16,7 +16,7 @@ from redres_ros.experiments.recording import Recording
 from redres_ros.experiments.replay import replay
 from redres_ros.laws import Law, law_name, make_law
 from redres_ros.nodes.client import call, set_parameters
-from redres_ros.nodes.controller import ControllerParameters
+from redres_ros.nodes.controller import COMMANDING, ControllerParameters
 from redres_ros.nodes.graph import NodeProcess
 from redres_ros.nodes.recorder import Recorder
 from redres_ros.nodes.runtime import spun
@@ -170,7 +170,9 @@ class Demo:
         if self._options.lockstep:
             topics = ('joint_states', 'joint_command', 'cartesian_velocity')
             return bool(recorder.log.states) and all(recorder.count_publishers(topic) for topic in topics)
-        return recorder.words['sim/session_state'][-1:] == ['CMD']
+        # The recorder may find a node later than the nodes find each other; what it would miss is the beginning.
+        heard = bool(recorder.log.states and recorder.log.commands)
+        return heard and any(state in COMMANDING for state in recorder.words['sim/session_state'][-1:])
 
     def _follow(self, recorder: Recorder, progress: Callable[[float], None]) -> None:
         """Until the task is finished, the robot is stopped, or the task should have been finished long ago."""

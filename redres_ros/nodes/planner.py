@@ -28,6 +28,7 @@ class PlannerParameters:
     task: str = param('rectangle', 'name of a task in config/tasks, or a path ending in .yaml')
     base_frame: str = param('', "frame of cartesian_velocity; empty: the root link of the arm's URDF")
     autostart: bool = param(False, 'begin with the first state instead of waiting for planner/start')
+    feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
 
 
@@ -77,7 +78,8 @@ class PlannerNode(Node):
 
     def _reference(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Reference:
         if self._planner is None or stamp < self._stamp:
-            self._planner, self._begun, self._R = Planner(self._task, x), stamp, R
+            self._planner = Planner(self._task, x, feedback_limit=self._settings.feedback_limit)
+            self._begun, self._R = stamp, R
         return self._planner.reference(x, (stamp - self._begun) / NANOSECONDS)
 
     def _velocity(self, reference: Reference, R: np.ndarray) -> np.ndarray:
@@ -102,7 +104,8 @@ class PlannerNode(Node):
             self._state.publish(String(data=state))
 
     def _health(self) -> Health:
-        figures = {'task': self._settings.task, 'state': self._state_name, 'messages refused': self._refusals.count}
+        figures = {'task': self._settings.task, 'state': self._state_name, 'begun at [ns]': self._begun,
+                   'messages refused': self._refusals.count}
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
         if self._refusals.reasons:

@@ -26,10 +26,12 @@ class Recorder(Node):
         super().__init__('recorder')
         self._joints = JointOrder(joint_names)
         self.log = Log({}, {})
-        self.begun = self.newest = 0  # stamps [ns] of the planner's first velocity and of the newest state
+        self.newest = 0  # stamp [ns] of the newest state
         self.heard = time.monotonic()  # when that came
         self.words: dict[str, list[str]] = {'sim/session_state': [], 'sim/stop_reason': [], 'planner/state': []}
         self.figures: dict[str, str] = {}  # the sim's newest diagnostics
+        self._planner_figures: dict[str, str] = {}
+        self._first_twist = 0  # stamp [ns] of the first one heard
         self.create_subscription(JointState, 'joint_states', self._on_state, EVERYTHING)
         self.create_subscription(JointState, 'joint_command', self._on_command, EVERYTHING)
         self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, EVERYTHING)
@@ -46,6 +48,11 @@ class Recorder(Node):
     def stopped_at(self) -> int:
         """Stamp [ns] at which the robot says that it stopped; 0 as long as it has not said so."""
         return int(self.figures.get('stopped at [ns]', 0))
+
+    @property
+    def begun(self) -> int:
+        """Stamp [ns] at which the planner began, as it says itself or as it was heard; 0 before."""
+        return int(self._planner_figures.get('begun at [ns]', 0)) or self._first_twist
 
     @property
     def seconds(self) -> float:
@@ -65,9 +72,12 @@ class Recorder(Node):
         self.log.commands[stamp] = (self._joints.positions(message), np.array(message.velocity))
 
     def _on_twist(self, message: TwistStamped) -> None:
-        self.begun = self.begun or to_nanoseconds(message.header.stamp)
+        self._first_twist = self._first_twist or to_nanoseconds(message.header.stamp)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            figures = {pair.key: pair.value for pair in status.values}
             if status.name.endswith('/sim'):
-                self.figures = {pair.key: pair.value for pair in status.values}
+                self.figures = figures
+            elif status.name.endswith('/planner'):
+                self._planner_figures = figures

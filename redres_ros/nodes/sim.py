@@ -4,7 +4,8 @@ import math
 import sys
 import threading
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -12,16 +13,19 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from redres_ros.errors import RedresError
-from redres_ros.fri.connection import Quality
+from redres_ros.fri.channel import Channel
+from redres_ros.fri.faults import Faults
+from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard, GuardSettings
 from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
-from redres_ros.fri.robot import Answer, FriRobot, Plant
-from redres_ros.fri.session import Session, SessionSettings, State
-from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, to_joint_state, to_nanoseconds
+from redres_ros.fri.robot import FriRobot
+from redres_ros.fri.session import Session, SessionSettings
+from redres_ros.nodes.conversions import JointOrder, to_joint_state, to_nanoseconds
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
-from redres_ros.nodes.parameters import declare, declare_robot
+from redres_ros.nodes.inbox import Inbox
+from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
+from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
@@ -30,11 +34,6 @@ from redres_ros.tasks import load_task
 LOCKSTEP_EPOCH = NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
 
 _ASK_AGAIN = 0.05  # [s] a state whose answer is waited for is published again after that long: it may have got lost
-_REMEMBERED = 256  # ticks whose time of sending is kept, to know the latency of their answers
-
-
-class StampError(RedresError):
-    """A command that answers no state."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,9 @@ class SimParameters:
     plant: str = param('mujoco', 'mujoco: physics behind position servos; ideal: goes exactly where it is told',
                        choices=('mujoco', 'ideal'))
     start: tuple[float, ...] = param(tuple(load_task('rectangle').start.tolist()), 'joint positions at the start [rad]')
-    patience: float = param(0.0, 'how long the clock stands still for an answer that is late; 0 as a real robot [s]', 0.0, 60.0)
+    patience: float = param(0.0, 'how long the clock stands still for a late answer; 0 as a real robot [s]', 0.0, 60.0)
     lockstep: bool = param(False, 'wait for the answer to each state instead of keeping time')
+    fault_seed: int = param(0, 'seed of the random faults', 0, 2**31 - 1)
 
 
 class SimNode(Node):
@@ -56,20 +56,22 @@ class SimNode(Node):
         super().__init__('sim')
         self._description, self._settings = declare_robot(self, dynamics='lwr'), declare(self, SimParameters())
         arm, period = self._description.arm, 1.0 / self._settings.rate
-        plant = self._make_plant(arm, period)
+        faults, seed = declare(self, Faults()), self._settings.fault_seed
+        self._plant = FaultyPlant(self._make_plant(arm, period), faults, seed)
         guard = Guard(JointLimits.of(arm), period, declare(self, GuardSettings()))
         self._session = Session(period, declare(self, SessionSettings()))
-        self._cycles_waited, self._stood_still = 0, 0.0  # cycles in which the clock stood still, and for how long [s]
-        self._robot = FriRobot(plant, guard, self._session)
-        self._joints, self._period = JointOrder(plant.joint_names), round(NANOSECONDS / self._settings.rate)
-        self._epoch = LOCKSTEP_EPOCH if self._settings.lockstep else self.get_clock().now().nanoseconds
-        self._sent = np.zeros(_REMEMBERED)  # [s] when the states of the last ticks went out, by the robot's clock
-        self._received: tuple[JointState | None, float] = (None, 0.0)  # newest command, and when it came [s]
-        self._arrival, self._client_lives = threading.Event(), False
+        self._robot = FriRobot(self._plant, guard, self._session)
+        self._joints, self._refusals = JointOrder(self._plant.joint_names), Refusals(self)
+        epoch = LOCKSTEP_EPOCH if self._settings.lockstep else self.get_clock().now().nanoseconds
+        self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
+        self._under_way: Channel[JointState] = Channel(f'{seed} states', faults.states)
+        self._inbox = Inbox(self._joints, self._robot_clock, self._session, self._refusals, faults.commands, seed,
+                            timed=not self._settings.lockstep)
+        self._arrival, self._client_lives, self._cycles_waited = threading.Event(), False, 0
         self._reset_wanted, self._stopped_at = False, 0  # stamp [ns] of the tick after the last stop
         self._create_interfaces(arm)
 
-    def _make_plant(self, arm: Arm, period: float) -> Plant:
+    def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
         physics, start = declare(self, MujocoSettings()), np.array(self._settings.start)
         if self._settings.plant == 'mujoco':
             return MujocoPlant(arm, period, start, physics)
@@ -82,10 +84,11 @@ class SimNode(Node):
         self._told = dict.fromkeys(topics)
         self._tell('robot_description', arm.description())
         self._tell_session()
-        self._refusals = Refusals(self)
         self._diagnostics = Diagnostics(self, self._description.robot, self._health)
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
+        self.create_timer(0.1, self._count_commanders)
+        on_live_change(self, lambda changes: self._plant.check(self._with(changes)), self._set_faults)
 
     def run(self, stopped: threading.Event) -> None:
         """Cycle after cycle until the event is set; the executor runs in another thread.
@@ -95,14 +98,14 @@ class SimNode(Node):
         stood still for that long: its stamps are always exactly one period apart.
         """
         wait = self._wait_for_answer if self._settings.lockstep else self._wait_for_tick
-        self._due = time.monotonic()
+        self._robot_clock.restart()
         while not stopped.is_set():
-            received = self._received  # before the next state is out: what comes after that may answer it already
+            answers = self._inbox.take(self._robot.tick)  # before the next state is out, which a later one may answer
             self._publish_state()
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
-            self._robot.advance(self._to_answer(*received))
+            self._robot.advance(*answers)
             self._tell_session()
             wait(stopped)
 
@@ -112,59 +115,34 @@ class SimNode(Node):
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
-        self._state = to_joint_state(self._stamp(tick), self._joints.names, self._robot.q, self._robot.dq)
+        self._state = to_joint_state(self._robot_clock.stamp(tick), self._joints.names, self._robot.q, self._robot.dq)
         self._arrival.clear()
-        self._sent[tick % _REMEMBERED] = time.monotonic() - self._stood_still
-        self._states.publish(self._state)
-
-    def _to_answer(self, command: JointState | None, arrived: float) -> Answer | None:
-        """A command as an answer to a tick before this one; None where there is none that can be used."""
-        if command is None:
-            return None
-        try:
-            tick, rest = divmod(to_nanoseconds(command.header.stamp) - self._epoch, self._period)
-            if rest or not 0 <= tick < self._robot.tick:
-                raise StampError(f'stamp {to_nanoseconds(command.header.stamp)} ns is that of no state sent so far')
-            q = self._joints.positions(command)
-        except RedresError as error:
-            self._refusals.refuse('joint_command', error)
-            return None
-        self._refusals.accept('joint_command')
-        latency = 0.0 if self._settings.lockstep else arrived - self._stood_still - self._sent[tick % _REMEMBERED]
-        return Answer(tick, q, latency)
+        self._robot_clock.send(tick)
+        self._under_way.send(self._state, tick)
+        for state in self._under_way.receive(tick):
+            self._states.publish(state)
 
     def _wait_for_tick(self, stopped: threading.Event) -> None:
-        self._due += self._period / NANOSECONDS
-        late = time.monotonic() - self._due
-        if late < 0.0:
-            time.sleep(-late)
-        elif late > self._period / NANOSECONDS:
-            self._stand_still(late)  # held up by more than a cycle: go on from here, without a burst
-        if self._settings.patience and self._client_lives and self._unanswered() > 0:
+        self._robot_clock.wait()
+        if self._settings.patience and self._client_lives and self._unanswered():
             self._wait_for_answer(stopped, self._settings.patience)
-            self._client_lives = self._unanswered() == 0  # do not wait again until a command comes
+            self._client_lives = not self._unanswered()  # do not wait again until a command comes
             self._cycles_waited += 1
-            self._stand_still(time.monotonic() - self._due)
-
-    def _stand_still(self, seconds: float) -> None:
-        self._stood_still += seconds
-        self._due += seconds
+            self._robot_clock.stand_still()
 
     def _wait_for_answer(self, stopped: threading.Event, patience: float = math.inf) -> None:
         until = time.monotonic() + patience
-        while self._unanswered() > 0 and not stopped.is_set() and time.monotonic() < until:
+        while self._unanswered() and not stopped.is_set() and time.monotonic() < until:
             if not self._arrival.wait(_ASK_AGAIN):
                 self._states.publish(self._state)
             self._arrival.clear()
 
-    def _unanswered(self) -> int:
-        """States sent since the one that the newest command answers."""
-        command, _ = self._received
-        newest = to_nanoseconds(self._state.header.stamp)
-        return (newest - (to_nanoseconds(command.header.stamp) if command else self._epoch - self._period)) // self._period
+    def _unanswered(self) -> bool:
+        return self._inbox.newest < to_nanoseconds(self._state.header.stamp)
 
     def _on_command(self, message: JointState) -> None:
-        self._received, self._client_lives = (message, time.monotonic()), True
+        self._inbox.put(message)
+        self._client_lives = True
         self._arrival.set()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -173,9 +151,23 @@ class SimNode(Node):
         response.success, response.message = True, f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
         return response
 
+    def _count_commanders(self) -> None:
+        self._inbox.publishers = self.count_publishers('joint_command')
+
+    def _with(self, changes: dict[str, Any]) -> Faults:
+        """The faults after changes of parameters; other parameters among them do not matter."""
+        names = {field.name for field in fields(Faults)}
+        return replace(self._plant.faults, **{name: value for name, value in changes.items() if name in names})
+
+    def _set_faults(self, changes: dict[str, Any]) -> None:
+        faults = self._with(changes)
+        self._plant.faults = faults
+        self._under_way.link = faults.states
+        self._inbox.set_link(faults.commands)
+
     def _tell_session(self) -> None:
         if self._session.reason and self._session.reason != self._told['sim/stop_reason']:
-            self._stopped_at = self._stamp(self._robot.tick)
+            self._stopped_at = self._robot_clock.stamp(self._robot.tick)
             self.get_logger().error(self._session.reason)
         self._tell('sim/stop_reason', self._session.reason)
         self._tell('sim/session_state', self._session.state.value)
@@ -188,18 +180,17 @@ class SimNode(Node):
 
     def _health(self) -> Health:
         session = self._session
+        refused = {f'refused: {kind.value}': count for kind, count in session.refusals.items()}
         figures = {**asdict(session.statistics), 'session state': session.state.value, 'quality': session.quality.name,
-                   **asdict(session.counts), 'cycles waited for': self._cycles_waited, 'clock stood still [s]': self._stood_still,
+                   'at fault': session.at_fault, **asdict(session.counts), **refused,
+                   'cycles waited for': self._cycles_waited, 'clock stood still [s]': self._robot_clock.stood_still,
                    'stopped at [ns]': self._stopped_at}
         if session.reason:
             return Health(ERROR, session.reason, figures)
-        if session.quality is not Quality.PERFECT or self._refusals.reasons:
-            return Health(WARN, self._refusals.reasons or f'connection {session.quality.name}', figures)
-        return Health(OK, 'in command' if session.state is State.CMD else 'monitoring', figures)
-
-    def _stamp(self, tick: int) -> int:
-        return self._epoch + tick * self._period
-
+        if session.at_fault or self._refusals.reasons:
+            connection = f'connection {session.quality.name}: {session.at_fault}'
+            return Health(WARN, self._refusals.reasons or connection, figures)
+        return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""

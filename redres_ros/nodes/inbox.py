@@ -1,0 +1,99 @@
+"""Commands on their way into the fake robot: which state each answers, or why it is refused."""
+
+import time
+from collections import deque
+from typing import NamedTuple
+
+from sensor_msgs.msg import JointState
+
+from redres_ros.errors import ArrayError, JointNamesError, RedresError
+from redres_ros.fri.channel import Channel
+from redres_ros.fri.faults import Link
+from redres_ros.fri.refusal import Refusal, Refused
+from redres_ros.fri.robot import Answer
+from redres_ros.fri.session import Session
+from redres_ros.nodes.conversions import JointOrder, LengthError, to_nanoseconds
+from redres_ros.nodes.diagnostics import Refusals
+from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock, StampError
+
+
+class PublisherError(RedresError):
+    """A command while more than one publishes commands."""
+
+
+_KINDS = {  # the first class that an error is of tells what kind of refusal it is
+    StampError: Refusal.NO_STATE,
+    PublisherError: Refusal.SECOND_PUBLISHER,
+    JointNamesError: Refusal.WRONG_NAMES,
+    LengthError: Refusal.WRONG_LENGTH,
+    ArrayError: Refusal.NOT_FINITE,
+}
+
+
+class _Arrival(NamedTuple):
+    """A command, when it came by the monotonic clock [s], and the tick at which the robot's network took it."""
+
+    command: JointState
+    time: float
+    tick: int = 0
+
+
+class Inbox:
+    """Turns commands into answers. `put` is called by the executor's thread, the rest by the robot's loop.
+
+    publishers: how many publish commands; with more than one nobody's are taken. link: what the transport does to
+    commands, can be set at any time. timed: whether latencies are measured; in lock-step they mean nothing. Refusals are
+    told to the log and counted by the session.
+    """
+
+    def __init__(self, joints: JointOrder, clock: RobotClock, session: Session, refusals: Refusals, link: Link,
+                 seed: int, timed: bool) -> None:
+        self._joints, self._clock, self._session, self._refusals = joints, clock, session, refusals
+        self._under_way: Channel[_Arrival] = Channel(f'{seed} commands', link)
+        self._arrivals: deque[_Arrival] = deque()
+        self._newest: JointState | None = None
+        self._timed, self.publishers = timed, 0
+
+    @property
+    def newest(self) -> int:
+        """Stamp [ns] of the state that the newest command answers; 0 while none has come."""
+        return to_nanoseconds(self._newest.header.stamp) if self._newest else 0
+
+    def set_link(self, link: Link) -> None:
+        """Change what the transport does."""
+        self._under_way.link = link
+
+    def put(self, message: JointState) -> None:
+        """A command has come."""
+        self._newest = message
+        self._arrivals.append(_Arrival(message, time.monotonic()))
+
+    def take(self, tick: int) -> list[Answer]:
+        """What the robot gets at a tick: the commands that came since the last one, as answers to ticks before it."""
+        while self._arrivals:
+            self._under_way.send(self._arrivals.popleft()._replace(tick=tick), tick)
+        answers = (self._to_answer(arrival, tick) for arrival in self._under_way.receive(tick))
+        return [answer for answer in answers if answer is not None]
+
+    def _to_answer(self, arrival: _Arrival, now: int) -> Answer | None:
+        command = arrival.command
+        try:
+            tick, q = self._tick(command, now), self._joints.positions(command)
+        except RedresError as error:
+            self._refusals.refuse('joint_command', error)
+            kind = next(kind for cls, kind in _KINDS.items() if isinstance(error, cls))
+            self._session.refuse(Refused(kind, str(error)))
+            return None
+        self._refusals.accept('joint_command')
+        if not self._timed:
+            return Answer(tick, q)
+        delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS  # [s] by faults, after it had come
+        return Answer(tick, q, self._clock.latency(tick, arrival.time + delayed))
+
+    def _tick(self, command: JointState, now: int) -> int:
+        if self.publishers > 1:
+            raise PublisherError(f'joint_command has {self.publishers} publishers; allowed: 1')
+        tick = self._clock.tick(to_nanoseconds(command.header.stamp))
+        if tick >= now:
+            raise StampError(f'stamp {to_nanoseconds(command.header.stamp)} ns is that of no state sent so far')
+        return tick
