@@ -290,3 +290,36 @@ def test_the_sim_reports_its_session_and_the_five_statistics(tmp_path: Path) -> 
         keys = {pair.key for pair in reports[-1].status[0].values}
         assert {'answer_rate', 'latency', 'jitter', 'miss_rate', 'miss_count'} <= keys
         assert call(probe, Trigger, 'sim/reset', Trigger.Request()).success
+
+
+def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(tmp_path: Path) -> None:
+    with nodes(tmp_path, sim={}) as (probe, _):
+        states = probe.listen(JointState, 'joint_states')
+        await_that(lambda: len(states) > 10, 'states')
+        set_parameters(probe, 'sim', {'state_loss': 1.0})
+        time.sleep(0.2)
+        lost_from = len(states)
+        time.sleep(0.3)
+        assert len(states) == lost_from
+        set_parameters(probe, 'sim', {'state_loss': 0.0})
+        await_that(lambda: len(states) > lost_from + 10, 'states again')
+        for values, words in (({'frozen_joint': 8}, ('8', '7')), ({'state_loss': 2.0}, ('2', '1')),
+                              ({'fault_seed': 1}, ('fault_seed',))):
+            with pytest.raises(CallError) as refusal:
+                set_parameters(probe, 'sim', values)
+            assert all(word in str(refusal.value) for word in words), refusal.value
+
+
+def test_a_second_publisher_of_commands_is_refused_and_named(tmp_path: Path) -> None:
+    with nodes(tmp_path, sim={'plant': 'ideal'}) as (probe, _):
+        one, two = (probe.create_publisher(JointState, 'joint_command', QoSProfile(depth=1)) for _ in range(2))
+        states = probe.listen(JointState, 'joint_states')
+
+        def told() -> bool:
+            if states:
+                one.publish(states[-1])
+            return any('2 publishers' in line for line in log_lines(tmp_path, 'sim'))
+
+        await_that(told, 'the refusal')
+        assert all(list(state.position) == START.tolist() for state in states)
+        assert two.topic_name == one.topic_name

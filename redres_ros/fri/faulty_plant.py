@@ -67,7 +67,7 @@ class FaultyPlant:
         self._measure(faults, self._plant.q, self._plant.dq)
 
     def _push(self, force: np.ndarray) -> None:
-        """Push the tip where it is in this cycle; without a force the plant is left alone once the last push is over."""
+        """Push the tip where it is in this cycle; without a force leave the plant alone once the last push is over."""
         pushed = bool(force.any())
         if pushed or self._pushed:
             self._plant.push(force)

@@ -42,8 +42,8 @@ class Inbox:
     """Turns commands into answers. `put` is called by the executor's thread, the rest by the robot's loop.
 
     publishers: how many publish commands; with more than one nobody's are taken. link: what the transport does to
-    commands, can be set at any time. timed: whether latencies are measured; in lock-step they mean nothing. Refusals are
-    told to the log and counted by the session.
+    commands, can be set at any time. timed: whether latencies are measured; in lock-step they mean nothing.
+    Refusals are told to the log and counted by the session.
     """
 
     def __init__(self, joints: JointOrder, clock: RobotClock, session: Session, refusals: Refusals, link: Link,

@@ -148,7 +148,8 @@ class SimNode(Node):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._reset_wanted = True
         reason = self._session.reason
-        response.success, response.message = True, f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
+        response.success = True
+        response.message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
         return response
 
     def _count_commanders(self) -> None:
