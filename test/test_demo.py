@@ -30,7 +30,8 @@ def command(out: Path) -> list[str]:
 
 def demo(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """A run to its end."""
-    return subprocess.run([*command(out), *arguments], text=True, timeout=180, capture_output=True)
+    return subprocess.run([*command(out), *arguments], text=True, timeout=180, capture_output=True,
+                          check=False)
 
 
 def motion(out: Path) -> np.ndarray:
@@ -165,7 +166,8 @@ def test_bad_options_get_one_line(tmp_path: Path, arguments: tuple[str, ...], wo
 def test_without_rclpy_the_demo_names_the_missing_package(tmp_path: Path) -> None:
     program = ("import sys; sys.modules['rclpy'] = None\nfrom redres_ros.cli import main\n"
                f"sys.exit(main(['demo', '--out', {str(tmp_path)!r}]))")
-    done = subprocess.run([sys.executable, '-c', program], text=True, capture_output=True, timeout=60)
+    done = subprocess.run([sys.executable, '-c', program], text=True, capture_output=True, timeout=60,
+                          check=False)
     assert done.returncode == 1
     assert len(done.stderr.strip().splitlines()) == 1
     assert 'rclpy' in done.stderr

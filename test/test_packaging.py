@@ -171,6 +171,7 @@ def run_sourced(colcon_prefix: Path, *command: object) -> str:
 def run(*command: object, **variables: object) -> str:
     """What the command prints, with these environment variables changed. Fails, and shows all output, if it fails."""
     environment = os.environ | {name: str(value) for name, value in variables.items()}
-    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, text=True, timeout=120,
+                          check=False)
     assert done.returncode == 0, f'{command} ended with {done.returncode}:\n{done.stdout}{done.stderr}'
     return done.stdout

@@ -63,7 +63,7 @@ def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: Task) ->
     ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='way of tip and elbow')
     ax.set_aspect('equal')
     ax.view_init(elev=18.0, azim=-35.0)
-    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.02), ncols=3, fontsize='small')
+    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize='small')
 
 
 def draw_norm(ax: Axes, norm: str, recording: Recording, beside: Mapping[str, Recording]) -> None:

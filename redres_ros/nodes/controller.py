@@ -21,7 +21,7 @@ from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
 from redres_ros.nodes.signals import Signals
 from redres_ros.parameter import param
 
-COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states in which the robot takes commands, by profile
+COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states of the two profiles in which the robot takes commands
 
 _NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
 

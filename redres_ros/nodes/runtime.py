@@ -75,7 +75,7 @@ def start(arguments: list[str] | None = None) -> None:
         raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # RCLError and its kin derive from RuntimeError or Exception, as the version has it
+    except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
         raise StartError(f"ROS 2 does not start ({type(error).__name__}): {' '.join(str(error).split())}") from None
 
 
