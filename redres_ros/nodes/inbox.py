@@ -1,5 +1,6 @@
 """Commands on their way into the fake robot: which state each answers, or why it is refused."""
 
+import math
 import time
 from collections import deque
 from typing import NamedTuple
@@ -21,6 +22,8 @@ class PublisherError(RedresError):
     """A command while more than one publishes commands."""
 
 
+_CONTEST = 1.0  # [s] for which publishers count as rivals after a state was answered twice
+
 _KINDS = {  # the first class that an error is of tells what kind of refusal it is
     StampError: Refusal.NO_STATE,
     PublisherError: Refusal.SECOND_PUBLISHER,
@@ -41,9 +44,10 @@ class _Arrival(NamedTuple):
 class Inbox:
     """Turns commands into answers. `put` is called by the executor's thread, the rest by the robot's loop.
 
-    publishers: how many publish commands; with more than one nobody's are taken. link: what the transport does to
-    commands, can be set at any time. timed: whether latencies are measured; in lock-step they mean nothing.
-    Refusals are told to the log and counted by the session.
+    publishers: how many there are in the graph; while more than one answers, nobody's commands are taken. One that was
+    killed stays in the graph for some 20 s, but is silent. link: what the transport does to commands, can be set at any
+    time. timed: whether latencies are measured; in lock-step they mean nothing. Refusals are told to the log and
+    counted by the session.
     """
 
     def __init__(self, joints: JointOrder, clock: RobotClock, session: Session, refusals: Refusals, link: Link,
@@ -52,6 +56,7 @@ class Inbox:
         self._under_way: Channel[_Arrival] = Channel(f'{seed} commands', link)
         self._arrivals: deque[_Arrival] = deque()
         self._newest: JointState | None = None
+        self._contested = -math.inf  # when a state was last answered again [s]
         self._timed, self.publishers = timed, 0
 
     @property
@@ -65,8 +70,11 @@ class Inbox:
 
     def put(self, message: JointState) -> None:
         """A command has come."""
+        arrival = _Arrival(message, time.monotonic())
+        if to_nanoseconds(message.header.stamp) <= self.newest:
+            self._contested = arrival.time
         self._newest = message
-        self._arrivals.append(_Arrival(message, time.monotonic()))
+        self._arrivals.append(arrival)
 
     def take(self, tick: int) -> list[Answer]:
         """What the robot gets at a tick: the commands that came since the last one, as answers to ticks before it."""
@@ -91,8 +99,8 @@ class Inbox:
         return Answer(tick, q, self._clock.latency(tick, arrival.time + delayed))
 
     def _tick(self, command: JointState, now: int) -> int:
-        if self.publishers > 1:
-            raise PublisherError(f'joint_command has {self.publishers} publishers; allowed: 1')
+        if self.publishers > 1 and time.monotonic() - self._contested < _CONTEST:
+            raise PublisherError(f'joint_command has {self.publishers} publishers that answer; allowed: 1')
         tick = self._clock.tick(to_nanoseconds(command.header.stamp))
         if tick >= now:
             raise StampError(f'stamp {to_nanoseconds(command.header.stamp)} ns is that of no state sent so far')
