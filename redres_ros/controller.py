@@ -1,43 +1,48 @@
 """The controller of Fig. 1: joint positions and a task velocity in, the next position reference out, once a cycle."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import Law
 from redres_ros.planner import quintic
-from redres_ros.resolution import Resolution, resolve
+from redres_ros.resolution import project, resolve
 from redres_ros.robot_model import RobotModel, RobotState, finite_vector
 
 INTEGRATE_FROM = ('command', 'measurement')
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """One tick's answer: dq (n,) [rad/s], q_ref (n,) [rad], and the state it answers.
 
-    null: (n,) the part of dq in the null space. What only onlookers want is computed when asked for.
+    What only onlookers want is computed when asked for; find_null does it for `null`.
     """
 
     dq: np.ndarray
     q_ref: np.ndarray
-    null: np.ndarray
+    find_null: Callable[[], np.ndarray]
     state: RobotState
     T: float
 
-    @cached_property
+    @property
+    def null(self) -> np.ndarray:
+        """What the law adds to the least motion for the task: the null-space term of Eq. (2), (n,) [rad/s]."""
+        return self.find_null()
+
+    @property
     def ddq(self) -> np.ndarray:
         """Joint acceleration (dq_k - dq_{k-1}) / T, (n,) [rad/s^2], Eq. (13)."""
         return (self.dq - self.state.dq_prev) / self.T
 
-    @cached_property
+    @property
     def tau(self) -> np.ndarray:
         """Joint torque M(q_k) ddq_k + n(q_k, dq_{k-1}), (n,) [Nm], Eq. (6)."""
         return self.state.M @ self.ddq + self.state.n
 
-    @cached_property
+    @property
     def min_singular_value(self) -> float:
         """Smallest singular value of the task Jacobian."""
         return float(np.linalg.svd(self.state.J, compute_uv=False)[-1])
@@ -108,13 +113,13 @@ class Controller:
             raise RangeError('missed', missed, 0, np.inf, 'cycles')
         state, dx = self.model.state(q, self._dq_prev), finite_vector(dx, self.model.m, 'dx')
         blend = self._blend.advanced(self._law if self._moving else None, self._dq_prev, self.T, self.switch_time)
-        (dq, null), blend = blend.resolve(state, dx, self.T)
+        dq, after = blend.resolve(state, dx, self.T)
         if self._q_ref is None or self._integrate_from == 'measurement':
             q_ref = state.q + self.T * dq  # footnote 1
         else:
-            q_ref = self._q_ref + self.T * (missed * self._dq_prev + dq)
-        self._q_ref, self._dq_prev, self._blend = q_ref, dq, blend
-        return Command(dq.copy(), q_ref.copy(), null, state, self.T)
+            q_ref = self._q_ref + self.T * (missed * self._dq_prev + dq if missed else dq)
+        self._q_ref, self._dq_prev, self._blend = q_ref, dq, after
+        return Command(dq.copy(), q_ref.copy(), lambda: blend.project(state, self.T), state, self.T)
 
 
 @dataclass(frozen=True)
@@ -135,22 +140,35 @@ class _Blend:
         """One cycle on; towards the wanted law once the last blend is over."""
         blend = self
         if self.share >= 1.0:
-            if wanted == self.new:
+            if wanted is self.new or wanted == self.new:
                 return self
             blend = _Blend(self.new, wanted, dq_prev, 0.0)
         return replace(blend, share=min(blend.share + (T / switch_time if switch_time > 0.0 else 1.0), 1.0))
 
-    def resolve(self, state: RobotState, dx: np.ndarray, T: float) -> tuple[Resolution, '_Blend']:
+    def resolve(self, state: RobotState, dx: np.ndarray, T: float) -> tuple[np.ndarray, '_Blend']:
         """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every mixture."""
         new = _resolve(self.new, state, dx, T)
         if self.share >= 1.0:
             return new, self
-        old, (s, _) = _resolve(self.old, replace(state, dq_prev=self.dq_old), dx, T), quintic(self.share)
-        mixture = Resolution((1.0 - s) * old.dq + s * new.dq, (1.0 - s) * old.null + s * new.null)
-        return mixture, replace(self, dq_old=old.dq)
+        old = _resolve(self.old, self._remembered(state), dx, T)
+        return self._mixture(old, new), replace(self, dq_old=old)
+
+    def project(self, state: RobotState, T: float) -> np.ndarray:
+        """The null-space part of the same dq, (n,) [rad/s]."""
+        new = _project(self.new, state, T)
+        return new if self.share >= 1.0 else self._mixture(_project(self.old, self._remembered(state), T), new)
+
+    def _remembered(self, state: RobotState) -> RobotState:
+        return state._replace(dq_prev=self.dq_old)
+
+    def _mixture(self, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        s, _ = quintic(self.share)
+        return (1.0 - s) * old + s * new
 
 
-def _resolve(law: Law | None, state: RobotState, dx: np.ndarray, T: float) -> Resolution:
-    if law is None:
-        return Resolution(np.zeros_like(state.q), np.zeros_like(state.q))
-    return resolve(state.J, dx, law.bias(state, T), law.weight(state))
+def _resolve(law: Law | None, state: RobotState, dx: np.ndarray, T: float) -> np.ndarray:
+    return np.zeros(len(state.q)) if law is None else resolve(state.J, dx, law.bias(state, T), law.weight(state))
+
+
+def _project(law: Law | None, state: RobotState, T: float) -> np.ndarray:
+    return np.zeros(len(state.q)) if law is None else project(state.J, law.bias(state, T), law.weight(state))

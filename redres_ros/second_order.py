@@ -154,7 +154,7 @@ class SecondOrderController:
         dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
         q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
         null = dq - self.scheme.pseudoinverse(state) @ (state.J @ dq)
-        self._last, self._dx_prev = Command(dq, q_ref, null, state, self.T), dx
+        self._last, self._dx_prev = Command(dq, q_ref, lambda: null, state, self.T), dx
         return self._last
 
 

@@ -24,7 +24,7 @@ def controller_of(model: RobotModel, law: str = 'minimum_acceleration', **option
 
 def alone(law: Law, command: Command, dx: np.ndarray) -> np.ndarray:
     """dq of that law at a command's state, without controller."""
-    return resolve(command.state.J, dx, law.bias(command.state, T), law.weight(command.state)).dq
+    return resolve(command.state.J, dx, law.bias(command.state, T), law.weight(command.state))
 
 
 class Drive:

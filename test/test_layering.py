@@ -108,9 +108,9 @@ def test_only_nodes_and_the_command_line_import_ros_at_all():
     assert {room(file) for file in files_with(ROS)} - {'nodes'} <= {'cli'}
 
 
-def test_resolution_needs_nothing_but_numpy():
+def test_resolution_needs_nothing_but_numpy_and_lapack():
     modules = {found.module for found in IMPORTS if found.file == 'resolution.py'}
-    assert modules == {'typing', 'numpy', 'redres_ros.errors'}
+    assert modules == {'math', 'numpy', 'scipy.linalg.lapack', 'redres_ros.errors'}
 
 
 def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():

@@ -22,7 +22,7 @@ def tick(model: RobotModel) -> tuple[Command, Reference]:
     state = model.state(random.normal(size=7), random.normal(size=7))
     dq, null = random.normal(size=(2, 7))
     reference = Reference(random.normal(size=3), random.normal(size=3), random.normal(size=3), 2, False)
-    return Command(dq, state.q + T * dq, null, state, T), reference
+    return Command(dq, state.q + T * dq, lambda: null, state, T), reference
 
 
 @pytest.fixture

@@ -73,7 +73,7 @@ def test_the_task_acceleration_is_executed(name, damping, model, ticks):
 def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, ticks):
     law, scheme = make_law(name, damping=damping), make_scheme(name, damping)
     for state, J_prev, dx_prev in ticks:
-        dq = resolve(state.J, DX, law.bias(state, T), law.weight(state)).dq
+        dq = resolve(state.J, DX, law.bias(state, T), law.weight(state))
         assert same(step(model, scheme, T, state, J_prev, DX, dx_prev), dq)
 
 
@@ -114,7 +114,7 @@ def test_a_closed_loop_runs_it_like_a_controller(name, task):
 
 @EVERY_SCHEME
 def test_a_jacobian_without_full_rank_is_refused(name, model, states):
-    flat = replace(states[0], J=np.zeros((3, 7)))
+    flat = states[0]._replace(J=np.zeros((3, 7)))
     with pytest.raises(ArrayError, match='J has lost rank'):
         make_scheme(name).acceleration(model, flat, DX, np.zeros(3))
 

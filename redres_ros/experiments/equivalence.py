@@ -9,7 +9,7 @@ from redres_ros.errors import RangeError
 from redres_ros.experiments.closed_loop import run
 from redres_ros.experiments.continuous import integrate
 from redres_ros.laws import make_law
-from redres_ros.resolution import resolve
+from redres_ros.resolution import project
 from redres_ros.robot_model import RobotModel
 from redres_ros.second_order import Scheme, SecondOrderController, make_scheme, step
 from redres_ros.tasks import Task
@@ -88,7 +88,7 @@ def amplification(law_name: str, damping: float, T: float, task: Task, *, model:
     """
     model = model or RobotModel.named(task.robot)
     law, J = make_law(law_name, damping=damping), model.state(task.start, np.zeros(model.n)).J
-    direction = resolve(J, np.zeros(model.m), np.random.default_rng(seed).normal(size=model.n)).null  # J direction = 0
+    direction = project(J, np.random.default_rng(seed).normal(size=model.n))  # J direction = 0
     aside = replace(task, start=task.start + displacement * direction / np.linalg.norm(direction))
     one, two = run(Controller(model, law, T), task), run(Controller(model, law, T), aside)
     ticks = min(len(one.data), len(two.data))

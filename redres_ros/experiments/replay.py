@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from redres_ros.controller import Command
 from redres_ros.experiments.recording import Recording, row
 from redres_ros.laws import Law
 from redres_ros.planner import Planner
-from redres_ros.resolution import resolve
+from redres_ros.resolution import project
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import Task
 
@@ -46,9 +47,8 @@ def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[t
             finished = reference.finished
             law = next(law for since, law in reversed(laws) if since <= stamp or law is laws[0][1])
             if not finished:
-                # P_W dq = P_W b, because P_W J_W^# = 0
-                null = resolve(state.J, np.zeros(model.m), dq, law.weight(state)).null
                 elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T  # more than T where a cycle was missed
+                null = partial(project, state.J, dq, law.weight(state))  # P_W dq = P_W b, because P_W J_W^# = 0
                 rows.append(row((stamp - begun) / 1e9, Command(dq, q_ref, null, state, elapsed), reference))
         dq_prev, stamp_prev = dq, stamp
     return Recording.of(rows, model.n, T, finished, ending)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.laws.law import Law
+from redres_ros.resolution import solve_spd
 from redres_ros.robot_model import RobotState
 
 
@@ -13,7 +14,7 @@ class MinimumKineticEnergy(Law):
     """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M. Has no memory, so damping changes nothing."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return np.zeros_like(state.q)
+        return np.zeros(len(state.q))
 
     def weight(self, state: RobotState) -> np.ndarray:
         return state.M
@@ -24,7 +25,7 @@ class _TorqueLaw(Law):
     """The bias that the torque laws share: the velocity after one tick of zero torque and null-space damping."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev - T * np.linalg.solve(state.M, state.n)  # lambda dq_{k-1} - T M^-1 n
+        return self.forgetting(T) * state.dq_prev - T * solve_spd(state.M, state.n)  # lambda dq_{k-1} - T M^-1 n
 
 
 @dataclass(frozen=True)
@@ -45,4 +46,4 @@ class MinimumTorque(_TorqueLaw):
     """Least torque in the plain norm, Eq. (7) with (A.14)."""
 
     def weight(self, state: RobotState) -> np.ndarray:
-        return state.M @ state.M
+        return state.M.dot(state.M)

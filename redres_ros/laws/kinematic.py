@@ -13,7 +13,7 @@ class MinimumVelocity(Law):
     """Least joint velocity, Eq. (2) with dq_N = 0. Has no memory, so damping changes nothing."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return np.zeros_like(state.q)
+        return np.zeros(len(state.q))
 
 
 @dataclass(frozen=True)

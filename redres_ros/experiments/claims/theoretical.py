@@ -73,7 +73,7 @@ def optimality(runs: Runs) -> Finding:
         for state, moved in states(runs.ideal_damped, runs.model):
             b, W, Z = law.bias(state, SIMULATION_T), law.weight(state), null_space(state.J)
             W = np.eye(len(b)) if W is None else W
-            dq = resolve(state.J, state.J @ moved, b, W).dq
+            dq = resolve(state.J, state.J @ moved, b, W)
             residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b)))
         worst[name] = max(residuals)
     return Finding(bool(max(worst.values()) <= 1e-9),
@@ -87,7 +87,7 @@ def resting_place(runs: Runs) -> Finding:
     forgetting = make_law('minimum_acceleration', damping=SIMULATION_DAMPING).forgetting(T)
     for _ in range(5000):
         q = q + T * dq
-        dq = resolve(np.zeros((3, 7)), np.zeros(3), forgetting * dq).dq  # Eq. (B.1)
+        dq = resolve(np.zeros((3, 7)), np.zeros(3), forgetting * dq)  # Eq. (B.1)
     miss = float(np.abs(q - (start + T * first / (1.0 - forgetting))).max())
     return Finding(miss <= 1e-12, f'the joints rest {miss:.1e} rad from where Eq. (B.2) says')
 
@@ -98,7 +98,7 @@ def regimes(runs: Runs) -> Finding:
     for share in (0.5, 1.5, 2.0, 2.5):
         speeds = [1.0]
         for _ in range(60):
-            speeds.append(float(resolve(np.zeros((1, 1)), np.zeros(1), np.array([(1.0 - share) * speeds[-1]])).dq[0]))
+            speeds.append(float(resolve(np.zeros((1, 1)), np.zeros(1), np.array([(1.0 - share) * speeds[-1]]))[0]))
         ratio = abs(speeds[-1])
         seen[share] = ('alternating' if speeds[1] * speeds[2] < 0.0 else 'one sign',
                        'dies out' if ratio < 1e-6 else 'grows' if ratio > 1e6 else 'stays')
