@@ -58,6 +58,7 @@ setup(
         'console_scripts': [
             'redres = redres_ros.cli:main',
             # These land in bin/, which all packages of an environment share: hence the long names.
+            'redres_composed = redres_ros.nodes.composed:main',
             'redres_controller = redres_ros.nodes.controller:main',
             'redres_planner = redres_ros.nodes.planner:main',
             'redres_sim = redres_ros.nodes.sim:main',
@@ -70,6 +71,6 @@ setup(
         *shared('launch', '*.launch.py'),
         # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so that both installers
         # lay out the same files, and a setup.cfg that sends the scripts themselves to lib/ is not needed.
-        (f'lib/{NAME}', ['scripts/controller', 'scripts/planner', 'scripts/sim']),
+        (f'lib/{NAME}', ['scripts/composed', 'scripts/controller', 'scripts/planner', 'scripts/sim']),
     ],
 )

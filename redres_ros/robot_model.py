@@ -114,6 +114,11 @@ class RobotModel:
         return self._model.getFrameId(name)
 
 
+def quaternion(R: np.ndarray) -> np.ndarray:
+    """The rotation R (3, 3) as a unit quaternion (x, y, z, w), (4,)."""
+    return pin.Quaternion(R).coeffs()
+
+
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or infinity."""
     try:

@@ -83,6 +83,14 @@ def test_lockstep_with_physics_is_the_same_to_the_last_bit_every_time(tmp_path: 
     np.testing.assert_array_equal(first[:, :columns(7).index('task_error')], second[:, :columns(7).index('task_error')])
 
 
+def test_composed_in_one_process_the_nodes_do_the_same(tmp_path: Path, lockstep: Path) -> None:
+    done = demo(tmp_path, '--lockstep', '--plant', 'ideal', '--composed')
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / 'composed.log').exists() and not (tmp_path / 'controller.log').exists()
+    composed, apart = at_common_times(motion(tmp_path), motion(lockstep))
+    np.testing.assert_array_equal(composed[:, JOINTS], apart[:, JOINTS])
+
+
 def test_the_law_of_least_acceleration_finishes_in_real_time(tmp_path: Path) -> None:
     done = demo(tmp_path, '--law', 'minimum_acceleration')
     assert done.returncode == 0, done.stdout + done.stderr

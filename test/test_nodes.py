@@ -89,6 +89,31 @@ def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signa
         assert 'Traceback' not in (tmp_path / f'{name}.log').read_text()
 
 
+def test_all_nodes_in_one_process_end_with_status_0_too(tmp_path: Path) -> None:
+    with nodes(tmp_path, composed={}) as (probe, processes):
+        await_that(lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes')
+        os.kill(processes['composed'].pid, signal.SIGINT)
+        assert processes['composed'].wait(10.0) == 0
+    assert 'Traceback' not in (tmp_path / 'composed.log').read_text()
+
+
+def test_processors_of_its_own_hold_for_every_thread_of_a_node(tmp_path: Path) -> None:
+    wanted = sorted(os.sched_getaffinity(0))[:1]
+    with nodes(tmp_path, controller={'processors': wanted}) as (probe, processes):
+        probe.ask(START)
+        threads = [int(path.name) for path in Path(f'/proc/{processes["controller"].pid}/task').iterdir()]
+        assert len(threads) > 1
+        assert all(sorted(os.sched_getaffinity(thread)) == wanted for thread in threads)
+    assert sum('granted' in line for line in log_lines(tmp_path, 'controller')) == 1
+
+
+def test_what_the_kernel_does_not_permit_gets_one_warning_and_the_node_runs(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={'processors': [100_000], 'state_timeout': 10.0}) as (probe, _):
+        probe.ask(START)
+    [line] = log_lines(tmp_path, 'controller')
+    assert 'processors [100000]' in line and 'going on with any' in line
+
+
 def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
     law = make_law('minimum_acceleration', damping=7.0)
     controller = Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1)

@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # All that a build reads: the rest of a checkout may be large (virtual environments, results).
 PARTS = ('setup.py', 'pyproject.toml', 'package.xml', 'resource', 'config', 'launch', 'scripts', 'redres_ros')
-NODES = ('controller', 'planner', 'sim')
+NODES = ('composed', 'controller', 'planner', 'sim')
 PROBE = "import sys\n\n\ndef main():\n    print('{name}', sys.executable, __file__, *sys.argv[1:], sep='\\n')\n"
 FLAGS = ['--flag', 'two words']
 NO_COLCON = importlib.util.find_spec('colcon_core') is None

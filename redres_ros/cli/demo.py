@@ -25,6 +25,7 @@ def add(commands: Any) -> None:
                       help='physics, or an arm that goes exactly where it is told')
     demo.add_argument('--lockstep', action='store_true',
                       help='as fast as it goes and deterministic, instead of in real time')
+    demo.add_argument('--composed', action='store_true', help='the three nodes in one process')
     demo.add_argument('--domain', type=int, metavar='ID',
                       help='ROS domain; default: one that nobody uses on this machine')
     demo.add_argument('--out', type=Path, default=Path('redres_demo'), metavar='DIR',
@@ -43,7 +44,8 @@ def _demo(options: argparse.Namespace) -> int:
     gains = damping(options, 1.0 / options.rate if options.rate else math.inf)
     law = make_law(options.law, **gains)
     wanted = DemoOptions(options.task, options.law, law.damping, options.rate, options.dynamics,
-                         tuple(map(_switch, options.switch)), options.lockstep, {'plant': options.plant})
+                         tuple(map(_switch, options.switch)), options.lockstep, options.composed,
+                         {'plant': options.plant})
     demo = Demo(wanted, task, made(options.out))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with own_domain(options.domain) as domain, progress_bar(f'{options.law} at {options.rate:g} Hz') as progress:

@@ -14,10 +14,10 @@ from std_srvs.srv import SetBool
 from redres_ros.controller import INTEGRATE_FROM, Command, Controller
 from redres_ros.errors import RedresError
 from redres_ros.laws import law_name
-from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, from_twist, to_joint_state, to_nanoseconds, to_pose
+from redres_ros.nodes.conversions import NANOSECONDS, JointMessage, JointOrder, from_twist, to_nanoseconds, to_pose
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import LawParameters, declare, declare_robot, on_live_change
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
+from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_nodes
 from redres_ros.nodes.signals import Signals
 from redres_ros.parameter import param
 
@@ -70,7 +70,7 @@ class ControllerNode(Node):
         self._held = self._has_commanded = False
         self._commanding = True  # a robot without a session always lets itself be commanded
         self._twist = _Twist(0, np.zeros(model.m))
-        self._stamp, self._answer = 0, JointState()  # of the state answered last, and the answer
+        self._stamp, self._answer = 0, JointMessage(model.joint_names)  # of the state answered last, and the answer
         self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step
         self._answered = self._skipped = 0
         self._create_interfaces()
@@ -94,7 +94,7 @@ class ControllerNode(Node):
         self._watchdog.feed()
         stamp = to_nanoseconds(message.header.stamp)
         if stamp == self._stamp:
-            self._command.publish(self._answer)  # asked again, as in lock-step: the same answer
+            self._command.publish(self._answer.message)  # asked again, as in lock-step: the same answer
         elif self._settings.lockstep and self._twist.stamp != stamp:
             self._waiting = message
         else:
@@ -118,8 +118,7 @@ class ControllerNode(Node):
         except RedresError as error:
             self._refusals.refuse('joint_states', error)
             return
-        self._answer = to_joint_state(stamp, self._joints.names, command.q_ref, command.dq)
-        self._command.publish(self._answer)
+        self._command.publish(self._answer.filled(stamp, command.q_ref, command.dq))
         self._stamp = stamp
         self._answered += 1
         self._refusals.accept('joint_states')
@@ -197,7 +196,7 @@ class ControllerNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_node(ControllerNode, arguments)
+    return run_nodes(ControllerNode, arguments=arguments)
 
 
 if __name__ == '__main__':

@@ -42,7 +42,7 @@ class DemoOptions:
     """What to run.
 
     dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task began); parameters:
-    more of them, for every node that has them.
+    more of them, for every node that has them; composed: one process instead of three.
     """
 
     task: str
@@ -52,6 +52,7 @@ class DemoOptions:
     dynamics: str = 'lwr'
     switches: tuple[tuple[str, float], ...] = ()
     lockstep: bool = False
+    composed: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -147,6 +148,8 @@ class Demo:
         sim |= {'monitor_time': 0.0} if options.lockstep else {'patience': CLOCK_PATIENCE}
         own = {'sim': sim,
                'controller': {'law': options.law, 'damping': options.damping}, 'planner': {'task': options.task}}
+        if options.composed:
+            own = {'composed': {key: value for parameters in own.values() for key, value in parameters.items()}}
         try:
             for name, parameters in own.items():
                 self._nodes.append(NodeProcess(name, self._out / f'{name}.log', {**shared, **parameters}))

@@ -146,7 +146,8 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
 def _allowed(default: Any, parameter: Parameter) -> str:
     if parameter.choices:
         return ', '.join(parameter.choices)
+    whole = isinstance(default, tuple) and isinstance(default[0], int)
     kinds = {bool: 'true or false', int: 'a whole number', float: 'a number with a decimal point', str: 'a text',
-             tuple: 'an array of numbers with decimal points'}
+             tuple: 'an array of whole numbers' if whole else 'an array of numbers with decimal points'}
     limits = '' if parameter.lower is None else f' from {parameter.lower:g} to {parameter.upper:g}'
     return f'{kinds[type(default)]}{limits}, for example {list(default) if isinstance(default, tuple) else default!r}'

@@ -14,7 +14,7 @@ from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, to_nanoseconds, to_twist
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import declare, declare_robot
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
+from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_nodes
 from redres_ros.nodes.signals import Signals
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference, orientation_error
@@ -115,7 +115,7 @@ class PlannerNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_node(PlannerNode, arguments)
+    return run_nodes(PlannerNode, arguments=arguments)
 
 
 if __name__ == '__main__':

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
+from redres_ros.nodes.real_time import ask_kernel
 
 # Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions take the newest
 # sample and nothing else, because a reliable one replays stale samples after a gap.
@@ -44,16 +45,17 @@ class StartError(RedresError):
 
 
 class Spinner:
-    """An EventsExecutor for one node, spun until an event is set.
+    """An EventsExecutor for some nodes, spun until an event is set.
 
     EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy 7.1.6 (their endless
     wait overflows there and becomes a busy loop); spin_until_future_complete with a timeout and one Future that never
     completes does the same work.
     """
 
-    def __init__(self, node: Node, stopped: threading.Event) -> None:
+    def __init__(self, nodes: Iterable[Node], stopped: threading.Event) -> None:
         self._executor, self._never, self._stopped = EventsExecutor(), Future(), stopped
-        self._executor.add_node(node)
+        for node in nodes:
+            self._executor.add_node(node)
 
     def spin(self) -> None:
         """Answer callbacks until the event is set; sets it itself when a callback fails."""
@@ -85,25 +87,34 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
     start()
     try:
         node, stopped = make(), threading.Event()
-        spinner = Spinner(node, stopped)
-        thread = threading.Thread(target=spinner.spin, name='executor')
-        thread.start()
+        spinner = Spinner([node], stopped)
         try:
-            yield node
+            with _spinning(spinner, stopped):
+                yield node
         finally:
-            stopped.set()
-            thread.join()
             spinner.close()
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
 
 
-def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> int:
-    """The exit status of a node that is made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1 after an error.
+@contextmanager
+def _spinning(spinner: Spinner, stopped: threading.Event) -> Iterator[None]:
+    """Spin in a second thread, until the event is set or the block is left."""
+    thread = threading.Thread(target=spinner.spin, name='executor')
+    thread.start()
+    try:
+        yield
+    finally:
+        stopped.set()
+        thread.join()
 
-    A node may have `run(stopped)`, a loop of its own that ends when the event is set; it is then spun in a second
-    thread. A node may have `close()`, called while it can still publish.
+
+def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) -> int:
+    """The exit status of nodes that are made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1 after an error.
+
+    One of them may have `run(stopped)`, a loop of its own that ends when the event is set; all are then spun in a
+    second thread. A node may have `close()`, called while it can still publish.
     """
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -111,8 +122,7 @@ def run_node(make: Callable[[], Node], arguments: list[str] | None = None) -> in
     _end_with_parent(stopped)
     try:
         start(arguments)
-        node = make()
-        _spin(node, stopped)
+        _spin([make() for make in makes], stopped)
     except (RedresError, RCLError) as error:
         if isinstance(error, RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
@@ -132,24 +142,24 @@ def _end_with_parent(stopped: threading.Event) -> None:
             stopped.set()  # it had died before
 
 
-def _spin(node: Node, stopped: threading.Event) -> None:
-    spinner = Spinner(node, stopped)
+def _spin(nodes: list[Node], stopped: threading.Event) -> None:
+    spinner = Spinner(nodes, stopped)
+    for node in nodes:
+        ask_kernel(node)
     gc.collect()
     gc.freeze()  # what is there by now stays; the collector need not look through it in the middle of a cycle
     try:
-        if hasattr(node, 'run'):
-            thread = threading.Thread(target=spinner.spin, name='executor')
-            thread.start()
-            try:
-                node.run(stopped)
-            finally:
-                stopped.set()
-                thread.join()
+        loop = next((node.run for node in nodes if hasattr(node, 'run')), None)
+        if loop:
+            with _spinning(spinner, stopped):
+                loop(stopped)
         else:
             spinner.spin()
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # under ros2 launch Ctrl-C arrives twice
-        if hasattr(node, 'close'):
-            node.close()
+        for node in nodes:
+            if hasattr(node, 'close'):
+                node.close()
         spinner.close()
-        node.destroy_node()
+        for node in nodes:
+            node.destroy_node()

@@ -26,13 +26,14 @@ from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, R
 from redres_ros.nodes.inbox import Inbox
 from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
 from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_node
+from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_nodes
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.tasks import load_task
 
 LOCKSTEP_EPOCH = NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
 
+_HEADSTART = 0.5  # of a cycle for the answer to come before the arm moves on: its way would cross that computation's
 _ASK_AGAIN = 0.05  # [s] a state whose answer is waited for is published again after that long: it may have got lost
 
 
@@ -102,6 +103,8 @@ class SimNode(Node):
         while not stopped.is_set():
             answers = self._inbox.take(self._robot.tick)  # before the next state is out, which a later one may answer
             self._publish_state()
+            if not self._settings.lockstep:
+                self._arrival.wait(_HEADSTART / self._settings.rate)
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
@@ -195,7 +198,7 @@ class SimNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_node(SimNode, arguments)
+    return run_nodes(SimNode, arguments=arguments)
 
 
 if __name__ == '__main__':

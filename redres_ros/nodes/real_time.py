@@ -1,0 +1,70 @@
+"""What the kernel can do for a node that must answer in time: scheduling, locked memory, processors of its own."""
+
+import ctypes
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.node import Node
+
+from redres_ros.nodes.parameters import declare
+from redres_ros.parameter import param
+
+ANY = (-1,)  # of processors; ROS has no empty arrays
+
+_MCL_CURRENT, _MCL_FUTURE = 1, 2  # Linux, see mlockall(2)
+
+
+@dataclass(frozen=True)
+class RealTime:
+    """Parameters of every node; they act on its whole process. By default nothing is asked of the kernel."""
+
+    realtime_priority: int = param(0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99)
+    lock_memory: bool = param(False, 'keep all memory from being paged out')
+    processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
+
+
+def ask_kernel(node: Node) -> None:
+    """Ask for what the node's parameters want; what is not permitted gets one warning, and the node runs without it."""
+    wanted = declare(node, RealTime())
+    if wanted.realtime_priority:
+        _try(node, f'realtime_priority {wanted.realtime_priority}', 'ordinary scheduling', 'ulimit -r',
+             lambda: _set_priority(wanted.realtime_priority))
+    if wanted.lock_memory:
+        _try(node, 'lock_memory', 'memory that can be paged out', 'ulimit -l', _lock_memory)
+    if wanted.processors != ANY:
+        _try(node, f'processors {list(wanted.processors)}', 'any', f'there are 0 to {(os.cpu_count() or 1) - 1}',
+             lambda: _set_processors(wanted.processors))
+
+
+def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:
+    try:
+        ask()
+    except (OSError, ValueError) as error:  # ValueError: a processor below 0
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        node.get_logger().warning(f'{wanted}: {reason} ({see}); going on with {otherwise}')
+    else:
+        node.get_logger().info(f'{wanted}: granted')
+
+
+def _threads() -> Iterable[int]:
+    """All threads of this process: those of DDS receive the messages."""
+    return [int(path.name) for path in Path('/proc/self/task').iterdir()]
+
+
+def _set_priority(priority: int) -> None:
+    for thread in _threads():
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+
+
+def _lock_memory() -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
+def _set_processors(processors: Iterable[int]) -> None:
+    for thread in _threads():
+        os.sched_setaffinity(thread, processors)
