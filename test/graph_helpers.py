@@ -3,24 +3,34 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
+from redres_ros.fri.limits import JointLimits
+from redres_ros.nodes.client import call
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_twist
 from redres_ros.nodes.graph import NodeProcess, own_domain
-from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.runtime import LATCHED, spun
 from redres_ros.robot_model import RobotModel
+from redres_ros.robots import find_arm
 from redres_ros.tasks import load_task
 
 PERIOD = 2_000_000  # [ns]
+
+N = TypeVar('N', bound=Node)
+
 NAMES = RobotModel.named('lwr4_paper').joint_names
 START = load_task('rectangle').start
+JUMP = 0.02  # [rad] that a position may be off where a stream of commands begins anew: a servo's lag, and no more
 PATIENCE = 20.0  # [s] for what must happen, on a machine that may stall
 
 
@@ -74,6 +84,85 @@ class Probe(Node):
         self.answers[to_nanoseconds(message.header.stamp)] = message
 
 
+class Witness(Node):
+    """Hears all that robot and controller say to each other, and judges it; sets and calls what a test wants.
+
+    `at`: stamp [ns] of the newest state; `session`: (stamp at which it was heard, state).
+    """
+
+    def __init__(self) -> None:
+        super().__init__('witness')
+        self.at = 0
+        self.states: list[tuple[int, np.ndarray]] = []  # (stamp, q), in the order of arrival
+        self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
+        self.session: list[tuple[int, str]] = []
+        self.reasons: list[str] = []
+        everything = QoSProfile(depth=5000)
+        self.create_subscription(JointState, 'joint_states', self._on_state, everything)
+        self.create_subscription(JointState, 'joint_command', self._on_command, everything)
+        self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
+        self.create_subscription(String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED)
+
+    @property
+    def commanding(self) -> bool:
+        """Whether the robot takes commands."""
+        return bool(self.session) and self.session[-1][1] == 'CMD'
+
+    @property
+    def speed(self) -> float:
+        """Largest joint speed between the two newest states [rad/s]; NaN before there are two."""
+        if len(self.states) < 2:
+            return np.nan
+        (before, q_before), (now, q_now) = self.states[-2:]
+        return float(np.abs(q_now - q_before).max()) / ((now - before) / 1e9)
+
+    def await_command_mode(self, beyond: int = 0) -> float:
+        """Wait for command mode to begin after a stamp [ns]; how long after it that was on the robot's clock [s]."""
+        await_that(lambda: self.commanding and self.session[-1][0] >= beyond, 'command mode')
+        return (self.session[-1][0] - beyond) / 1e9
+
+    def await_motion(self) -> None:
+        """Wait until the arm moves."""
+        await_that(lambda: self.speed > 0.02, 'motion')
+
+    def await_standstill(self, beyond: int) -> float:
+        """Wait for the arm to come to rest; how long after a stamp [ns] that was on the robot's clock [s]."""
+        await_that(lambda: self.speed < 1e-3, 'standstill')
+        return (self.at - beyond) / 1e9
+
+    def reset(self) -> float:
+        """Call sim/reset and wait for command mode; how long it took on the robot's clock [s]."""
+        called = self.at
+        assert call(self, Trigger, 'sim/reset', Trigger.Request()).success
+        return self.await_command_mode(called)
+
+    def assert_all_was_well(self, since: int = 0) -> None:
+        """Everything finite, no joint faster than its limit: commands of one stream, and the arm all the time."""
+        limits = JointLimits.of(find_arm('lwr4_paper')).velocity
+        assert self.states and self.commands
+        for stamp, q_ref, dq in self.commands:
+            assert np.isfinite(q_ref).all() and np.isfinite(dq).all()
+            assert (np.abs(dq) <= limits).all(), f'dq {dq} in the answer to {stamp} ns'
+        for what in (self.states, self.commands):
+            rows = {row[0]: row[1] for row in what if row[0] >= since}
+            stamps = sorted(rows)
+            for before, after in pairwise(stamps):
+                step = np.abs(rows[after] - rows[before]).max()
+                assert (np.abs(rows[after] - rows[before]) <= limits * (after - before) / 1e9 + JUMP).all(), \
+                    f'{step:.3g} rad from {before} to {after} ns'
+
+    def _on_state(self, message: JointState) -> None:
+        self.at = to_nanoseconds(message.header.stamp)
+        self.states.append((self.at, np.array(message.position)))
+
+    def _on_command(self, message: JointState) -> None:
+        stamp = to_nanoseconds(message.header.stamp)
+        self.commands.append((stamp, np.array(message.position), np.array(message.velocity)))
+
+    def _on_session(self, message: String) -> None:
+        self.session.append((self.at, message.data))
+
+
 def await_that(condition: Callable[[], bool], what: str, every: float = 0.01) -> None:
     """Wait until a condition holds; fail if it does not in time."""
     until = time.monotonic() + PATIENCE
@@ -83,15 +172,25 @@ def await_that(condition: Callable[[], bool], what: str, every: float = 0.01) ->
 
 
 @contextmanager
-def nodes(directory: Path, **parameters: dict[str, Any]) -> Iterator[tuple[Probe, dict[str, NodeProcess]]]:
-    """The named nodes with their parameters, and a probe, in a domain of their own."""
+def graph(make: Callable[[], N]) -> Iterator[tuple[N, Callable[..., NodeProcess]]]:
+    """A listener in a domain of its own, and what starts node processes that end with it."""
     with ExitStack() as stack:
         stack.enter_context(own_domain())
-        probe = stack.enter_context(spun(Probe))
-        processes = {name: NodeProcess(name, directory / f'{name}.log', values) for name, values in parameters.items()}
-        for process in processes.values():
+        listener = stack.enter_context(spun(make))
+
+        def start(name: str, log: Path, **parameters: Any) -> NodeProcess:
+            process = NodeProcess(name, log, parameters)
             stack.callback(process.end)
-        yield probe, processes
+            return process
+
+        yield listener, start
+
+
+@contextmanager
+def nodes(directory: Path, **parameters: dict[str, Any]) -> Iterator[tuple[Probe, dict[str, NodeProcess]]]:
+    """The named nodes with their parameters, and a probe, in a domain of their own."""
+    with graph(Probe) as (probe, start):
+        yield probe, {name: start(name, directory / f'{name}.log', **values) for name, values in parameters.items()}
 
 
 def log_lines(directory: Path, name: str) -> list[str]:
