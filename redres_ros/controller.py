@@ -102,6 +102,10 @@ class Controller:
         self._dq_prev = np.zeros(self.model.n)
         self._blend = _Blend(None, None, np.zeros(self.model.n), 1.0)
 
+    def lag(self, q: np.ndarray) -> float:
+        """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before the first."""
+        return 0.0 if self._q_ref is None else max(map(abs, (self._q_ref - q).tolist()))
+
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
         """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,).
 

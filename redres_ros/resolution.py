@@ -25,7 +25,7 @@ def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None =
     _check_shapes(J, dx, b, W)
     WJ = J.T if W is None else solve_spd(W, J.T)  # (n, m) W^-1 J'
     dq = b + WJ.dot(damped_solve(J.dot(WJ), dx - J.dot(b)))  # b + J_W^# (dx - J b) with Eq. (A.5)
-    if not math.isfinite(dq.dot(dq)):
+    if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return dq
 

@@ -24,6 +24,7 @@ from redres_ros.parameter import param
 COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states of the two profiles in which the robot takes commands
 
 _NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
+_SESSION_PATIENCE = 5 * NANOSECONDS  # for such a robot to tell its session: DDS may take 3 s to bring a latched word
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class ControllerParameters:
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
     bridged_misses: int = param(5, 'cycles without a state after which the controller starts anew from the measurement',
                                 0, 1000)
+    following_tolerance: float = param(0.1, 'lag of a joint at which the arm counts as stopped, and the controller '
+                                       'starts anew from the measurement [rad]', 0.001, 10.0)
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
     lockstep: bool = param(False, 'answer a state only together with the cartesian_velocity of the same stamp')
 
@@ -69,6 +72,7 @@ class ControllerNode(Node):
         self._joints, self._period = JointOrder(model.joint_names), round(NANOSECONDS / rate)
         self._held = self._has_commanded = False
         self._commanding = True  # a robot without a session always lets itself be commanded
+        self._has_session, self._silent_until = False, 0  # stamp [ns] until which a new robot may tell of its session
         self._twist = _Twist(0, np.zeros(model.m))
         self._stamp, self._answer = 0, JointMessage(model.joint_names)  # of the state answered last, and the answer
         self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step
@@ -126,7 +130,8 @@ class ControllerNode(Node):
 
     def _update(self, stamp: int, q: np.ndarray) -> Command:
         cycles = self._cycles_since_last(stamp)
-        if not self._commanding or cycles > 1 + self._settings.bridged_misses:
+        commanding = self._commanding and stamp >= self._silent_until
+        if not commanding or cycles > 1 + self._settings.bridged_misses or not self._followed(q):
             self._controller.reset()  # the arm stands still, or is too far on to go on from the last command
             cycles = 1
         self._skipped += cycles - 1
@@ -137,11 +142,20 @@ class ControllerNode(Node):
             self._controller.resume()
         return self._controller.update(q, self._twist.dx, missed=cycles - 1)
 
+    def _followed(self, q: np.ndarray) -> bool:
+        """Whether the arm goes where it is told; a robot may stop it without a word, or the word may get lost."""
+        lag, allowed = self._controller.lag(q), self._settings.following_tolerance
+        if lag > allowed:
+            self.get_logger().warning(f'the arm does not follow: a joint is {lag:.3g} rad from its reference, allowed '
+                                      f'{allowed:g}; starting anew from the measurement', throttle_duration_sec=5.0)
+        return lag <= allowed
+
     def _cycles_since_last(self, stamp: int) -> int:
         """Cycles from the state answered last to this one; 1 in the beginning and where the clock has been set anew."""
         elapsed = stamp - self._stamp
         if not self._stamp or abs(elapsed) > _NEW_CLOCK:
             self._controller.reset()
+            self._silent_until = stamp + _SESSION_PATIENCE if self._has_session else 0
             return 1
         cycles = round(elapsed / self._period)
         if cycles < 1 or abs(elapsed - cycles * self._period) > self._period / 10:
@@ -164,6 +178,7 @@ class ControllerNode(Node):
             publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:
+        self._has_session, self._silent_until = True, 0
         self._has_commanded |= message.data in COMMANDING
         # In lock-step the first answer begins command mode; the tick in which the news of that arrives must not matter.
         self._commanding = message.data in COMMANDING or (self._settings.lockstep and not self._has_commanded)

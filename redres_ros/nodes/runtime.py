@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
 import rclpy
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -117,6 +118,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     second thread. A node may have `close()`, called while it can still publish.
     """
     stopped = threading.Event()
+    np.seterr(over='ignore', invalid='ignore')  # results are looked at; numpy's warning would be a second line
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
     _end_with_parent(stopped)

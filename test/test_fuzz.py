@@ -1,0 +1,255 @@
+"""Random messages on every topic and random values for every parameter: no node fails, and nothing bad gets through.
+
+Most cases go straight into the callbacks of nodes in this process, some over DDS to nodes of their own. Some hundreds
+in all; with REDRES_NIGHTLY=1 ten thousand.
+"""
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TwistStamped
+from graph_helpers import NAMES, PERIOD, START, Witness, await_that, graph, log_lines
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from redres_ros.fri.limits import JointLimits
+from redres_ros.nodes.controller import ControllerNode
+from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
+from redres_ros.nodes.graph import own_domain
+from redres_ros.nodes.planner import PlannerNode
+from redres_ros.nodes.sim import SimNode
+from redres_ros.robots import find_arm
+
+CASES = 10_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 1000
+FIRST = 10**18  # [ns] stamp of the first state
+LIMITS = JointLimits.of(find_arm('lwr4_paper'))
+
+few = settings(max_examples=CASES // 5, deadline=None, derandomize=CASES < 10_000,
+               suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+
+# --- what can be thrown at a node -------------------------------------------------------------------------------------
+
+numbers = st.one_of(st.floats(), st.floats(-3.0, 3.0))
+texts = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=8)
+near = st.builds(lambda cycles, rest: FIRST + cycles * PERIOD + rest, st.integers(-5, 2000), st.sampled_from((0, 0, 7)))
+stamps = st.one_of(near.map(lambda stamp: Time(sec=stamp // 10**9, nanosec=stamp % 10**9)),
+                   st.builds(lambda sec, nanosec: Time(sec=sec, nanosec=nanosec),
+                             st.integers(-2**31, 2**31 - 1), st.integers(0, 2**32 - 1)))
+names = st.one_of(st.just(list(NAMES)), st.permutations(NAMES), st.lists(texts, max_size=9),
+                  st.lists(st.sampled_from(NAMES), max_size=9))
+positions = st.one_of(st.just(START.tolist()), st.lists(numbers, min_size=7, max_size=7), st.lists(numbers, max_size=9))
+
+
+@st.composite
+def joint_states(draw: st.DrawFn) -> JointState:
+    message = JointState(name=draw(names), position=draw(positions), velocity=draw(positions))
+    message.header.stamp, message.header.frame_id = draw(stamps), draw(texts)
+    return message
+
+
+@st.composite
+def twists(draw: st.DrawFn) -> TwistStamped:
+    message = TwistStamped()
+    message.header.stamp, message.header.frame_id = draw(stamps), draw(st.one_of(st.just('world'), texts))
+    for vector in (message.twist.linear, message.twist.angular):
+        vector.x, vector.y, vector.z = draw(numbers), draw(numbers), draw(numbers)
+    return message
+
+
+words = st.one_of(st.sampled_from(('MON', 'CMD', 'COMMANDING_ACTIVE')), texts).map(lambda text: String(data=text))
+values = st.one_of(numbers, st.integers(-2**63, 2**63 - 1), st.booleans(), texts, st.sampled_from((0.0, 0.1, 1, 10.0)),
+                   st.sampled_from(('minimum_torque', 'minimum_velocity', 'command', 'lwr')), st.just([]),
+                   st.lists(st.floats(), min_size=1, max_size=8), st.lists(st.booleans(), min_size=1, max_size=2))
+
+
+class Outlet:
+    """In the place of a publisher: keeps the numbers of everything that is published."""
+
+    def __init__(self, node: Any, attribute: str) -> None:
+        self.sent: list[tuple[int, list[float]]] = []
+        setattr(node, attribute, self)
+
+    def publish(self, message: JointState | TwistStamped) -> None:
+        if isinstance(message, JointState):
+            content = [*message.position, *message.velocity]
+        else:
+            content = [getattr(part, axis) for part in (message.twist.linear, message.twist.angular) for axis in 'xyz']
+        self.sent.append((to_nanoseconds(message.header.stamp), content))
+
+
+@pytest.fixture(scope='class')
+def ros() -> Iterator[None]:
+    """A context for nodes in this process."""
+    with own_domain():
+        rclpy.init(args=['--ros-args', '--log-level', 'fatal'])
+        yield
+        rclpy.shutdown()
+
+
+@pytest.fixture(scope='class')
+def controller(ros: None) -> ControllerNode:
+    return ControllerNode()
+
+
+@pytest.fixture(scope='class')
+def planner(ros: None) -> PlannerNode:
+    return PlannerNode()
+
+
+@pytest.fixture(scope='class')
+def sim(ros: None) -> SimNode:
+    return SimNode()
+
+
+def numbered(stamp: int, q: np.ndarray = START) -> JointState:
+    return to_joint_state(stamp, NAMES, np.asarray(q), np.zeros(7))
+
+
+# --- into the callbacks -----------------------------------------------------------------------------------------------
+
+class TestCallbacks:
+    """Nodes in this process, whose callbacks are called by the test."""
+
+    @few
+    @given(st.lists(st.one_of(joint_states(), twists(), words, st.booleans()), max_size=12))
+    def test_whatever_the_controller_hears_its_commands_are_finite_and_it_goes_on(self, controller, events):
+        outlet = Outlet(controller, '_command')
+        for event in events:
+            match event:
+                case JointState():
+                    controller._on_state(event)
+                case TwistStamped():
+                    controller._on_twist(event)
+                case String():
+                    controller._on_session(event)
+                case bool():
+                    controller._on_hold(SetBool.Request(data=event), SetBool.Response())
+        assert all(map(math.isfinite, (number for _, content in outlet.sent for number in content)))
+        controller._on_hold(SetBool.Request(data=False), SetBool.Response())
+        last = controller._stamp + 10 * 10**9  # any clock may begin anew
+        controller._on_state(numbered(last))
+        assert outlet.sent[-1][0] == last
+        assert outlet.sent[-1][1][:7] == pytest.approx(START.tolist(), abs=1e-2)
+
+    @few
+    @given(st.lists(st.one_of(joint_states(), st.booleans()), max_size=12))
+    def test_whatever_the_planner_hears_its_task_velocities_are_finite_and_bounded(self, planner, events):
+        outlet = Outlet(planner, '_twists')
+        for event in events:
+            match event:
+                case JointState():
+                    planner._on_state(event)
+                case True:
+                    planner._on_start(Trigger.Request(), Trigger.Response())
+                case False:
+                    planner._on_stop(Trigger.Request(), Trigger.Response())
+        # The rectangle's sides are at most 0.5 m long and take 3 s: 15/8 of the mean speed, and the feedback's limit.
+        assert all(np.linalg.norm(content) < 2.0 for _, content in outlet.sent)
+        planner._on_start(Trigger.Request(), Trigger.Response())
+        planner._on_state(numbered(FIRST))
+        assert outlet.sent[-1][0] == FIRST
+
+    @few
+    @given(st.lists(st.one_of(joint_states(), st.sampled_from(('answer', 'answer', 'answer', 'reset'))), max_size=30))
+    def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
+        outlet, robot = Outlet(sim, '_states'), sim._robot
+        before = robot.reference
+        for event in events:
+            answers = sim._inbox.take(robot.tick)
+            sim._publish_state()
+            if event == 'reset':
+                robot.reset()
+            elif event == 'answer':
+                sim._on_command(numbered(outlet.sent[-1][0], robot.reference))
+            else:
+                sim._on_command(event)
+            robot.advance(*answers)
+            after = robot.reference
+            assert (np.abs(after - before) <= LIMITS.velocity * robot.period * (1.0 + 1e-9)).all()
+            assert ((LIMITS.lower <= after) & (after <= LIMITS.upper)).all()
+            before = after
+        assert all(map(math.isfinite, (number for _, content in outlet.sent for number in content)))
+        sim._health()
+
+    @few
+    @given(st.sampled_from(('controller', 'planner', 'sim')), st.integers(0, 99), values)
+    def test_a_parameter_is_either_set_to_an_allowed_value_or_refused_with_a_reason(
+                self, controller, planner, sim, of, which, value):
+        node = {'controller': controller, 'planner': planner, 'sim': sim}[of]
+        declared = sorted(name for name in node._parameters if name != 'use_sim_time')
+        name = [*declared, 'no_such_parameter'][which % (len(declared) + 1)]
+        kept = node._parameters.get(name)
+        try:
+            parameter = Parameter(name, value=value)
+        except (ValueError, TypeError):
+            return  # no ROS parameter can hold it
+        try:
+            [result] = node.set_parameters([parameter])
+        except rclpy.exceptions.ParameterNotDeclaredException:
+            assert name == 'no_such_parameter'
+            return
+        if not result.successful:
+            assert result.reason
+            assert node._parameters[name] == kept
+            return
+        descriptor = node.describe_parameter(name)
+        assert not descriptor.read_only
+        for limits in (*descriptor.floating_point_range, *descriptor.integer_range):
+            assert limits.from_value <= value <= limits.to_value
+        if descriptor.additional_constraints:
+            assert value in descriptor.additional_constraints
+
+
+# --- over DDS ---------------------------------------------------------------------------------------------------------
+
+@pytest.fixture(scope='class')
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Witness, dict[str, Any], Path]]:
+    """Nodes in processes of their own, and publishers on all that they listen to."""
+    directory = tmp_path_factory.mktemp('live')
+    with graph(Witness) as (witness, start):
+        started = {name: start(name, directory / f'{name}.log', rate=100.0)
+                   for name in ('sim', 'controller', 'planner')}
+        publishers = {topic: witness.create_publisher(kind, topic, 10) for topic, kind in (
+            ('joint_states', JointState), ('joint_command', JointState), ('cartesian_velocity', TwistStamped))}
+        await_that(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()), 'the nodes')
+        yield witness, publishers | started, directory
+
+
+class TestOverDds:
+    """Nodes in processes of their own."""
+
+    @few
+    @given(joint_states(), joint_states(), twists())
+    def test_over_dds_random_messages_are_refused_without_an_end(self, live, state, command, twist):
+        _, graph_parts, _ = live
+        for topic, message in (('joint_states', state), ('joint_command', command), ('cartesian_velocity', twist)):
+            graph_parts[topic].publish(message)
+        for name in ('sim', 'controller', 'planner'):
+            graph_parts[name].check()
+
+    def test_after_all_that_the_live_nodes_are_as_good_as_new(self, live):
+        witness, graph_parts, directory = live
+        commands = len(witness.commands)
+        await_that(lambda: len(witness.commands) > commands + 100, 'answers')
+        for name in ('sim', 'controller', 'planner'):
+            graph_parts[name].check()
+            lines = log_lines(directory, name)
+            assert not any('Traceback' in line for line in lines)
+        real = {stamp for stamp, _ in witness.states if stamp > 1.5 * FIRST}  # those of the sim; the others were thrown
+        answers = [(q_ref, dq) for stamp, q_ref, dq in witness.commands if stamp in real]
+        assert len(answers) > 100
+        assert all(np.isfinite(q_ref).all() and np.isfinite(dq).all() for q_ref, dq in answers)
