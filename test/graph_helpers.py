@@ -11,7 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -99,6 +102,7 @@ class Witness(Node):
         self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
         self.session: list[tuple[int, str]] = []
         self.reasons: list[str] = []
+        self._setter = self.create_client(SetParametersAtomically, 'controller/set_parameters_atomically')
         everything = QoSProfile(depth=5000)
         self.create_subscription(JointState, 'joint_states', self._on_state, everything)
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
@@ -131,6 +135,14 @@ class Witness(Node):
         """Wait for the arm to come to rest; how long after a stamp [ns] that was on the robot's clock [s]."""
         await_that(lambda: self.speed < 1e-3, 'standstill')
         return (self.at - beyond) / 1e9
+
+    def set_controller(self, **values: Any) -> SetParametersResult:
+        """Set parameters of the controller, by a client that stays: quickly, and many times."""
+        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        assert self._setter.wait_for_service(PATIENCE)
+        future = self._setter.call_async(SetParametersAtomically.Request(parameters=wanted))
+        await_that(future.done, 'the parameters', every=0.0005)
+        return future.result().result
 
     def reset(self) -> float:
         """Call sim/reset and wait for command mode; how long it took on the robot's clock [s]."""

@@ -28,9 +28,9 @@ def command(out: Path) -> list[str]:
     return [sys.executable, '-m', 'redres_ros.cli', 'demo', '--out', str(out)]
 
 
-def demo(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def demo(out: Path, *arguments: str, timeout: float = 180.0) -> subprocess.CompletedProcess[str]:
     """A run to its end."""
-    return subprocess.run([*command(out), *arguments], text=True, timeout=180, capture_output=True,
+    return subprocess.run([*command(out), *arguments], text=True, timeout=timeout, capture_output=True,
                           check=False)
 
 
@@ -107,6 +107,25 @@ def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stdout + done.stderr
     assert 'protective stop' in done.stdout
     assert 7.0 < motion(tmp_path)[-1, 0] < 8.5
+
+
+def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(tmp_path: Path) -> None:
+    duration = 600 if os.environ.get('REDRES_NIGHTLY') == '1' else 12
+    done = demo(tmp_path, '--duration', str(duration), timeout=duration + 120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = {line[:28].strip(): line[28:].split() for line in done.stdout.splitlines()}
+    rounds, seconds = int(said['rounds'][0]), float(said['rounds'][2])
+    assert seconds >= duration
+    assert rounds >= duration / 7.0  # three seconds there, three back, and half of one for everything between
+    for name in ('sim', 'controller', 'planner'):
+        start, end = (float(said[f'memory of {name}'][place]) for place in (0, 6))
+        assert 10.0 < start < 500.0
+        assert end - start < 5.0
+    answered, (sent, heard) = int(said['cycles'][3]), (int(said['states'][place]) for place in (0, 2))
+    cycles = int(said['cycles'][0].rstrip(','))
+    late, missed = (int(said['of the others'][place]) for place in (0, 2))
+    assert answered + late + missed <= cycles  # the rest was waited for
+    assert 0.9 * sent < heard <= sent
 
 
 def test_a_law_switched_on_the_way_is_blended(tmp_path: Path, short_task: str) -> None:

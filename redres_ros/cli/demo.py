@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.options import Help, OptionError, add_law, damping, made
+from redres_ros.errors import RangeError
 
 
 def add(commands: Any) -> None:
@@ -16,7 +17,8 @@ def add(commands: Any) -> None:
                                formatter_class=Help)
     add_law(demo)
     demo.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
-    demo.add_argument('--task', default='rectangle', metavar='NAME|FILE.yaml', help='points to pass')
+    demo.add_argument('--task', metavar='NAME|FILE.yaml',
+                      help='points to pass; default: rectangle, with --duration side_to_side')
     demo.add_argument('--dynamics', default='lwr', metavar='NAME',
                       help='lwr (identified) or cylinders, of arm and controller alike')
     demo.add_argument('--switch', action='append', default=[], metavar='LAW@SECONDS',
@@ -26,6 +28,8 @@ def add(commands: Any) -> None:
     demo.add_argument('--lockstep', action='store_true',
                       help='as fast as it goes and deterministic, instead of in real time')
     demo.add_argument('--composed', action='store_true', help='the three nodes in one process')
+    demo.add_argument('--duration', type=float, default=0.0, metavar='S',
+                      help='repeat the task for so long; 0: once')
     demo.add_argument('--domain', type=int, metavar='ID',
                       help='ROS domain; default: one that nobody uses on this machine')
     demo.add_argument('--out', type=Path, default=Path('redres_demo'), metavar='DIR',
@@ -40,12 +44,15 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.nodes.graph import own_domain
     from redres_ros.tasks import load_task
 
-    task = load_task(options.task)
+    if not 0.0 <= options.duration <= 1e6:
+        raise RangeError('duration', options.duration, 0.0, 1e6, 's')
+    name = options.task or ('side_to_side' if options.duration else 'rectangle')
+    task = load_task(name)
     gains = damping(options, 1.0 / options.rate if options.rate else math.inf)
     law = make_law(options.law, **gains)
-    wanted = DemoOptions(options.task, options.law, law.damping, options.rate, options.dynamics,
+    wanted = DemoOptions(name, options.law, law.damping, options.rate, options.dynamics,
                          tuple(map(_switch, options.switch)), options.lockstep, options.composed,
-                         {'plant': options.plant})
+                         options.duration, {'plant': options.plant})
     demo = Demo(wanted, task, made(options.out))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with own_domain(options.domain) as domain, progress_bar(f'{options.law} at {options.rate:g} Hz') as progress:

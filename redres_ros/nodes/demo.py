@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from redres_ros.errors import RedresError
 from redres_ros.experiments.closed_loop import PATIENCE
 from redres_ros.experiments.recording import Recording
-from redres_ros.experiments.replay import replay
+from redres_ros.experiments.replay import Log, replay
 from redres_ros.laws import Law, law_name, make_law
 from redres_ros.nodes.client import call, set_parameters
 from redres_ros.nodes.controller import COMMANDING, ControllerParameters
@@ -27,6 +27,7 @@ from redres_ros.tasks import Task
 START_PATIENCE = 30.0  # [s] from starting the processes to command mode
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 CLOCK_PATIENCE = 5.0  # [s] that an ordinary machine may stall; the fake arm's clock then stands still
+MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _LOOK = 0.02  # [s] between looks at the state of things
@@ -42,7 +43,8 @@ class DemoOptions:
     """What to run.
 
     dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task began); parameters:
-    more of them, for every node that has them; composed: one process instead of three.
+    more of them, for every node that has them; composed: one process instead of three; duration [s]: repeat the task
+    for so long, 0 for once.
     """
 
     task: str
@@ -53,7 +55,36 @@ class DemoOptions:
     switches: tuple[tuple[str, float], ...] = ()
     lockstep: bool = False
     composed: bool = False
+    duration: float = 0.0
     parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Endurance:
+    """What came of repeating a task.
+
+    seconds: on the robot's clock; states_sent, states_heard: by the robot and by the listener of the demo; memory: of
+    each node's process after the first round and at the end [MB].
+    """
+
+    rounds: int
+    seconds: float
+    states_sent: int
+    states_heard: int
+    memory: Mapping[str, tuple[float, float]]
+
+    @property
+    def steady(self) -> bool:
+        """Whether no process has grown by more than is usual for an interpreter that has not seen everything yet."""
+        return all(end - start < MOST_GROWTH for start, end in self.memory.values())
+
+    @property
+    def lines(self) -> list[tuple[str, str]]:
+        """For the table that ends a demo."""
+        return [('rounds', f'{self.rounds} in {self.seconds:.0f} s'),
+                ('states', f'{self.states_sent} sent, {self.states_heard} heard by this listener'),
+                *((f'memory of {name}', f'{start:.1f} MB after the first round, {end:.1f} MB at the end')
+                  for name, (start, end) in self.memory.items())]
 
 
 @dataclass(frozen=True)
@@ -70,11 +101,13 @@ class Outcome:
     states: tuple[str, ...]
     final_error: float
     figures: dict[str, str]
+    endurance: Endurance | None = None
 
     @property
     def succeeded(self) -> bool:
-        """Whether the last point was reached by a robot that was not stopped."""
-        return self.recording.finished and not self.stop_reason
+        """Whether the last point was reached by a robot that was not stopped, and no node has grown."""
+        steady = self.endurance is None or self.endurance.steady
+        return self.recording.finished and not self.stop_reason and steady
 
     @property
     def title(self) -> str:
@@ -100,7 +133,9 @@ class Outcome:
             ('error at the end', f'{1e3 * self.final_error:.3f} mm'),
             *((f'largest joint {name}', f'{value:.3f} at {t:.3f} s') for name, (value, t) in peak.items()),
             ('cycles', f'{cycles}, of which {cycles - waited} were answered in time ({share:.1%})'),
+            ('of the others', ', '.join(f'{figures.get(name, 0)} {name}' for name in ('late', 'missed', 'bridged'))),
             ("robot's clock", f'stood still for {stood:.3f} s, waiting for late answers'),
+            *(self.endurance.lines if self.endurance else ()),
         ]
         return '\n'.join(f'{label:<28}{text}' for label, text in lines)
 
@@ -127,8 +162,10 @@ class Demo:
                 self._await_robot(recorder)
                 call(recorder, Trigger, 'planner/start', Trigger.Request())
                 self._follow(recorder, progress)
+                first_round, begun = recorder.log, recorder.begun
+                endurance = self._repeat(recorder, progress) if self._options.duration else None
             time.sleep(_LAST_WORDS)
-        return self._outcome(recorder)
+        return self._outcome(recorder, first_round, begun, endurance)
 
     def _make_law(self, name: str) -> Law:
         law = make_law(name, damping=self._options.damping)
@@ -193,6 +230,22 @@ class Demo:
             time.sleep(_LOOK)
         time.sleep(SETTLING)
 
+    def _repeat(self, recorder: Recorder, progress: Callable[[float], None]) -> Endurance:
+        """The task again and again, from wherever the last round ended; only the first one stays recorded."""
+        start, before = min(recorder.log.states), {node.name: node.memory for node in self._nodes}
+        begun, duration, rounds = recorder.begun, self._options.duration, 1
+        while not recorder.stopped and (recorder.newest - begun) / 1e9 < duration:
+            recorder.log, words = Log({}, {}), len(recorder.words['planner/state'])
+            call(recorder, Trigger, 'planner/start', Trigger.Request())
+            while len(recorder.words['planner/state']) == words:  # until it moves again
+                self._check(recorder)
+                time.sleep(_LOOK)
+            self._follow(recorder, lambda _: progress(min((recorder.newest - begun) / 1e9 / duration, 1.0)))
+            rounds += 1
+        sent = round((recorder.newest - start) / 1e9 / self._T) + 1
+        return Endurance(rounds, (recorder.newest - begun) / 1e9, sent, recorder.states_heard,
+                         {node.name: (before[node.name], node.memory) for node in self._nodes})
+
     def _await_stamp(self, recorder: Recorder) -> None:
         """Until the robot has said when it stopped, which it does with its next diagnostics."""
         until = time.monotonic() + SILENCE
@@ -210,9 +263,9 @@ class Demo:
         if recorder.newest and time.monotonic() - recorder.heard > SILENCE:
             raise DemoError(f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log')
 
-    def _outcome(self, recorder: Recorder) -> Outcome:
+    def _outcome(self, recorder: Recorder, log: Log, begun: int, endurance: Endurance | None) -> Outcome:
         reason = recorder.words['sim/stop_reason'][-1] if recorder.stopped else ''
-        log = recorder.log.until(recorder.stopped_at or None)
-        recording = replay(log, recorder.begun, self.model, self._task, self._laws, self._T, reason)
+        log = log.until(recorder.stopped_at or None)
+        recording = replay(log, begun, self.model, self._task, self._laws, self._T, reason)
         return Outcome(recording, self._laws[0][1], reason, tuple(recorder.words['sim/session_state']),
-                       recorder.final_error(self.model, self._task), recorder.figures)
+                       recorder.final_error(self.model, self._task), recorder.figures, endurance)

@@ -1,6 +1,7 @@
 """A ROS graph of our own: a domain that nobody else uses on this machine, and node processes that end with us."""
 
 import fcntl
+import math
 import os
 import random
 import signal
@@ -102,6 +103,14 @@ class NodeProcess:
     def pid(self) -> int:
         """Process number."""
         return self._process.pid
+
+    @property
+    def memory(self) -> float:
+        """Memory in use, [MB], that is resident; NaN once it has ended."""
+        try:
+            return int(Path(f'/proc/{self.pid}/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+        except (OSError, IndexError):
+            return math.nan
 
     def check(self) -> None:
         """Raise GraphError if the process has ended, with the last line that it printed."""

@@ -26,6 +26,7 @@ class Recorder(Node):
         super().__init__('recorder')
         self._joints = JointOrder(joint_names)
         self.log = Log({}, {})
+        self.states_heard = 0
         self.newest = 0  # stamp [ns] of the newest state
         self.heard = time.monotonic()  # when that came
         self.words: dict[str, list[str]] = {'sim/session_state': [], 'sim/stop_reason': [], 'planner/state': []}
@@ -65,6 +66,7 @@ class Recorder(Node):
 
     def _on_state(self, message: JointState) -> None:
         self.newest, self.heard = to_nanoseconds(message.header.stamp), time.monotonic()
+        self.states_heard += 1
         self.log.states[self.newest] = self._joints.positions(message)
 
     def _on_command(self, message: JointState) -> None:
