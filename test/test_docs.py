@@ -1,0 +1,54 @@
+"""docs/when_things_go_wrong.md: every row is shown by a test that exists, and nothing that can go wrong is left out."""
+
+import ast
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from redres_ros.fri.faults import Faults
+from redres_ros.fri.refusal import Refusal
+
+HERE = Path(__file__).parent
+PAGE = HERE.parent / 'docs' / 'when_things_go_wrong.md'
+
+
+def rows() -> list[list[str]]:
+    """The cells of every row of the page's tables, heads left out."""
+    lines = [line for line in PAGE.read_text(encoding='utf-8').splitlines() if line.startswith('| ')]
+    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines if not line.startswith('| event |')]
+
+
+def functions(file: str) -> set[str]:
+    """Names of all functions and methods of a test file."""
+    tree = ast.parse((HERE / f'{file}.py').read_text(encoding='utf-8'))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+def test_the_page_has_rows_of_five_cells_that_say_something() -> None:
+    assert len(rows()) > 20
+    assert all(len(row) == 5 and all(row) for row in rows())
+
+
+@pytest.mark.parametrize('shown_by', [row[-1] for row in rows()])
+def test_what_a_row_says_is_shown_by_a_test_that_exists(shown_by: str) -> None:
+    file, name = shown_by.split(': ')
+    assert name in functions(file)
+
+
+def test_every_scenario_of_recovery_has_a_row() -> None:
+    shown = {row[-1].partition(': ')[2] for row in rows()}
+    scenarios = {name for name in functions('test_recovery') if name.startswith('test_')}
+    # The law that is switched in every tick has one already; this is the same over DDS.
+    assert scenarios - shown == {'test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly'}
+
+
+@pytest.mark.parametrize('kind', list(Refusal))
+def test_every_kind_of_refusal_has_a_row(kind: Refusal) -> None:
+    assert any(f'*{kind.value}*' in row[0] for row in rows())
+
+
+@pytest.mark.parametrize('fault', [field.name for field in fields(Faults)])
+def test_every_fault_has_a_row(fault: str) -> None:
+    of = fault.removesuffix('_spread').removesuffix('_burst')
+    assert any(f'`{of}`' in row[0] for row in rows())
