@@ -1,0 +1,33 @@
+"""Between the process that measures and the one that asks: which processes, and what came of it."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from redres_ros.experiments.bench.exchange import Exchange
+
+
+def write_exchanges(exchanges: Mapping[str, Exchange], path: Path) -> None:
+    """Write them by name."""
+    content = {name: {'period': exchange.period, 'latencies': exchange.latencies.tolist(),
+                      'processors': dict(exchange.processors)} for name, exchange in exchanges.items()}
+    path.write_text(json.dumps(content))
+
+
+def read_exchanges(path: Path) -> dict[str, Exchange]:
+    """Read what was written; Python's json knows infinity."""
+    content = json.loads(path.read_text())
+    return {name: Exchange(entry['period'], np.array(entry['latencies']), entry['processors'])
+            for name, entry in content.items()}
+
+
+def to_text(processes: Mapping[str, int]) -> str:
+    """Process numbers by name as a parameter of a node: a text, because ROS has no mappings and no empty arrays."""
+    return ' '.join(f'{name}={number}' for name, number in processes.items())
+
+
+def from_text(processes: str) -> dict[str, int]:
+    """The same again."""
+    return {name: int(number) for name, _, number in (entry.partition('=') for entry in processes.split())}
