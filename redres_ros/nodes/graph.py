@@ -112,7 +112,8 @@ class NodeProcess:
     def check(self) -> None:
         """Raise GraphError if the process has ended, with the last line that it printed."""
         if self.status is not None:
-            raise GraphError(f'node {self.name} ended with status {self.status}: {self.last_line() or "it printed nothing"}')
+            said = self.last_line() or 'it printed nothing'
+            raise GraphError(f'node {self.name} ended with status {self.status}: {said}')
 
     def last_line(self) -> str:
         """The last line printed so far."""

@@ -34,7 +34,8 @@ class TopicLane:
     def __init__(self, node: Node, name: str, period: int) -> None:
         model, start = RobotModel.named('lwr4_paper'), load_task('rectangle').start
         self.stopwatch, self._frame = Stopwatch(0, 0), model.base_frame
-        self._clock, self._message = RobotClock(node.get_clock().now().nanoseconds, period), JointMessage(model.joint_names)
+        self._clock = RobotClock(node.get_clock().now().nanoseconds, period)
+        self._message = JointMessage(model.joint_names)
         self._q, self._dq = start, np.zeros(model.n)
         self._states = node.create_publisher(JointState, f'{name}/joint_states', PUBLISH)
         self._twists = node.create_publisher(TwistStamped, f'{name}/cartesian_velocity', PUBLISH)

@@ -13,7 +13,8 @@ def write_exchanges(exchanges: Mapping[str, Exchange], path: Path) -> None:
     """Write them by name."""
     content = {name: {'period': exchange.period, 'latencies': exchange.latencies.tolist(),
                       'processors': dict(exchange.processors)} for name, exchange in exchanges.items()}
-    path.write_text(json.dumps(content))
+    path.with_suffix('.part').write_text(json.dumps(content))
+    path.with_suffix('.part').rename(path)  # who waits for the file finds it complete
 
 
 def read_exchanges(path: Path) -> dict[str, Exchange]:

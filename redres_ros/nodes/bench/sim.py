@@ -28,11 +28,12 @@ class Window:
     duration: float = param(2.0, 'from the first to the last state that counts [s]', 0.01, 3600.0)
     processes: str = param('', 'NAME=PROCESS ... of the others whose processor time is measured')
     own_name: str = param('sim', 'what this process is called in the results')
-    out: str = param('sim.json', 'file for the results')
+    out: str = param('sim.json', 'file for the results; {arm} stands for the namespace')
+    stay: bool = param(False, 'go on after the window, as a load for others')
 
 
 class MeasuredSim(SimNode):
-    """Writes its latencies when the window is over, and ends."""
+    """Writes its latencies when the window is over, and ends unless it is to stay."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -68,8 +69,9 @@ class MeasuredSim(SimNode):
         shares = self._meter.shares()
         time.sleep(_STRAGGLERS)
         exchange = Exchange(1.0 / self._settings.rate, self._stopwatch.latencies, shares)
-        write_exchanges({'sim': exchange}, Path(self._window.out))
-        self._over.set()
+        write_exchanges({'sim': exchange}, Path(self._window.out.format(arm=self.get_namespace().strip('/'))))
+        if not self._window.stay:
+            self._over.set()
 
 
 if __name__ == '__main__':
