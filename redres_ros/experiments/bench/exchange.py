@@ -17,12 +17,14 @@ class Exchange:
     """What became of N states that went out at a rate of 1/period.
 
     latencies: (N,) from a state's way out to its answer's arrival [s]; infinite where none came. processors: share of a
-    core that each process took meanwhile, by name.
+    core that each process took meanwhile, by name. skipped: cycles in which the robot itself was held up and sent
+    nothing.
     """
 
     period: float
     latencies: np.ndarray
     processors: Mapping[str, float]
+    skipped: int = 0
 
     @classmethod
     def joined(cls, parts: Iterable['Exchange']) -> 'Exchange':
@@ -32,7 +34,7 @@ class Exchange:
         names = parts[0].processors
         shares = {name: float(np.average([part.processors[name] for part in parts],
                                          weights=[len(part.latencies) for part in parts])) for name in names}
-        return cls(parts[0].period, latencies, shares)
+        return cls(parts[0].period, latencies, shares, sum(part.skipped for part in parts))
 
     @property
     def times(self) -> Times:
@@ -49,6 +51,11 @@ class Exchange:
         """Share of the states that were never answered, which are late as well."""
         return float(np.mean(~np.isfinite(self.latencies))) if len(self.latencies) else float('nan')
 
+    @property
+    def kept(self) -> float:
+        """Share of all cycles, skipped ones included, whose state was answered within its cycle; NaN of none."""
+        return (1.0 - self.late) * len(self.latencies) / max(len(self.latencies) + self.skipped, 1)
+
     def figures(self) -> dict[str, object]:
         """For the file of results."""
         times = self.times
@@ -56,7 +63,8 @@ class Exchange:
                      (('median_us', 0.5), ('p99_us', 0.99), ('p99_9_us', 0.999), ('max_us', 1.0))}
         processors = {name: 100.0 * share for name, share in self.processors.items()}
         return {**quantiles, 'answered_in_cycle_percent': 100.0 * (1.0 - self.late), 'lost_percent': 100.0 * self.lost,
-                'states': len(self.latencies), 'processor_percent_of_a_core': processors}
+                'states': len(self.latencies), 'cycles_skipped': self.skipped,
+                'processor_percent_of_a_core': processors}
 
 
 class Stopwatch:
@@ -83,6 +91,12 @@ class Stopwatch:
         sent = np.isfinite(self._out)
         return self._back[sent] - self._out[sent]
 
+    def exchange(self, period: float, processors: Mapping[str, float]) -> Exchange:
+        """All that was noted, for states that should have gone out every `period` [s]."""
+        out = self._out[np.isfinite(self._out)]
+        due = round((out[-1] - out[0]) / period) + 1 if len(out) else 0
+        return Exchange(period, self.latencies, processors, max(due - len(out), 0))
+
 
 class ProcessorMeter:
     """Share of a core that processes take, by name, from the moment when it is made."""
@@ -101,7 +115,7 @@ class ProcessorMeter:
 
 
 def processor_seconds(pid: int) -> float:
-    """Processor time of a process so far, of all its threads, in user space and in the kernel [s]; NaN if it is gone."""
+    """Processor time of a process so far, all its threads, in user space and the kernel [s]; NaN if it is gone."""
     try:
         fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     except OSError:

@@ -56,7 +56,7 @@ class GrowthResult:
     def draw(self, path: Path) -> None:
         """Both kinds of growth side by side. Raises FileError."""
         figure = Figure(figsize=(11.0, 4.6), layout='constrained')
-        figure.suptitle('How a tick grows: medians, and p99 as thin lines')
+        figure.suptitle('How a tick grows (medians)')
         left, right = figure.subplots(1, 2)
         for (law, rows), times in self.ticks.items():
             _curve(left, times, f'{law}, {rows} rows')
@@ -130,5 +130,4 @@ def _line(label: str, cells: Sequence[object]) -> str:
 
 
 def _curve(ax: object, times: Mapping[int, Times], label: str) -> None:
-    [line] = ax.plot(list(times), [1e6 * t.median for t in times.values()], 'o-', ms=3, lw=1.4, label=label)
-    ax.plot(list(times), [1e6 * t.p99 for t in times.values()], lw=0.6, color=line.get_color())
+    ax.plot(list(times), [1e6 * t.median for t in times.values()], 'o-', ms=3, lw=1.4, label=label)

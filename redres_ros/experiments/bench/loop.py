@@ -30,7 +30,7 @@ class LoopResult:
         """One line a rate and kind."""
         heads = ('median', 'p99', 'p99.9', 'max')
         lines = [f"{'state out to command in [us]':<38}" + ''.join(f'{head:>8}' for head in heads)
-                 + f"{'in cycle':>10}{'lost':>8}  processor [% of a core]"]
+                 + f"{'in cycle':>10}{'lost':>8}{'skipped':>9}  processor [% of a core]"]
         for rate, kinds in self.exchanges.items():
             lines.append(f'-- {rate:g} Hz')
             lines += [f'{WORDS[kind]:<38}{_line(exchange)}' for kind, exchange in kinds.items()]
@@ -46,7 +46,7 @@ def _line(exchange: Exchange) -> str:
     times = exchange.times
     cells = ''.join(f'{1e6 * times.quantile(share):8.0f}' for share in (0.5, 0.99, 0.999, 1.0))
     shares = ', '.join(f'{name} {100.0 * share:.0f}' for name, share in exchange.processors.items())
-    return f'{cells}{1.0 - exchange.late:10.2%}{exchange.lost:8.2%}  {shares}'
+    return f'{cells}{1.0 - exchange.late:10.2%}{exchange.lost:8.2%}{exchange.skipped:9d}  {shares}'
 
 
 def _goals(rate: float, kinds: Mapping[str, Exchange]) -> list[Goal]:

@@ -83,7 +83,7 @@ class DriverNode(Node):
         self._send(name, self._settings.duration)
         shares = meter.shares()
         time.sleep(STRAGGLERS)
-        return Exchange(self._period / NANOSECONDS, self._lanes[name].stopwatch.latencies, shares)
+        return self._lanes[name].stopwatch.exchange(self._period / NANOSECONDS, shares)
 
     def _send(self, name: str, seconds: float) -> None:
         """States for that long, with a new stopwatch."""

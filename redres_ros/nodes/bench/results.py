@@ -12,7 +12,8 @@ from redres_ros.experiments.bench.exchange import Exchange
 def write_exchanges(exchanges: Mapping[str, Exchange], path: Path) -> None:
     """Write them by name."""
     content = {name: {'period': exchange.period, 'latencies': exchange.latencies.tolist(),
-                      'processors': dict(exchange.processors)} for name, exchange in exchanges.items()}
+                      'processors': dict(exchange.processors), 'skipped': exchange.skipped}
+               for name, exchange in exchanges.items()}
     path.with_suffix('.part').write_text(json.dumps(content))
     path.with_suffix('.part').rename(path)  # who waits for the file finds it complete
 
@@ -20,7 +21,7 @@ def write_exchanges(exchanges: Mapping[str, Exchange], path: Path) -> None:
 def read_exchanges(path: Path) -> dict[str, Exchange]:
     """Read what was written; Python's json knows infinity."""
     content = json.loads(path.read_text())
-    return {name: Exchange(entry['period'], np.array(entry['latencies']), entry['processors'])
+    return {name: Exchange(entry['period'], np.array(entry['latencies']), entry['processors'], entry['skipped'])
             for name, entry in content.items()}
 
 

@@ -15,7 +15,7 @@ from redres_ros.nodes.graph import NodeProcess, own_domain
 
 MOST = 4  # arms
 CORES = 2
-HOPELESS = 0.5  # share answered within the cycle below which more arms are not tried
+HOPELESS = 0.9  # share of the cycles below which more arms are not tried
 
 _START = 1.0  # [s] of processor time that a process takes to start, about
 _PATIENCE = 60.0  # [s] for the results beyond the time that it all takes
@@ -34,7 +34,7 @@ def measure_arms(rate: float, duration: float, out: Path, most: int = MOST,
             exchanges[way][count] = _measured(start, count, rate, duration, out)
             if progress:
                 progress((number + count / most) / len(ways))
-            if max(exchange.late for exchange in exchanges[way][count]) > 1.0 - HOPELESS:
+            if min(exchange.kept for exchange in exchanges[way][count]) < HOPELESS:
                 break
     return ArmsResult(rate, exchanges)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sensor_msgs.msg import JointState
 
-from redres_ros.experiments.bench.exchange import Exchange, ProcessorMeter, Stopwatch
+from redres_ros.experiments.bench.exchange import ProcessorMeter, Stopwatch
 from redres_ros.nodes.bench.results import from_text, write_exchanges
 from redres_ros.nodes.conversions import to_nanoseconds
 from redres_ros.nodes.parameters import declare
@@ -68,7 +68,7 @@ class MeasuredSim(SimNode):
     def _finish(self) -> None:
         shares = self._meter.shares()
         time.sleep(_STRAGGLERS)
-        exchange = Exchange(1.0 / self._settings.rate, self._stopwatch.latencies, shares)
+        exchange = self._stopwatch.exchange(1.0 / self._settings.rate, shares)
         write_exchanges({'sim': exchange}, Path(self._window.out.format(arm=self.get_namespace().strip('/'))))
         if not self._window.stay:
             self._over.set()
