@@ -27,19 +27,19 @@ def measure_arms(rate: float, duration: float, out: Path, most: int = MOST,
 
     Raises GraphError or BenchError when a node does not run.
     """
-    ways = {ALL_IN_ONE: _all_in_one, ONE_EACH: _one_each, THREE_EACH: _three_each}
-    exchanges: dict[str, dict[int, list[Exchange]]] = {way: {} for way in ways}
-    for number, (way, start) in enumerate(ways.items()):
+    exchanges: dict[str, dict[int, list[Exchange]]] = {way: {} for way in _WAYS}
+    for number, way in enumerate(_WAYS):
         for count in range(1, most + 1):
-            exchanges[way][count] = _measured(start, count, rate, duration, out)
+            exchanges[way][count] = measure_one(way, count, rate, duration, out)
             if progress:
-                progress((number + count / most) / len(ways))
+                progress((number + count / most) / len(_WAYS))
             if min(exchange.kept for exchange in exchanges[way][count]) < HOPELESS:
                 break
     return ArmsResult(rate, exchanges)
 
 
-def _measured(start: Callable[..., int], count: int, rate: float, duration: float, out: Path) -> list[Exchange]:
+def measure_one(way: str, count: int, rate: float, duration: float, out: Path) -> list[Exchange]:
+    """One exchange an arm, for so many arms in one of the ways."""
     arms = [f'arm{number}' for number in range(count)]
     files = [out / f'{arm}.json' for arm in arms]
     for file in files:
@@ -48,11 +48,10 @@ def _measured(start: Callable[..., int], count: int, rate: float, duration: floa
               'bridged_misses': 100}
     with own_domain(), _two_cores(), ExitStack() as stack:
         def run(name: str, namespace: str = '', processes: int = 1) -> NodeProcess:
-            settling = 1.0 + _START * processes / CORES * 2.0  # all must have started before the first one measures
+            settling = 1.0 + _START * processes  # all must have started before the first one measures
             return stack.enter_context(running(name, out, {**shared, 'settling': settling}, namespace))
 
-        nodes = start(run, arms)
-        _await(files, nodes, duration)
+        _await(files, _WAYS[way](run, arms), duration)
     return [read_exchanges(file)['sim'] for file in files]
 
 
@@ -67,6 +66,9 @@ def _one_each(run: Callable[..., NodeProcess], arms: Sequence[str]) -> list[Node
 
 def _three_each(run: Callable[..., NodeProcess], arms: Sequence[str]) -> list[NodeProcess]:
     return [run(name, arm, 3 * len(arms)) for arm in arms for name in ('controller', 'planner', 'bench.sim')]
+
+
+_WAYS = {ALL_IN_ONE: _all_in_one, ONE_EACH: _one_each, THREE_EACH: _three_each}
 
 
 @contextmanager

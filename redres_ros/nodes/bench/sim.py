@@ -38,7 +38,7 @@ class MeasuredSim(SimNode):
     def __init__(self) -> None:
         super().__init__()
         self._window, self._stopwatch, self._meter = declare(self, Window()), Stopwatch(0, 0), None
-        self._begin = self._end = 0  # ticks; 0 until the first answer has come
+        self._begin = self._end = -1  # ticks; negative until the first answer has come
 
     def run(self, stopped: threading.Event) -> None:
         """As ever, and until the window is over."""
@@ -47,10 +47,10 @@ class MeasuredSim(SimNode):
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
-        if self._begin and tick == self._begin:
+        if tick == self._begin:
             processes = from_text(self._window.processes) | {self._window.own_name: os.getpid()}
             self._meter = ProcessorMeter(processes)
-        if self._end and tick == self._end:
+        if tick == self._end:
             self._finish()
         self._stopwatch.out(tick)
         super()._publish_state()
@@ -58,9 +58,9 @@ class MeasuredSim(SimNode):
     def _on_command(self, message: JointState) -> None:
         tick = self._robot_clock.tick(to_nanoseconds(message.header.stamp))
         self._stopwatch.back(tick)
-        if not self._end:
+        if self._end < 0:
             rate = self._settings.rate
-            self._begin = tick + round(self._window.settling * rate) + 1
+            self._begin = self._robot.tick + round(self._window.settling * rate) + 2
             self._end = self._begin + max(round(self._window.duration * rate), 1)
             self._stopwatch = Stopwatch(self._begin, self._end - self._begin)
         super()._on_command(message)
