@@ -46,6 +46,14 @@ setup(
     ],
     extras_require={
         'ros': ROS,
+        'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
+            'pin-pink>=4.4',
+            'mink>=1.3',
+            'qpsolvers>=4.13',
+            'quadprog>=0.1.14',
+            'daqp>=0.11',
+            'proxsuite>=0.8',
+        ],
         'test': [
             *ROS,
             'pytest>=7.4',

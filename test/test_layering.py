@@ -91,12 +91,21 @@ def test_all_files_were_read():
     assert Import('controller.py', 'numpy', True) in IMPORTS
 
 
-def test_only_the_robot_model_imports_pinocchio():
-    assert files_with('pinocchio') == {'robot_model.py'}
+# What others' inverse kinematics cost must not depend on our wrappers, so the peers have the two libraries bare.
+PEERS = 'experiments/bench/peers.py'
 
 
-def test_only_the_plant_and_its_pictures_import_mujoco():
-    assert {'fri/plant.py'} <= files_with('mujoco') <= {'fri/plant.py', 'fri/render.py'}
+def test_only_the_robot_model_and_the_peers_import_pinocchio():
+    assert files_with('pinocchio') == {'robot_model.py', PEERS}
+
+
+def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
+    assert {'fri/plant.py'} <= files_with('mujoco') <= {'fri/plant.py', 'fri/render.py', PEERS}
+
+
+def test_what_is_not_required_is_imported_when_it_is_asked_for():
+    assert not any(found.on_loading for found in IMPORTS if found.library in ('pink', 'mink'))
+    assert files_with('pink') == files_with('mink') == {PEERS}
 
 
 def test_only_nodes_import_ros_when_they_are_loaded():

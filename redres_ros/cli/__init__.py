@@ -3,10 +3,10 @@
 import argparse
 import sys
 
-from redres_ros.cli import demo, laws, paper, simulate, watch
+from redres_ros.cli import bench, demo, laws, paper, simulate, watch
 from redres_ros.errors import RedresError
 
-_GROUPS = (demo, simulate, paper, laws, watch)  # in the order of `redres --help`
+_GROUPS = (demo, simulate, paper, laws, watch, bench)  # in the order of `redres --help`
 _REMEDY = "install everything with: pip install 'redres_ros[ros]'"
 
 

@@ -90,9 +90,10 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: whoever started it ends it. What it prints goes to the file log.
     """
 
-    def __init__(self, name: str, log: Path, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, log: Path, parameters: Mapping[str, Any], namespace: str = '') -> None:
         self.name, self._log = name, log
         arguments = [argument for key, value in parameters.items() for argument in ('-p', f'{key}:={_yaml(value)}')]
+        arguments += ['-r', f'__ns:=/{namespace}'] if namespace else []
         with log.open('wb') as output:
             self._process = subprocess.Popen(
                 [sys.executable, '-m', f'redres_ros.nodes.{name}', '--ros-args', *arguments],
@@ -112,11 +113,16 @@ class NodeProcess:
         except (OSError, IndexError):
             return math.nan
 
+    @property
+    def status(self) -> int | None:
+        """Its exit status; None while it runs."""
+        return self._process.poll()
+
     def check(self) -> None:
         """Raise GraphError if the process has ended, with the last line that it printed."""
-        status = self._process.poll()
-        if status is not None:
-            raise GraphError(f'node {self.name} ended with status {status}: {self.last_line() or "it printed nothing"}')
+        if self.status is not None:
+            said = self.last_line() or 'it printed nothing'
+            raise GraphError(f'node {self.name} ended with status {self.status}: {said}')
 
     def last_line(self) -> str:
         """The last line printed so far."""
@@ -129,7 +135,7 @@ class NodeProcess:
 
     def end(self) -> None:
         """Ask it to end, wait, and kill it if it does not."""
-        if self._process.poll() is None:
+        if self.status is None:
             self._process.send_signal(signal.SIGINT)
         try:
             self.wait(_PATIENCE)

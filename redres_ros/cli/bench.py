@@ -1,0 +1,103 @@
+"""`redres bench`: how fast it is on this machine, beside others' ways of doing the same."""
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from redres_ros.cli.options import Help, OptionError, made
+from redres_ros.errors import RangeError, UnknownNameError
+
+_RATES = 10.0, 2000.0  # [Hz]
+_LOGS = 'logs'  # folder for what the nodes print
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    bench = commands.add_parser('bench', help='how fast it is on this machine, beside others', formatter_class=Help)
+    bench.add_argument('--only', default=','.join(_PARTS), metavar='A,B,...', help='parts to measure')
+    bench.add_argument('--duration', type=float, default=3.0, metavar='S',
+                       help='time for which each kind of loop is measured at each rate [s]; the other parts scale')
+    bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
+    bench.add_argument('--out', type=Path, default=Path('redres_bench'), metavar='DIR',
+                       help='directory for bench.json, bench_growth.png and logs')
+    bench.set_defaults(run=_bench)
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from redres_ros.experiments.bench.peers import REMEDY, missing_peers
+    from redres_ros.experiments.bench.report import table, write_json
+    from redres_ros.experiments.report import progress_bar
+
+    parts, options.rates = _names(options.only), _numbers(options.rates)
+    if not 0.01 <= options.duration <= 3600.0:
+        raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
+    made(options.out / _LOGS)
+    if 'tick' in parts and missing_peers():
+        print(f"not installed, and left out: {', '.join(missing_peers())}; {REMEDY}")
+    results = {}
+    for name in parts:
+        with progress_bar(name) as progress:
+            results[name] = _PARTS[name](options, progress)
+    if 'growth' in results:
+        results['growth'].draw(options.out / 'bench_growth.png')
+    write_json(results, options.out / 'bench.json')
+    print(f'{table(results)}\n\nall figures {options.out}/bench.json')
+    return 0
+
+
+def _names(text: str) -> list[str]:
+    names = text.split(',')
+    for name in names:
+        if name not in _PARTS:
+            raise UnknownNameError('part of the bench', name, _PARTS)
+    return names
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        rates = [float(rate) for rate in text.split(',')]
+    except ValueError:
+        raise OptionError(f'--rates {text}; expected numbers, as 250,500,1000') from None
+    for rate in rates:
+        if not _RATES[0] <= rate <= _RATES[1]:
+            raise RangeError('--rates', rate, *_RATES, 'Hz')
+    return rates
+
+
+def _rounds(options: argparse.Namespace, per_second: float) -> int:
+    return max(math.ceil(per_second * options.duration), 1)
+
+
+def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.experiments.bench.tick import measure_tick
+
+    return measure_tick(_rounds(options, 100.0), progress)
+
+
+def _growth(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.experiments.bench.growth import measure_growth
+
+    return measure_growth(_rounds(options, 20.0), progress)
+
+
+def _loop(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.nodes.bench.loop import measure_loop
+
+    return measure_loop(options.rates, options.duration, options.out / _LOGS, progress)
+
+
+def _startup(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.nodes.bench.startup import measure_nodes
+
+    return measure_nodes(min(_rounds(options, 5.0), 5), progress)
+
+
+def _arms(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.nodes.bench.several import measure_arms
+
+    return measure_arms(500.0, options.duration, options.out / _LOGS, progress=progress)
+
+
+_PARTS = {'tick': _tick, 'loop': _loop, 'startup': _startup, 'growth': _growth, 'arms': _arms}

@@ -1,0 +1,76 @@
+"""Times of calls that take turns, so that a slow moment of the machine hits all of them alike."""
+
+import gc
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+BLOCK = 10  # calls of one candidate before it is the next one's turn
+COLD = 2  # of them, the first ones are not counted: their caches are still full of the candidate before
+
+
+@dataclass(frozen=True)
+class Times:
+    """Samples (N,) [s] of one thing."""
+
+    samples: np.ndarray
+
+    @property
+    def median(self) -> float:
+        """[s]; NaN without samples."""
+        return self.quantile(0.5)
+
+    @property
+    def p99(self) -> float:
+        """[s]; NaN without samples."""
+        return self.quantile(0.99)
+
+    def quantile(self, share: float) -> float:
+        """The time that this share of the samples does not exceed [s]: one of them, the next larger; NaN if none."""
+        return float(np.quantile(self.samples, share, method='higher')) if len(self.samples) else float('nan')
+
+    def figures(self) -> dict[str, float]:
+        """For the file of results, in microseconds."""
+        return {'median_us': 1e6 * self.median, 'p99_us': 1e6 * self.p99, 'samples': len(self.samples)}
+
+
+def measure(calls: Mapping[str, Callable[[int], object]], rounds: int,
+            progress: Callable[[float], None] | None = None) -> dict[str, Times]:
+    """The times of the calls, each made `rounds` blocks long, block by block in turn.
+
+    Each call gets the number of its turn, 0, 1, 2, ..., from which it picks its input. A first round is not counted.
+    """
+    samples: dict[str, list[int]] = {name: [] for name in calls}
+    with _undisturbed():
+        for turn in range(-1, rounds):
+            for name, call in calls.items():
+                times = _block(call, max(turn, 0) * BLOCK)
+                if turn >= 0:
+                    samples[name] += times[COLD:]
+            if progress:
+                progress((turn + 1) / rounds)
+    return {name: Times(1e-9 * np.array(times, dtype=np.float64)) for name, times in samples.items()}
+
+
+def _block(call: Callable[[int], object], first: int) -> list[int]:
+    """Times of a block of calls [ns]."""
+    clock, times = time.perf_counter_ns, []
+    for number in range(first, first + BLOCK):
+        begun = clock()
+        call(number)
+        times.append(clock() - begun)
+    return times
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """No garbage collection: it would be charged to whoever happens to run."""
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
