@@ -34,7 +34,7 @@ _KINDS = {  # the first class that an error is of tells what kind of refusal it 
 
 
 class _Arrival(NamedTuple):
-    """A command, when it came as the robot's clock tells it [s], and the tick at which the robot's network took it."""
+    """A command, when it came by the monotonic clock [s], and the tick at which the robot's network took it."""
 
     command: JointState
     time: float
@@ -73,7 +73,7 @@ class Inbox:
         if to_nanoseconds(message.header.stamp) <= self.newest:
             self._contested = time.monotonic()
         self._newest = message
-        self._arrivals.append(_Arrival(message, self._clock.now()))
+        self._arrivals.append(_Arrival(message, time.monotonic()))
 
     def take(self, tick: int) -> list[Answer]:
         """What the robot gets at a tick: the commands that came since the last one, as answers to ticks before it."""

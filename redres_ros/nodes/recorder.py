@@ -65,8 +65,9 @@ class Recorder(Node):
         return float(np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1]))
 
     def _on_state(self, message: JointState) -> None:
-        self.newest, self.heard = to_nanoseconds(message.header.stamp), time.monotonic()
-        self.states_heard += 1
+        stamp = to_nanoseconds(message.header.stamp)
+        self.states_heard += stamp != self.newest  # a robot that waits sends its state again
+        self.newest, self.heard = stamp, time.monotonic()
         self.log.states[self.newest] = self._joints.positions(message)
 
     def _on_command(self, message: JointState) -> None:

@@ -39,15 +39,14 @@ class RobotClock:
 
     def send(self, tick: int) -> None:
         """The state of a tick goes out now."""
-        self._sent[tick % _REMEMBERED] = self.now()
-
-    def now(self) -> float:
-        """The monotonic clock without what this one stood still [s]."""
-        return time.monotonic() - self.stood_still
+        self._sent[tick % _REMEMBERED] = time.monotonic() - self.stood_still
 
     def latency(self, tick: int, arrived: float) -> float:
-        """From sending the state of a tick to an instant as `now` tells it [s]."""
-        return arrived - float(self._sent[tick % _REMEMBERED])
+        """From sending the state of a tick to an instant of the monotonic clock, without what this one stood still [s].
+
+        For an answer that came before the clock stood still this is too little, but never below 0.
+        """
+        return max(arrived - self.stood_still - float(self._sent[tick % _REMEMBERED]), 0.0)
 
     def restart(self) -> None:
         """The next tick is due one period from now."""
