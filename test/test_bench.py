@@ -217,7 +217,7 @@ def test_a_short_loop_has_every_kind(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, 'SETTLING', 0.1)
     assert main(['bench', '--only', 'loop', '--duration', '0.2', '--rates', '100', '--out', str(tmp_path)]) == 0
     kinds = json.loads((tmp_path / 'bench.json').read_text())['loop']['100_Hz']
-    assert set(kinds) == {'udp', 'echo', 'controller', 'graph', 'composed'}
+    assert set(kinds) == {'udp', 'echo', 'inside', 'controller', 'graph', 'composed'}
     assert all(figures['states'] >= 10 and figures['median_us'] > 0.0 for figures in kinds.values())
     assert set(kinds['graph']['processor_percent_of_a_core']) == {'sim', 'planner', 'controller'}
 

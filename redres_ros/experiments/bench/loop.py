@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from redres_ros.experiments.bench.exchange import Exchange
 from redres_ros.experiments.bench.goals import Goal
 
-UDP, ECHO, CONTROLLER, WEIGHTED = 'udp', 'echo', 'controller', 'weighted'
+UDP, ECHO, INSIDE, CONTROLLER, WEIGHTED = 'udp', 'echo', 'inside', 'controller', 'weighted'
 GRAPH, COMPOSED = 'graph', 'composed'
 WORDS = {
-    UDP: 'bare UDP echo', ECHO: 'bare echo node', CONTROLLER: 'controller, minimum_acceleration',
+    UDP: 'bare UDP echo', ECHO: 'bare echo node', INSIDE: 'bare echo in one process',
+    CONTROLLER: 'controller, minimum_acceleration',
     WEIGHTED: 'controller, dynamically_consistent', GRAPH: 'sim, planner, controller',
     COMPOSED: 'the same in one process',
 }

@@ -1,5 +1,6 @@
 """Node `driver`: a bare robot that sends states to several answerers in turn, and writes down how they answer."""
 
+import os
 import sys
 import threading
 import time
@@ -10,7 +11,8 @@ from rclpy.node import Node
 
 from redres_ros.errors import RedresError
 from redres_ros.experiments.bench.exchange import Exchange, ProcessorMeter, Stopwatch
-from redres_ros.experiments.bench.loop import UDP
+from redres_ros.experiments.bench.loop import INSIDE, UDP
+from redres_ros.nodes.bench.echo import echo
 from redres_ros.nodes.bench.lanes import Lane, TopicLane, UdpLane
 from redres_ros.nodes.bench.results import from_text, write_exchanges
 from redres_ros.nodes.parameters import declare
@@ -34,7 +36,7 @@ class DriverParameters:
     rate: float = param(500.0, 'states per second [Hz]', 10.0, 2000.0)
     duration: float = param(1.0, 'length of a turn [s]', 0.01, 3600.0)
     turns: int = param(2, 'how often it is the turn of each', 1, 1000)
-    answerers: str = param('', 'NAMESPACE=PROCESS ...; udp is no namespace')
+    answerers: str = param('', 'NAMESPACE=PROCESS ...; udp is no namespace, 0 is this process')
     udp_port: int = param(0, 'of the echo over UDP', 0, 65535)
     out: str = param('driver.json', 'file for the results')
 
@@ -64,6 +66,8 @@ class DriverNode(Node):
                             Path(self._settings.out))
 
     def _lane(self, name: str) -> Lane:
+        if name == INSIDE:
+            echo(self, f'{name}/')
         return UdpLane(self._settings.udp_port) if name == UDP else TopicLane(self, name, self._period)
 
     def _await(self, name: str, stopped: threading.Event) -> None:
@@ -79,7 +83,7 @@ class DriverNode(Node):
 
     def _turn(self, name: str) -> Exchange:
         self._send(name, WARM_UP)
-        meter = ProcessorMeter({name: self._processes[name]})
+        meter = ProcessorMeter({name: self._processes[name] or os.getpid()})
         self._send(name, self._settings.duration)
         shares = meter.shares()
         time.sleep(STRAGGLERS)

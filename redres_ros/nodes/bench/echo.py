@@ -13,8 +13,13 @@ class EchoNode(Node):
 
     def __init__(self) -> None:
         super().__init__('echo')
-        commands = self.create_publisher(JointState, 'joint_command', PUBLISH)
-        self.create_subscription(JointState, 'joint_states', commands.publish, NEWEST)
+        echo(self)
+
+
+def echo(node: Node, prefix: str = '') -> None:
+    """Have the node echo, on topics whose names begin with the prefix."""
+    commands = node.create_publisher(JointState, f'{prefix}joint_command', PUBLISH)
+    node.create_subscription(JointState, f'{prefix}joint_states', commands.publish, NEWEST)
 
 
 if __name__ == '__main__':

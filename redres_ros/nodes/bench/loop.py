@@ -8,7 +8,7 @@ from typing import Any
 
 from redres_ros.errors import RedresError
 from redres_ros.experiments.bench.exchange import Exchange
-from redres_ros.experiments.bench.loop import COMPOSED, CONTROLLER, ECHO, GRAPH, NOMINAL, UDP, WEIGHTED, LoopResult
+from redres_ros.experiments.bench.loop import COMPOSED, CONTROLLER, ECHO, GRAPH, INSIDE, NOMINAL, UDP, WEIGHTED, LoopResult
 from redres_ros.experiments.bench.udp import echo_process
 from redres_ros.nodes.bench.results import read_exchanges, to_text
 from redres_ros.nodes.graph import NodeProcess, own_domain
@@ -52,7 +52,7 @@ def _lanes(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
         for kind, law in _laws(rate).items():
             parameters = {'rate': rate, 'law': law, 'state_timeout': 10.0}
             nodes[kind] = stack.enter_context(running(CONTROLLER, out, parameters, namespace=kind))
-        answerers = {UDP: udp, **{kind: node.pid for kind, node in nodes.items()}}
+        answerers = {UDP: udp, INSIDE: 0, **{kind: node.pid for kind, node in nodes.items()}}
         return measured('bench.driver', out, duration, {
             'rate': rate, 'duration': duration / TURNS, 'turns': TURNS, 'answerers': to_text(answerers),
             'udp_port': port})
