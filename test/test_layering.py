@@ -196,9 +196,9 @@ def test_a_simulation_runs_without_ros(tmp_path):
     assert 'reached the last point' in result.stdout
 
 
-@pytest.mark.parametrize('command', ['demo', 'watch'])
+@pytest.mark.parametrize('command', ['demo', 'watch', 'bench'])
 def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
-    out = ['--out', str(tmp_path)] if command == 'demo' else []
+    out = [] if command == 'watch' else ['--out', str(tmp_path)]
     result = run_blocked('from redres_ros.cli import main\nsys.exit(main(sys.argv[1:]))', command, *out)
     assert result.returncode == 1
     assert 'pip install' in result.stderr

@@ -33,6 +33,8 @@ def _bench(options: argparse.Namespace) -> int:
     parts, options.rates = _names(options.only), _numbers(options.rates)
     if not 0.01 <= options.duration <= 3600.0:
         raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
+    if _WITH_ROS & set(parts):
+        import redres_ros.nodes.bench.loop  # noqa: F401, if there is no ROS that is to be known before the first part
     made(options.out / _LOGS)
     if 'tick' in parts and missing_peers():
         print(f"not installed, and left out: {', '.join(missing_peers())}; {REMEDY}")
@@ -99,5 +101,7 @@ def _arms(options: argparse.Namespace, progress: Callable[[float], None]) -> Any
 
     return measure_arms(500.0, options.duration, options.out / _LOGS, progress=progress)
 
+
+_WITH_ROS = {'loop', 'startup', 'arms'}
 
 _PARTS = {'tick': _tick, 'loop': _loop, 'startup': _startup, 'growth': _growth, 'arms': _arms}

@@ -27,8 +27,11 @@ def missing_peers() -> tuple[str, ...]:
 
 
 def peers(arm: Arm, T: float) -> dict[str, Peer]:
-    """Every installed peer with every installed solver, with its joint limits, as its documentation has it, and
-    without any, which is faster and what our laws do."""
+    """Every installed peer with every installed solver, twice.
+
+    As its documentation has it, which includes the joint limits (both libraries then make them anew in every call), and
+    without limits, which is faster, and all that our laws do.
+    """
     missing = missing_peers()
     made = {}
     for solver in (solver for solver in SOLVERS if solver not in missing):
@@ -47,8 +50,7 @@ def _pink(arm: Arm, T: float, solver: str, limits: list | None) -> Peer:
     model = pin.buildModelFromXML(arm.description())
     configuration = Configuration(model, model.createData(), pin.neutral(model))
     task = FrameTask(arm.tip_frame, position_cost=1.0, orientation_cost=0.0)
-    target = pin.SE3.Identity()
-    task.set_target(target)
+    task.set_target(pin.SE3.Identity())
 
     def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
         configuration.update(q)

@@ -1,5 +1,6 @@
 """One tick of every law and of its parts, beside peers and Pinocchio's own calls, on the paper's arm and task."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +14,7 @@ from redres_ros.experiments.bench.timing import Times, measure
 from redres_ros.laws import LAWS, make_law
 from redres_ros.planner import Planner
 from redres_ros.resolution import resolve
-from redres_ros.robot_model import RobotModel
+from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import load_task
 
 T = 1.0 / 500.0  # [s]
@@ -72,7 +73,7 @@ class TickResult:
         for head, group in self._groups().items():
             lines.append(f'-- {head}')
             lines += [f'{name:<36}{1e6 * times.median:13.1f}{1e6 * times.p99:11.1f}{times.median / floor:14.2f}'
-                      f'{peer / times.median:11.2f}{self._remark(name)}' for name, times in group.items()]
+                      f'{_cell(peer / times.median)}{self._remark(name)}' for name, times in group.items()]
         return '\n'.join([*lines, f"floor: {FLOOR}; peer: the fastest, {self.fastest_peer or 'none installed'}"])
 
     def figures(self) -> dict[str, object]:
@@ -146,7 +147,11 @@ def _parts(model: RobotModel, stretch: Stretch) -> dict[str, Callable[[int], obj
     }
 
 
-def _dynamics(state: object) -> tuple[np.ndarray, ...]:
+def _cell(ratio: float) -> str:
+    return f"{'-':>11}" if math.isnan(ratio) else f'{ratio:11.2f}'
+
+
+def _dynamics(state: RobotState) -> tuple[np.ndarray, ...]:
     return state.J, state.M, state.n
 
 

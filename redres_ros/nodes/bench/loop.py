@@ -8,7 +8,17 @@ from typing import Any
 
 from redres_ros.errors import RedresError
 from redres_ros.experiments.bench.exchange import Exchange
-from redres_ros.experiments.bench.loop import COMPOSED, CONTROLLER, ECHO, GRAPH, INSIDE, NOMINAL, UDP, WEIGHTED, LoopResult
+from redres_ros.experiments.bench.loop import (
+    COMPOSED,
+    CONTROLLER,
+    ECHO,
+    GRAPH,
+    INSIDE,
+    NOMINAL,
+    UDP,
+    WEIGHTED,
+    LoopResult,
+)
 from redres_ros.experiments.bench.udp import echo_process
 from redres_ros.nodes.bench.results import read_exchanges, to_text
 from redres_ros.nodes.graph import NodeProcess, own_domain
