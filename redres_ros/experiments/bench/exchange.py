@@ -74,10 +74,10 @@ class Stopwatch:
         self._first, self._count = first, count
         self._out, self._back = np.full(count, np.inf), np.full(count, np.inf)  # [s]
 
-    def out(self, tick: int) -> None:
-        """The state of a tick goes out now."""
+    def out(self, tick: int, ago: float = 0.0) -> None:
+        """The state of a tick goes out now, or went out some time ago [s]."""
         if 0 <= tick - self._first < self._count:
-            self._out[tick - self._first] = time.perf_counter()
+            self._out[tick - self._first] = time.perf_counter() - ago
 
     def back(self, tick: int) -> None:
         """The answer to the state of a tick is here."""

@@ -104,20 +104,13 @@ def running(name: str, out: Path, parameters: Mapping[str, Any] | None = None,
 
 def measured(name: str, out: Path, duration: float, parameters: Mapping[str, Any]) -> dict[str, Exchange]:
     """What a node that measures has written when it has ended by itself. Raises BenchError or GraphError."""
-    results = out / f'{name}.json'
+    results, until = out / f'{name}.json', time.monotonic() + 10.0 * duration + _PATIENCE
     results.unlink(missing_ok=True)
     with running(name, out, {**parameters, 'out': str(results)}) as node:
-        await_end([node], duration)
-    return read_exchanges(results)
-
-
-def await_end(nodes: Sequence[NodeProcess], duration: float) -> None:
-    """Wait for nodes that end by themselves some time after `duration` [s]. Raises BenchError or GraphError."""
-    until = time.monotonic() + 10.0 * duration + _PATIENCE
-    for node in nodes:
-        while (status := node.status) is None:
+        while node.status is None:
             if time.monotonic() > until:
-                raise BenchError(f'{node.name} did not come to an end; see its log')
+                raise BenchError(f'{name} did not come to an end; see {out}/*.log')
             time.sleep(0.05)
-        if status:
+        if node.status:
             node.check()
+    return read_exchanges(results)

@@ -52,8 +52,9 @@ class MeasuredSim(SimNode):
             self._meter = ProcessorMeter(processes)
         if tick == self._end:
             self._finish()
-        self._stopwatch.out(tick)
         super()._publish_state()
+        # The message was made before it went out: for the driver, with which this is compared, that does not count.
+        self._stopwatch.out(tick, ago=self._robot_clock.latency(tick, time.monotonic()))
 
     def _on_command(self, message: JointState) -> None:
         tick = self._robot_clock.tick(to_nanoseconds(message.header.stamp))
