@@ -68,7 +68,10 @@ class Probe(Node):
 
     def ask(self, q: np.ndarray, names: tuple[str, ...] = NAMES) -> tuple[np.ndarray, np.ndarray]:
         """Send the next state until it is answered; q_ref and dq of the answer, both (n,)."""
-        message = self.state(q, names)
+        return self.answer(self.state(q, names))
+
+    def answer(self, message: JointState) -> tuple[np.ndarray, np.ndarray]:
+        """q_ref and dq of the answer to the newest state, both (n,), which is sent until then."""
         await_that(lambda: self._asked(message), f'an answer to the state of {self.stamp} ns', every=0.05)
         answer = self.answers[self.stamp]
         return np.array(answer.position), np.array(answer.velocity)

@@ -131,6 +131,22 @@ def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
             np.testing.assert_array_equal(dq, expected.dq)
 
 
+def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_first_state(tmp_path: Path) -> None:
+    controller = Controller(RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), 0.002, switch_time=0.1)
+    with nodes(tmp_path, controller={'lockstep': True, 'switch_time': 0.1}) as (probe, _):
+        session = probe.create_publisher(String, 'sim/session_state', LATCHED)
+        await_that(lambda: session.get_subscription_count() == 1, 'a listener to the session')
+        session.publish(String(data='MON'))
+        time.sleep(0.5)
+        for _ in range(5):
+            state = probe.state(START)
+            probe.send(state)
+            probe.steer(DX)
+            q_ref, _ = probe.answer(state)
+            np.testing.assert_array_equal(q_ref, controller.update(START, DX).q_ref)
+        assert np.linalg.norm(q_ref - START) > 1e-6
+
+
 def test_joints_are_matched_by_name(tmp_path: Path) -> None:
     order = np.array([3, 0, 6, 1, 5, 2, 4])
     with nodes(tmp_path, controller={}) as (probe, _):

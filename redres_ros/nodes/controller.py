@@ -155,7 +155,7 @@ class ControllerNode(Node):
         elapsed = stamp - self._stamp
         if not self._stamp or abs(elapsed) > _NEW_CLOCK:
             self._controller.reset()
-            self._silent_until = stamp + _SESSION_PATIENCE if self._has_session else 0
+            self._silent_until = stamp + _SESSION_PATIENCE if self._stamp and self._has_session else 0
             return 1
         cycles = round(elapsed / self._period)
         if cycles < 1 or abs(elapsed - cycles * self._period) > self._period / 10:
