@@ -140,8 +140,10 @@ def test_a_law_switched_on_the_way_is_blended(tmp_path: Path, short_task: str) -
 
 
 def test_ctrl_c_ends_the_demo_and_leaves_no_process(tmp_path: Path) -> None:
+    handle = signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs the tests in the background ignores it
     process = subprocess.Popen(command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                                start_new_session=True)
+    signal.signal(signal.SIGINT, handle)
     until = time.monotonic() + 30.0
     while len(descendants(process.pid)) < 3 and time.monotonic() < until:
         time.sleep(0.1)

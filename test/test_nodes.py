@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
 from graph_helpers import NAMES, PERIOD, START, Probe, await_that, log_lines, nodes
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -288,6 +289,26 @@ def test_hold_stops_the_arm_and_lets_it_go_again(tmp_path: Path) -> None:
         assert speed_after(15) == 0.0
         call(probe, SetBool, 'controller/hold', SetBool.Request(data=False))
         assert speed_after(15) > 0.01
+
+
+def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(tmp_path: Path) -> None:
+    with nodes(tmp_path, planner={}) as (probe, _):
+        twists = probe.listen(TwistStamped, 'cartesian_velocity')
+        assert 'begins' in call(probe, Trigger, 'planner/start', Trigger.Request()).message
+
+        def speed() -> float:
+            count = len(twists)
+            state = probe.state(START)
+            await_that(lambda: probe.send(state) or len(twists) > count, 'a task velocity', every=0.05)
+            linear = twists[-1].twist.linear
+            return float(np.linalg.norm((linear.x, linear.y, linear.z)))
+
+        assert speed() < 0.01
+        probe.stamp += 500 * PERIOD
+        under_way = speed()
+        assert under_way > 0.1
+        assert 'already' in call(probe, Trigger, 'planner/start', Trigger.Request()).message
+        assert speed() == pytest.approx(under_way, rel=0.1)
 
 
 def test_a_namespace_makes_a_second_robot(tmp_path: Path) -> None:

@@ -1,13 +1,14 @@
 """Calls to the nodes' services, for those who have no ros2 command line."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 
 from redres_ros.errors import RedresError
 
@@ -16,21 +17,39 @@ class CallError(RedresError):
     """A service that is not there, does not answer, or says no."""
 
 
+_ASK_AGAIN = 1.0  # [s]
+
+
 def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.0) -> Any:
-    """The response of a service; the node must be spun by somebody else. Raises CallError."""
+    """The response of a service; the node must be spun by somebody else. Raises CallError.
+
+    A server drops the answer to a client that it has not discovered yet, so the request is made again after a second;
+    the services of this package bear that.
+    """
     client = node.create_client(kind, service)
     try:
         if not client.wait_for_service(timeout_sec=timeout):
             domain = node.context.get_domain_id()
             raise CallError(f'nobody offers the service {service}; is its node running in ROS domain {domain}?')
-        future, until = client.call_async(request), time.monotonic() + timeout
-        while not future.done() and time.monotonic() < until and rclpy.ok():
-            time.sleep(0.002)
-        if not future.done():
-            raise CallError(f'{service} did not answer within {timeout:g} s')
-        return future.result()
+        until, futures = time.monotonic() + timeout, []
+        while time.monotonic() < until and rclpy.ok():
+            futures.append(client.call_async(request))
+            response = _first(futures, min(until, time.monotonic() + _ASK_AGAIN))
+            if response is not None:
+                return response
+        raise CallError(f'{service} did not answer within {timeout:g} s')
     finally:
         node.destroy_client(client)
+
+
+def _first(futures: Sequence[Future], until: float) -> Any:
+    """The result of the first one that is done; None if none is in time."""
+    while time.monotonic() < until and rclpy.ok():
+        for future in futures:
+            if future.done():
+                return future.result()
+        time.sleep(0.002)
+    return None
 
 
 def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:

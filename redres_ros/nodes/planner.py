@@ -88,8 +88,12 @@ class PlannerNode(Node):
         return np.concatenate((reference.dx, self._task.feedback_gain * orientation_error(self._R, R)))
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._planner, self._wanted = None, True
-        response.success, response.message = True, f'{self._settings.task}: begins with the next joint_states'
+        response.success, task = True, self._settings.task
+        if self._state_name == 'moving':  # to begin anew on the way would be a jump of the velocity
+            response.message = f'{task}: is under way already; planner/stop ends it'
+        else:
+            self._planner, self._wanted = None, True
+            response.message = f'{task}: begins with the next joint_states'
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
