@@ -80,11 +80,11 @@ def _damped_inverse(G: np.ndarray) -> np.ndarray:
 
 
 def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None) -> None:
+    if J.shape == dx.shape + b.shape and 1 <= len(dx) <= len(b) and (W is None or W.shape == b.shape + b.shape):
+        return
     if J.ndim != 2 or not 1 <= J.shape[0] <= J.shape[1]:
         raise ArrayError(f'J has shape {J.shape}; expected (m, n) with 1 <= m <= n')
     m, n = J.shape
-    if dx.shape == (m,) and b.shape == (n,) and (W is None or W.shape == (n, n)):
-        return
     for name, array, shape in (('dx', dx, (m,)), ('b', b, (n,)), ('W', W, (n, n))):
         if array is not None and array.shape != shape:
             raise ArrayError(f'{name} has shape {array.shape}; expected {shape} beside J of shape {J.shape}')

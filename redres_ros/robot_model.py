@@ -14,21 +14,41 @@ TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 
 
 class RobotState(NamedTuple):  # a third of a frozen dataclass's time to make, which is 2 us in every tick
-    """Everything a law may ask, evaluated at one (q, dq_prev).
+    """Everything a law may ask, at one (q, dq_prev); what most laws do without is evaluated when it is asked for.
 
-    q, dq_prev: (n,) [rad], [rad/s]; x: (3,) tip position [m]; R: (3, 3) tip orientation, both in the base frame (the
-    URDF's root link); J: (m, n) task Jacobian, linear rows first; M: (n, n) inertia [kg m^2]; n: (n,) Coriolis,
-    centrifugal and gravity torque n(q, dq_prev) [Nm], the previous velocity being all that is known at a tick (footnote
-    4).
+    q, dq_prev: (n,) [rad], [rad/s], the previous velocity being all that is known at a tick (footnote 4); J: (m, n)
+    task Jacobian, linear rows first, in the base frame (the URDF's root link); model: the arm.
     """
 
     q: np.ndarray
     dq_prev: np.ndarray
-    x: np.ndarray
-    R: np.ndarray
     J: np.ndarray
-    M: np.ndarray
-    n: np.ndarray
+    model: 'RobotModel'
+
+    @property
+    def x(self) -> np.ndarray:
+        """Tip position in the base frame, (3,) [m]."""
+        return self.model._pose(self.q)[0]
+
+    @property
+    def R(self) -> np.ndarray:
+        """Tip orientation in the base frame, (3, 3)."""
+        return self.model._pose(self.q)[1]
+
+    @property
+    def M(self) -> np.ndarray:
+        """Inertia, (n, n) [kg m^2]."""
+        return self.model._inertia(self.q)
+
+    @property
+    def n(self) -> np.ndarray:
+        """Coriolis, centrifugal and gravity torque n(q, dq_prev), (n,) [Nm]."""
+        return self.model._bias_torque(self.q, self.dq_prev)
+
+    @property
+    def free_acceleration(self) -> np.ndarray:
+        """-M^-1 n, (n,) [rad/s^2]: how the arm would move without any torque, Eq. (6)."""
+        return self.model._acceleration(self.q, self.dq_prev, np.zeros(self.model.n))
 
 
 class RobotModel:
@@ -72,20 +92,15 @@ class RobotModel:
         return cls(Arm(Path(path), tip_frame), task_space)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """All of x, J, M, n at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad input."""
+        """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad input."""
         q, dq_prev = finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
-        model, data = self._model, self._data
-        # These return copies; taking copies of what computeAllTerms leaves in data would cost more than it saves.
-        M, n = pin.crba(model, data, q), pin.nonLinearEffects(model, data, q, dq_prev)
-        pin.computeJointJacobians(model, data, q)
-        x, R = self._pose()
-        J = pin.getFrameJacobian(model, data, self._tip, pin.LOCAL_WORLD_ALIGNED)  # (6, n)
-        return RobotState(q, dq_prev, x, R, J[:self.m], M, n)
+        J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED)  # (6, n)
+        return RobotState(q, dq_prev, J[:self.m], self)
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without M or n."""
         q, dq, tau = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq'), finite_vector(tau, self.n, 'tau')
-        return pin.aba(self._model, self._data, q, dq, tau).copy()
+        return self._acceleration(q, dq, tau)
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
@@ -96,17 +111,26 @@ class RobotModel:
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
-        pin.framesForwardKinematics(self._model, self._data, finite_vector(q, self.n, 'q'))
-        return self._pose()
+        return self._pose(finite_vector(q, self.n, 'q'))
 
     def position(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame's origin in the base frame, (3,) [m]."""
         pin.framesForwardKinematics(self._model, self._data, finite_vector(q, self.n, 'q'))
         return self._data.oMf[self._frame(frame)].translation.copy()
 
-    def _pose(self) -> tuple[np.ndarray, np.ndarray]:
+    def _pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        pin.forwardKinematics(self._model, self._data, q)
         H = pin.updateFramePlacement(self._model, self._data, self._tip).homogeneous  # (4, 4), a copy
         return H[:3, 3], H[:3, :3]
+
+    def _inertia(self, q: np.ndarray) -> np.ndarray:
+        return pin.crba(self._model, self._data, q)  # a copy
+
+    def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        return pin.nonLinearEffects(self._model, self._data, q, dq)  # a copy
+
+    def _acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        return pin.aba(self._model, self._data, q, dq, tau)  # a copy
 
     def _frame(self, name: str) -> int:
         if not self._model.existFrame(name):
@@ -122,7 +146,7 @@ def quaternion(R: np.ndarray) -> np.ndarray:
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or infinity."""
     try:
-        vector = np.array(values, dtype=np.float64)
+        vector = np.array(values, np.float64)
     except (TypeError, ValueError):
         raise ArrayError(f'{name} is {values!r}; expected {size} numbers') from None
     if vector.shape != (size,):

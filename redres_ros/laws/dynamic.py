@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.laws.law import Law
-from redres_ros.resolution import solve_spd
 from redres_ros.robot_model import RobotState
 
 
@@ -25,7 +24,7 @@ class _TorqueLaw(Law):
     """The bias that the torque laws share: the velocity after one tick of zero torque and null-space damping."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev - T * solve_spd(state.M, state.n)  # lambda dq_{k-1} - T M^-1 n
+        return self.forgetting(T) * state.dq_prev + T * state.free_acceleration  # lambda dq_{k-1} - T M^-1 n
 
 
 @dataclass(frozen=True)
@@ -46,4 +45,5 @@ class MinimumTorque(_TorqueLaw):
     """Least torque in the plain norm, Eq. (7) with (A.14)."""
 
     def weight(self, state: RobotState) -> np.ndarray:
-        return state.M.dot(state.M)
+        M = state.M
+        return M.dot(M)
