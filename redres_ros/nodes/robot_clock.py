@@ -1,6 +1,7 @@
 """The robot's time: stamps exactly one period apart, and a schedule that can stand still."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -52,13 +53,12 @@ class RobotClock:
         """The next tick is due one period from now."""
         self._due = time.monotonic()
 
-    def wait(self) -> None:
+    def wait(self, sleep: Callable[[float], None] = time.sleep) -> None:
         """Sleep until the next tick is due; after being held up for more than a period go on from here, in no burst."""
         self._due += self.period / NANOSECONDS
         late = time.monotonic() - self._due
-        if late < 0.0:
-            time.sleep(-late)
-        elif late > self.period / NANOSECONDS:
+        sleep(max(-late, 0.0))
+        if late > self.period / NANOSECONDS:
             self.stand_still()
 
     def stand_still(self) -> None:

@@ -6,10 +6,11 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 import rclpy
@@ -39,10 +40,28 @@ PARENT = 'REDRES_PARENT'  # environment variable: number of the process without 
 
 _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
+_GLANCE = 0.0005  # [s] between looks at an event that a callback may set
 
 
 class StartError(RedresError):
     """ROS cannot be started as the environment asks for."""
+
+
+class Waiting(Protocol):
+    """How a loop waits while callbacks are answered."""
+
+    def sleep(self, seconds: float) -> None:
+        """Wait for that long."""
+
+    def wait(self, event: threading.Event, seconds: float) -> bool:
+        """Wait until the event is set, but no longer than that; whether it is set."""
+
+
+class OwnThread:
+    """For a loop beside the thread of the executor."""
+
+    sleep = staticmethod(time.sleep)
+    wait = staticmethod(threading.Event.wait)
 
 
 class Spinner:
@@ -65,6 +84,17 @@ class Spinner:
                 self._executor.spin_until_future_complete(self._never, timeout_sec=_WAIT)
         finally:
             self._stopped.set()
+
+    def sleep(self, seconds: float) -> None:
+        """Answer callbacks for that long; for a loop in the thread of the executor."""
+        self._executor.spin_until_future_complete(self._never, timeout_sec=max(seconds, 0.0))
+
+    def wait(self, event: threading.Event, seconds: float) -> bool:
+        """Answer callbacks until one sets the event, or for that long; whether it is set."""
+        until = time.monotonic() + seconds
+        while not event.is_set() and time.monotonic() < until and not self._stopped.is_set():
+            self.sleep(min(until - time.monotonic(), _GLANCE))
+        return event.is_set()
 
     def close(self) -> None:
         """Release the executor; spin() must have returned."""
@@ -111,11 +141,12 @@ def _spinning(spinner: Spinner, stopped: threading.Event) -> Iterator[None]:
         thread.join()
 
 
-def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) -> int:
+def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None, one_thread: bool = False) -> int:
     """The exit status of nodes that are made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1 after an error.
 
-    One of them may have `run(stopped)`, a loop of its own that ends when the event is set; all are then spun in a
-    second thread. A node may have `close()`, called while it can still publish.
+    One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set; all are then spun
+    in a second thread, or, with one_thread, whenever the loop waits. A node may have `close()`, called while it can
+    still publish.
     """
     stopped = threading.Event()
     np.seterr(over='ignore', invalid='ignore')  # results are looked at; numpy's warning would be a second line
@@ -124,7 +155,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     _end_with_parent(stopped)
     try:
         start(arguments)
-        _spin([make() for make in makes], stopped)
+        _spin([make() for make in makes], stopped, one_thread)
     except (RedresError, RCLError) as error:
         if isinstance(error, RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
@@ -144,7 +175,7 @@ def _end_with_parent(stopped: threading.Event) -> None:
             stopped.set()  # it had died before
 
 
-def _spin(nodes: list[Node], stopped: threading.Event) -> None:
+def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None:
     spinner = Spinner(nodes, stopped)
     for node in nodes:
         ask_kernel(node)
@@ -152,9 +183,11 @@ def _spin(nodes: list[Node], stopped: threading.Event) -> None:
     gc.freeze()  # what is there by now stays; the collector need not look through it in the middle of a cycle
     try:
         loop = next((node.run for node in nodes if hasattr(node, 'run')), None)
-        if loop:
+        if loop and one_thread:
+            loop(stopped, spinner)
+        elif loop:
             with _spinning(spinner, stopped):
-                loop(stopped)
+                loop(stopped, OwnThread())
         else:
             spinner.spin()
     finally:

@@ -26,7 +26,7 @@ from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, R
 from redres_ros.nodes.inbox import Inbox
 from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
 from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_nodes
+from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, Waiting, run_nodes
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.tasks import load_task
@@ -91,8 +91,8 @@ class SimNode(Node):
         self.create_timer(0.1, self._count_commanders)
         on_live_change(self, lambda changes: self._plant.check(self._with(changes)), self._set_faults)
 
-    def run(self, stopped: threading.Event) -> None:
-        """Cycle after cycle until the event is set; the executor runs in another thread.
+    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
+        """Cycle after cycle until the event is set; callbacks are answered in another thread, or while this one waits.
 
         At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to tick k + 1 while the
         state of tick k is being answered. When this process was held up, or waited with patience, the robot's clock
@@ -104,13 +104,13 @@ class SimNode(Node):
             answers = self._inbox.take(self._robot.tick)  # before the next state is out, which a later one may answer
             self._publish_state()
             if not self._settings.lockstep:
-                self._arrival.wait(_HEADSTART / self._settings.rate)
+                waiting.wait(self._arrival, _HEADSTART / self._settings.rate)
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
             self._robot.advance(*answers)
             self._tell_session()
-            wait(stopped)
+            wait(stopped, waiting)
 
     def close(self) -> None:
         """Tell the final figures."""
@@ -125,18 +125,18 @@ class SimNode(Node):
         for state in self._under_way.receive(tick):
             self._states.publish(state)
 
-    def _wait_for_tick(self, stopped: threading.Event) -> None:
-        self._robot_clock.wait()
+    def _wait_for_tick(self, stopped: threading.Event, waiting: Waiting) -> None:
+        self._robot_clock.wait(waiting.sleep)
         if self._settings.patience and self._client_lives and self._unanswered():
-            self._wait_for_answer(stopped, self._settings.patience)
+            self._wait_for_answer(stopped, waiting, self._settings.patience)
             self._client_lives = not self._unanswered()  # do not wait again until a command comes
             self._cycles_waited += 1
             self._robot_clock.stand_still()
 
-    def _wait_for_answer(self, stopped: threading.Event, patience: float = math.inf) -> None:
+    def _wait_for_answer(self, stopped: threading.Event, waiting: Waiting, patience: float = math.inf) -> None:
         until = time.monotonic() + patience
         while self._unanswered() and not stopped.is_set() and time.monotonic() < until:
-            if not self._arrival.wait(_ASK_AGAIN):
+            if not waiting.wait(self._arrival, _ASK_AGAIN):
                 self._states.publish(self._state)
             self._arrival.clear()
 

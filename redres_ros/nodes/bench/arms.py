@@ -10,7 +10,7 @@ from rclpy.node import Node
 from redres_ros.nodes.bench.sim import MeasuredSim
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
-from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.runtime import Waiting, run_nodes
 
 ARMS = 'REDRES_BENCH_ARMS'  # environment variable: the namespaces. What to make must be known before ROS has started
 
@@ -36,9 +36,9 @@ class Conductor(Node):
         super().__init__('conductor')
         self._sims = sims
 
-    def run(self, stopped: threading.Event) -> None:
+    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Until the event is set."""
-        threads = [threading.Thread(target=sim.run, args=(stopped,)) for sim in self._sims]
+        threads = [threading.Thread(target=sim.run, args=(stopped, waiting)) for sim in self._sims]
         for thread in threads:
             thread.start()
         for thread in threads:

@@ -3,9 +3,7 @@
 import sys
 
 from redres_ros.nodes.bench.sim import MeasuredSim
-from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.planner import PlannerNode
-from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.composed import run_composed
 
 if __name__ == '__main__':
-    sys.exit(run_nodes(MeasuredSim, ControllerNode, PlannerNode))
+    sys.exit(run_composed(MeasuredSim))

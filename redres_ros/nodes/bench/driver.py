@@ -17,7 +17,7 @@ from redres_ros.nodes.bench.lanes import Lane, TopicLane, UdpLane
 from redres_ros.nodes.bench.results import from_text, write_exchanges
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
 
 WARM_UP = 0.3  # [s] of every turn that are not counted
@@ -52,7 +52,7 @@ class DriverNode(Node):
         self._lanes: dict[str, Lane] = {name: self._lane(name) for name in self._processes}
         self._ticks = dict.fromkeys(self._lanes, 0)  # states sent so far
 
-    def run(self, stopped: threading.Event) -> None:
+    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Turn after turn, then write the results."""
         exchanges: dict[str, list[Exchange]] = {name: [] for name in self._lanes}
         for name in self._lanes:

@@ -13,7 +13,7 @@ from redres_ros.experiments.bench.exchange import ProcessorMeter, Stopwatch
 from redres_ros.nodes.bench.results import from_text, write_exchanges
 from redres_ros.nodes.conversions import to_nanoseconds
 from redres_ros.nodes.parameters import declare
-from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.nodes.sim import SimNode
 from redres_ros.parameter import param
 
@@ -40,10 +40,10 @@ class MeasuredSim(SimNode):
         self._window, self._stopwatch, self._meter = declare(self, Window()), Stopwatch(0, 0), None
         self._begin = self._end = -1  # ticks; negative until the first answer has come
 
-    def run(self, stopped: threading.Event) -> None:
+    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """As ever, and until the window is over."""
         self._over = stopped
-        super().run(stopped)
+        super().run(stopped, waiting)
 
     def _publish_state(self) -> None:
         tick = self._robot.tick

@@ -1,0 +1,133 @@
+"""Messages between nodes of one process, without a way through DDS."""
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+import rclpy
+from geometry_msgs.msg import TwistStamped
+from graph_helpers import PATIENCE, START, Witness, await_that, graph
+from rclpy.node import Node
+from std_msgs.msg import Float64
+
+from redres_ros.nodes.conversions import to_twist
+from redres_ros.nodes.graph import own_domain
+from redres_ros.nodes.hand_over import HandOver
+from redres_ros.nodes.runtime import NEWEST, PUBLISH, Spinner
+
+
+class Talker(Node):
+    """Says numbers on three topics."""
+
+    def __init__(self, name: str = 'talker', namespace: str = '/') -> None:
+        super().__init__(name, namespace=namespace)
+        self.said = {topic: self.create_publisher(Float64, topic, PUBLISH) for topic in ('inner', 'open', 'other')}
+
+
+class Listener(Node):
+    """Notes what it hears, and the thread in which it hears it."""
+
+    def __init__(self, heard: list[Any], name: str = 'listener', namespace: str = '/') -> None:
+        super().__init__(name, namespace=namespace)
+        for topic in ('inner', 'open', 'other'):
+            self.create_subscription(Float64, topic, lambda message, topic=topic: heard.append(
+                (self.get_name(), topic, message, threading.get_ident())), NEWEST)
+
+
+@pytest.fixture
+def hand_over() -> Iterator[HandOver]:
+    """In a domain of its own."""
+    with own_domain():
+        rclpy.init()
+        yield HandOver(('inner',), open_topics=('open',))
+        rclpy.shutdown()
+
+
+def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(hand_over: HandOver) -> None:
+    heard: list[Any] = []
+    first, second = (hand_over.node(Listener)(heard, name) for name in ('first', 'second'))
+    talker = hand_over.node(Talker)()
+    talker.said['inner'].publish(Float64(data=1.5))
+    assert [(name, topic, message.data, thread) for name, topic, message, thread in heard] == [
+        (name, 'inner', 1.5, threading.get_ident()) for name in ('first', 'second')]
+    for node in (first, second, talker):
+        node.destroy_node()
+
+
+def test_what_is_received_is_not_the_publishers_own_message(hand_over: HandOver) -> None:
+    heard: list[Any] = []
+    nodes = hand_over.node(Listener)(heard), hand_over.node(Talker)()
+    message = Float64(data=1.0)
+    nodes[1].said['inner'].publish(message)
+    message.data = 2.0
+    assert [received.data for _, _, received, _ in heard] == [1.0]
+    for node in nodes:
+        node.destroy_node()
+
+
+def test_nodes_in_other_namespaces_do_not_get_it(hand_over: HandOver) -> None:
+    heard: list[Any] = []
+    nodes = hand_over.node(Listener)(heard, namespace='/left'), hand_over.node(Talker)(namespace='/right')
+    nodes[1].said['inner'].publish(Float64(data=1.0))
+    assert not heard
+    for node in nodes:
+        node.destroy_node()
+
+
+def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_alone(hand_over: HandOver) -> None:
+    heard_inside: list[Any] = []
+    heard_outside: list[Any] = []
+    inside = hand_over.node(Talker)('talker_inside'), hand_over.node(Listener)(heard_inside, 'listener_inside')
+    outside = Talker('talker_outside'), Listener(heard_outside, 'listener_outside')
+    stopped = threading.Event()
+    spinner = Spinner((*inside, *outside), stopped)
+
+    def say(talker: Talker, heard: list[Any], topics: set[str]) -> None:
+        until = time.monotonic() + PATIENCE
+        while not topics <= {topic for _, topic, _, _ in heard} and time.monotonic() < until:
+            for topic in talker.said:
+                talker.said[topic].publish(Float64(data=1.0))
+            spinner.sleep(0.05)
+
+    say(inside[0], heard_outside, {'inner', 'open', 'other'})
+    assert {topic for _, topic, _, _ in heard_outside} == {'inner', 'open', 'other'}
+    heard_inside.clear()
+    say(outside[0], heard_inside, {'open', 'other'})
+    assert {topic for _, topic, _, _ in heard_inside} == {'open', 'other'}
+    spinner.close()
+    for node in (*inside, *outside):
+        node.destroy_node()
+
+
+def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(hand_over: HandOver) -> None:
+    node, stopped, event = rclpy.create_node('node'), threading.Event(), threading.Event()
+    spinner = Spinner([node], stopped)
+    assert not spinner.wait(event, 0.05)
+    node.create_timer(0.05, event.set)
+    begun = time.monotonic()
+    assert spinner.wait(event, PATIENCE)
+    assert time.monotonic() - begun < PATIENCE / 2.0
+    spinner.close()
+    node.destroy_node()
+
+
+def test_task_velocities_from_another_process_move_the_composed_arm(tmp_path: Path) -> None:
+    with graph(Witness) as (witness, start):
+        composed = start('composed', tmp_path / 'composed.log', patience=5.0, start=tuple(START.tolist()))
+        witness.await_command_mode()
+        teleoperation = witness.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
+
+        def moved() -> bool:
+            teleoperation.publish(to_twist(witness.at, 'world', np.array((0.0, -0.1, 0.0))))
+            return witness.speed > 0.02
+
+        await_that(moved, 'motion', every=0.02)
+        composed.check()
+        witness.assert_all_was_well()
