@@ -8,7 +8,6 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message, serialize_message
 
 
 class HandOver:
@@ -65,9 +64,7 @@ class _Publisher:
         self._publisher, self._receivers = publisher, receivers
 
     def publish(self, message: Any) -> None:
-        """As ever; receivers get a copy, for the publisher may fill its message again."""
-        if self._receivers:
-            copy = deserialize_message(serialize_message(message), type(message))
-            for receive in self._receivers:
-                receive(copy)
+        """As ever, after the receivers of this process have got it."""
+        for receive in self._receivers:
+            receive(message)
         self._publisher.publish(message)

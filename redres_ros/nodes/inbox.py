@@ -5,6 +5,7 @@ import time
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError
@@ -34,15 +35,19 @@ _KINDS = {  # the first class that an error is of tells what kind of refusal it 
 
 
 class _Arrival(NamedTuple):
-    """A command, when it came by the monotonic clock [s], and the tick at which the robot's network took it."""
+    """A command: stamp [ns] of the state that it answers, and its positions (n,) [rad], or what is wrong with them.
 
-    command: JointState
+    time: when it came by the monotonic clock [s]; tick: at which the robot's network took it.
+    """
+
+    stamp: int
+    q: np.ndarray | RedresError
     time: float
     tick: int = 0
 
 
 class Inbox:
-    """Turns commands into answers. `put` is called by the executor's thread, the rest by the robot's loop.
+    """Turns commands into answers. `put` is called by whoever receives them, the rest by the robot's loop.
 
     publishers: how many there are in the graph; while more than one answers, nobody's commands are taken. One that was
     killed stays in the graph for some 20 s, but is silent. link: what the transport does to commands, can be set at any
@@ -55,25 +60,25 @@ class Inbox:
         self._joints, self._clock, self._session, self._refusals = joints, clock, session, refusals
         self._under_way: Channel[_Arrival] = Channel(f'{seed} commands', link)
         self._arrivals: deque[_Arrival] = deque()
-        self._newest: JointState | None = None
+        self.newest = 0  # stamp [ns] of the state that the newest command answers
         self._contested = -math.inf  # when a state was last answered again [s]
         self._timed, self.publishers = timed, 0
-
-    @property
-    def newest(self) -> int:
-        """Stamp [ns] of the state that the newest command answers; 0 while none has come."""
-        return to_nanoseconds(self._newest.header.stamp) if self._newest else 0
 
     def set_link(self, link: Link) -> None:
         """Change what the transport does."""
         self._under_way.link = link
 
     def put(self, message: JointState) -> None:
-        """A command has come."""
-        if to_nanoseconds(message.header.stamp) <= self.newest:
-            self._contested = time.monotonic()
-        self._newest = message
-        self._arrivals.append(_Arrival(message, time.monotonic()))
+        """A command has come; the message is not kept."""
+        now, stamp = time.monotonic(), to_nanoseconds(message.header.stamp)
+        if stamp <= self.newest:
+            self._contested = now
+        self.newest = stamp
+        try:
+            q = self._joints.positions(message)
+        except RedresError as error:
+            q = error
+        self._arrivals.append(_Arrival(stamp, q, now))
 
     def take(self, tick: int) -> list[Answer]:
         """What the robot gets at a tick: the commands that came since the last one, as answers to ticks before it."""
@@ -83,9 +88,10 @@ class Inbox:
         return [answer for answer in answers if answer is not None]
 
     def _to_answer(self, arrival: _Arrival, now: int) -> Answer | None:
-        command = arrival.command
         try:
-            tick, q = self._tick(command, now), self._joints.positions(command)
+            tick = self._tick(arrival.stamp, now)
+            if isinstance(arrival.q, RedresError):
+                raise arrival.q
         except RedresError as error:
             self._refusals.refuse('joint_command', error)
             kind = next(kind for cls, kind in _KINDS.items() if isinstance(error, cls))
@@ -93,14 +99,14 @@ class Inbox:
             return None
         self._refusals.accept('joint_command')
         if not self._timed:
-            return Answer(tick, q)
+            return Answer(tick, arrival.q)
         delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS  # [s] by faults, after it had come
-        return Answer(tick, q, self._clock.latency(tick, arrival.time + delayed))
+        return Answer(tick, arrival.q, self._clock.latency(tick, arrival.time + delayed))
 
-    def _tick(self, command: JointState, now: int) -> int:
+    def _tick(self, stamp: int, now: int) -> int:
         if self.publishers > 1 and time.monotonic() - self._contested < _CONTEST:
             raise PublisherError(f'joint_command has {self.publishers} publishers that answer; allowed: 1')
-        tick = self._clock.tick(to_nanoseconds(command.header.stamp))
+        tick = self._clock.tick(stamp)
         if tick >= now:
-            raise StampError(f'stamp {to_nanoseconds(command.header.stamp)} ns is that of no state sent so far')
+            raise StampError(f'stamp {stamp} ns is that of no state sent so far')
         return tick
