@@ -48,7 +48,7 @@ class RobotState(NamedTuple):  # a third of a frozen dataclass's time to make, w
     @property
     def free_acceleration(self) -> np.ndarray:
         """-M^-1 n, (n,) [rad/s^2]: how the arm would move without any torque, Eq. (6)."""
-        return self.model._acceleration(self.q, self.dq_prev, np.zeros(self.model.n))
+        return self.model._acceleration(self.q, self.dq_prev, self.model._no_torque)
 
 
 class RobotModel:
@@ -75,6 +75,7 @@ class RobotModel:
         self._tip = self._frame(arm.tip_frame)
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.n = self._model.nv
+        self._no_torque = np.zeros(self.n)
         self.joint_names = tuple(self._model.names[1:])
         self.q_min = self._model.lowerPositionLimit.copy()  # (n,) [rad]
         self.q_max = self._model.upperPositionLimit.copy()  # (n,) [rad]

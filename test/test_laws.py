@@ -312,10 +312,8 @@ def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, s
 class Floating:
     """In the place of a model: an arm of constant inertia that nothing accelerates."""
 
-    n = 7
-
     def __init__(self, M: np.ndarray) -> None:
-        self._M = M
+        self._M, self._no_torque = M, np.zeros(len(M))
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
