@@ -7,7 +7,7 @@ directly (a quarter of `np.linalg.solve`), and looking closely at arguments only
 import math
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotri
 
 from redres_ros.errors import ArrayError
 
@@ -59,11 +59,15 @@ def _well_conditioned(G: np.ndarray, factor: np.ndarray) -> bool:
     """Whether no direction of G = U' U, with U its Cholesky factor, needs damping; False also where it is a close call.
 
     The eigenvalues other than the smallest one have a mean of at most trace / (m - 1), so their product is at most that
-    to the power of m - 1, and the smallest one is at least det / (trace / (m - 1))^(m - 1).
+    to the power of m - 1, and the smallest one is at least det / (trace / (m - 1))^(m - 1). Where this is too little,
+    as for eigenvalues of different units, it is at least 1 / trace(G^-1), which takes longer.
     """
     others, trace = len(G) - 1, sum(G.diagonal().tolist())
-    smallest = math.prod(factor.diagonal().tolist()) ** 2 * (others / trace) ** others
-    return smallest > SINGULAR_RATIO**2 * trace
+    needed = SINGULAR_RATIO**2 * trace  # as the largest one is at most the trace
+    if math.prod(factor.diagonal().tolist()) ** 2 * (others / trace) ** others > needed:
+        return True
+    inverse, failed = dpotri(factor)
+    return not failed and 1.0 / sum(inverse.diagonal().tolist()) > needed
 
 
 def _damped_inverse(G: np.ndarray) -> np.ndarray:
