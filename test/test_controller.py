@@ -1,6 +1,7 @@
 """Controller: what it integrates, what it survives, and how it goes from one law to another."""
 
 import copy
+import gc
 from collections.abc import Callable
 from itertools import permutations, product
 
@@ -455,3 +456,20 @@ def test_a_law_asked_for_while_holding_is_the_one_resumed(underway):
     drive.run(SWITCH_TIME)
     command, dx = drive.step()
     assert (command.dq == alone(make_law('minimum_velocity'), command, dx)).all()
+
+
+# --- real time --------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', LAWS)
+def test_ticks_give_the_garbage_collector_no_reason_to_run(model, task, name):
+    """Python looks for cycles once so many more objects were made than freed; a tick frees what it makes."""
+    controller, collections = Controller(model, make_law(name), 0.002), []
+    controller.update(task.start, DX)
+    gc.collect()
+    gc.callbacks.append(lambda phase, info: collections.append(phase))
+    try:
+        for _ in range(5 * gc.get_threshold()[0]):
+            controller.update(task.start, DX)
+    finally:
+        gc.callbacks.pop()
+    assert not collections
