@@ -36,6 +36,7 @@ N = TypeVar('N', bound=Node)
 NAMES = RobotModel.named('lwr4_paper').joint_names
 START = load_task('rectangle').start
 JUMP = 0.02  # [rad] that a position may be off where a stream of commands begins anew: a servo's lag, and no more
+LATE = 500_000_000  # [ns] at most by which a listener hears one topic later than another
 PATIENCE = 20.0  # [s] for what must happen, on a machine that may stall
 
 
@@ -170,12 +171,16 @@ class Witness(Node):
                 assert (step <= limits * (after - before) / 1e9 + JUMP).all(), f'{step} rad from {before} to {after} ns'
 
     def _commanding_at(self, stamp: int) -> bool:
-        """Whether the newest word on the session, when the state of that stamp was heard, was command mode."""
-        return next((state == 'CMD' for heard, state in reversed(self.session) if heard <= stamp), False)
+        """Whether the robot took commands at that state; the word that it no longer did may have been heard late."""
+        words = [state for heard, state in self.session if heard <= stamp][-1:]
+        words += [state for heard, state in self.session if stamp < heard <= stamp + LATE]
+        return bool(words) and set(words) == {'CMD'}
 
     def _on_state(self, message: JointState) -> None:
-        self.at = to_nanoseconds(message.header.stamp)
-        self.states.append((self.at, np.array(message.position)))
+        stamp = to_nanoseconds(message.header.stamp)
+        if stamp != self.at:  # a robot that waits for an answer asks again
+            self.at = stamp
+            self.states.append((stamp, np.array(message.position)))
 
     def _on_command(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)

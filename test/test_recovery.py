@@ -1,7 +1,8 @@
 """What happens when a part of the graph fails or misbehaves while the arm moves, and how it comes back.
 
-Real nodes over real DDS. At 100 Hz, so that what is tested is the fault and not the machine: it may stall for 200 ms.
-Times of recovery are those of the robot's clock. With REDRES_NIGHTLY=1 the long ones take as long as they should.
+Real nodes over real DDS. At 100 Hz, so that what is tested is the fault and not the machine: it may stall for 350 ms,
+and for seconds where nothing is to stop the robot, which then waits for a late answer. Times of recovery are those of
+the robot's clock. With REDRES_NIGHTLY=1 the long ones take as long as they should.
 """
 
 import os
@@ -29,7 +30,8 @@ from redres_ros.robots import find_arm
 NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'lwr'}
-OWN = {'sim': {'bridged_misses': 20}, 'controller': {}, 'planner': {'autostart': True}}
+BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
+OWN = {'sim': {'bridged_misses': BRIDGED}, 'controller': {'bridged_misses': BRIDGED}, 'planner': {'autostart': True}}
 SIDE = np.array(((0.0, 0.0, 0.0), (0.0, -0.1, 0.0)))  # [m] to and fro, far from the stretched arm and joint limits
 
 RECOVERY = 6.0  # [s] at most from sim/reset to command mode: 100 good packets, a new word on the session, monitor_time
@@ -73,12 +75,19 @@ def endless_task(directory: Path) -> Path:
     return path
 
 
+UNDISTURBED = pytest.mark.parametrize('moving', [{'patience': PATIENCE}], indirect=True)  # nothing is to stop the robot
+
+
 @pytest.fixture
-def moving(tmp_path: Path) -> Iterator[Graph]:
-    """A graph in command mode whose arm moves; afterwards nothing may have jumped, and no node have failed."""
+def moving(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Graph]:
+    """A graph in command mode whose arm moves; afterwards nothing may have jumped, and no node have failed.
+
+    Its parameter: what is set in the sim besides.
+    """
     with graph(Witness) as (witness, start):
         counts: dict[str, int] = {}
-        own = OWN | {'planner': {**OWN['planner'], 'task': str(endless_task(tmp_path))}}
+        own = OWN | {'sim': {**OWN['sim'], **getattr(request, 'param', {})},
+                     'planner': {**OWN['planner'], 'task': str(endless_task(tmp_path))}}
 
         def start_one(name: str) -> NodeProcess:
             counts[name] = counts.get(name, 0) + 1
@@ -113,21 +122,22 @@ def test_states_that_stop_for_a_second_stop_the_arm_and_reset_lets_it_go_on(movi
     witness.await_standstill(witness.at)
     assert witness.reset() < RECOVERY
     assert goes_on(witness)
-    for name in ('controller', 'planner'):  # the first silence is that before the sim was there; a stall may add one
-        assert moving.lines(name, 'no joint_states') == moving.lines(name, 'joint_states is back') < 5
+    for name in ('controller', 'planner'):  # the first silence is that before the sim was there; stalls may add some
+        assert moving.lines(name, 'no joint_states') == moving.lines(name, 'joint_states is back') < 10
     assert moving.lines('sim', 'timing') == 1
 
 
 def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(moving: Graph) -> None:
     witness, lost = moving.witness, moving.witness.at
     set_parameters(witness, 'sim', {'command_loss': 1.0})
-    moving.await_stop('timing', '20 are bridged')
+    moving.await_stop('timing')
     assert witness.await_standstill(lost) < STANDSTILL
     set_parameters(witness, 'sim', {'command_loss': 0.0})
     assert witness.reset() < RECOVERY
     assert goes_on(witness)
 
 
+@UNDISTURBED
 def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(moving: Graph) -> None:
     witness = moving.witness
     moving.kill('planner')
@@ -224,6 +234,7 @@ BAD = ({'law': 'none'}, {'damping': -1.0}, {'damping': float('nan')}, {'damping'
        {'switch_time': -0.1}, {'rate': 10.0}, {'no_such': 1}, {'law': 'minimum_velocity', 'damping': float('inf')})
 
 
+@UNDISTURBED
 def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving: Graph) -> None:
     witness, random = moving.witness, np.random.default_rng(0)
     refused, sets = 0, 10_000 if NIGHTLY else 1000
@@ -244,6 +255,7 @@ def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving
     assert laws[-1].data == good['law']
 
 
+@UNDISTURBED
 def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(moving: Graph) -> None:
     until, switches = time.monotonic() + (60.0 if NIGHTLY else 3.0), 0
     while time.monotonic() < until:
