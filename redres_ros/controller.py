@@ -115,11 +115,12 @@ class Controller:
         """
         if missed < 0:
             raise RangeError('missed', missed, 0, np.inf, 'cycles')
-        state, dx = self.model.state(q, self._dq_prev), finite_vector(dx, self.model.m, 'dx')
+        q, dx = finite_vector(q, self.model.n, 'q'), finite_vector(dx, self.model.m, 'dx')
+        state = self.model.unchecked_state(q, self._dq_prev)
         blend = self._blend.advanced(self._law if self._moving else None, self._dq_prev, self.T, self.switch_time)
         dq, after = blend.resolve(state, dx, self.T)
         if self._q_ref is None or self._integrate_from == 'measurement':
-            q_ref = state.q + self.T * dq  # footnote 1
+            q_ref = q + self.T * dq  # footnote 1
         else:
             q_ref = self._q_ref + self.T * (missed * self._dq_prev + dq if missed else dq)
         self._q_ref, self._dq_prev, self._blend = q_ref, dq, after

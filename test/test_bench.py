@@ -45,12 +45,15 @@ def test_quantiles_are_samples_that_occurred():
     assert np.isnan(Times(np.array([])).median)
 
 
-def test_calls_take_turns_and_get_the_number_of_their_turn():
-    seen = []
-    result = measure({'a': lambda k: seen.append(('a', k)), 'b': lambda k: seen.append(('b', k))}, rounds=2)
-    assert [name for name, _ in seen[::BLOCK]] == ['a', 'b'] * 3  # a round that does not count, and two that do
-    assert [k for name, k in seen if name == 'a'][BLOCK:] == list(range(2 * BLOCK))
-    assert {name: len(t.samples) for name, t in result.items()} == dict.fromkeys('ab', 2 * (BLOCK - COLD))
+def test_calls_take_turns_in_changing_order_and_get_the_number_of_their_turn():
+    seen, rounds = [], 20
+    result = measure({name: lambda k, name=name: seen.append((name, k)) for name in 'abc'}, rounds)
+    blocks = [name for name, _ in seen[::BLOCK]]
+    assert [name for name, _ in seen] == [name for name in blocks for _ in range(BLOCK)]
+    turns = {''.join(blocks[i:i + 3]) for i in range(0, len(blocks), 3)}
+    assert all(sorted(turn) == ['a', 'b', 'c'] for turn in turns) and len(turns) > 3
+    assert [k for name, k in seen if name == 'a'][BLOCK:] == list(range(rounds * BLOCK))
+    assert {name: len(t.samples) for name, t in result.items()} == dict.fromkeys('abc', rounds * (BLOCK - COLD))
 
 
 def test_what_takes_longer_is_measured_as_longer():

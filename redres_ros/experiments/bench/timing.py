@@ -1,6 +1,7 @@
 """Times of calls that take turns, so that a slow moment of the machine hits all of them alike."""
 
 import gc
+import random
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -41,12 +42,15 @@ def measure(calls: Mapping[str, Callable[[int], object]], rounds: int,
             progress: Callable[[float], None] | None = None) -> dict[str, Times]:
     """The times of the calls, each made `rounds` blocks long, block by block in turn.
 
+    The order is another one in every round: none always comes after the same one, with the caches as that leaves them.
     Each call gets the number of its turn, 0, 1, 2, ..., from which it picks its input. A first round is not counted.
     """
     samples: dict[str, list[int]] = {name: [] for name in calls}
+    order, shuffle = list(calls.items()), random.Random(0).shuffle
     with _undisturbed():
         for turn in range(-1, rounds):
-            for name, call in calls.items():
+            shuffle(order)
+            for name, call in order:
                 times = _block(call, max(turn, 0) * BLOCK)
                 if turn >= 0:
                     samples[name] += times[COLD:]
