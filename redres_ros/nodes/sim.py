@@ -92,7 +92,7 @@ class SimNode(Node):
         on_live_change(self, lambda changes: self._plant.check(self._with(changes)), self._set_faults)
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Cycle after cycle until the event is set; callbacks are answered in another thread, or while this one waits.
+        """Cycle after cycle until the event is set; callbacks are answered while it waits, or in another thread.
 
         At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to tick k + 1 while the
         state of tick k is being answered. When this process was held up, or waited with patience, the robot's clock
@@ -198,7 +198,7 @@ class SimNode(Node):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_nodes(SimNode, arguments=arguments)
+    return run_nodes(SimNode, arguments=arguments, one_thread=True)
 
 
 if __name__ == '__main__':

@@ -42,7 +42,7 @@ class MeasuredSim(SimNode):
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """As ever, and until the window is over."""
-        self._over = stopped
+        self._over, self._waiting = stopped, waiting
         super().run(stopped, waiting)
 
     def _publish_state(self) -> None:
@@ -68,7 +68,7 @@ class MeasuredSim(SimNode):
 
     def _finish(self) -> None:
         shares = self._meter.shares()
-        time.sleep(_STRAGGLERS)
+        self._waiting.sleep(_STRAGGLERS)
         exchange = self._stopwatch.exchange(1.0 / self._settings.rate, shares)
         write_exchanges({'sim': exchange}, Path(self._window.out.format(arm=self.get_namespace().strip('/'))))
         if not self._window.stay:
@@ -76,4 +76,4 @@ class MeasuredSim(SimNode):
 
 
 if __name__ == '__main__':
-    sys.exit(run_nodes(MeasuredSim))
+    sys.exit(run_nodes(MeasuredSim, one_thread=True))
