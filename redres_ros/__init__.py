@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     from redres_ros.planner import Planner
     from redres_ros.resolution import resolve
     from redres_ros.robot_model import RobotModel, RobotState
-    from redres_ros.tasks import Task, load_task
+    from redres_ros.waypoints import Task, load_task
 
 # Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy nor pinocchio.
 _HOMES = {
     'Command': 'controller', 'Controller': 'controller', 'RedresError': 'errors', 'LAWS': 'laws', 'Law': 'laws',
     'make_law': 'laws', 'Planner': 'planner', 'resolve': 'resolution', 'RobotModel': 'robot_model',
-    'RobotState': 'robot_model', 'Task': 'tasks', 'load_task': 'tasks',
+    'RobotState': 'robot_model', 'Task': 'waypoints', 'load_task': 'waypoints',
 }
 
 __all__ = ['LAWS', 'Command', 'Controller', 'Law', 'Planner', 'RedresError', 'RobotModel', 'RobotState', 'Task',

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.tasks import Task
+from redres_ros.waypoints import Task
 
 
 def quintic(xi: float) -> tuple[float, float]:

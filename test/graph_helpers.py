@@ -20,14 +20,15 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from redres_ros.fri.limits import JointLimits
-from redres_ros.nodes.client import call
+from redres_ros.demo.client import call
+from redres_ros.demo.processes import NodeProcess, own_domain
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_twist
-from redres_ros.nodes.graph import NodeProcess, own_domain
-from redres_ros.nodes.runtime import LATCHED, spun
+from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.runtime import spun
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
-from redres_ros.tasks import load_task
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.waypoints import load_task
 
 PERIOD = 2_000_000  # [ns]
 

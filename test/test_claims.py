@@ -7,9 +7,9 @@ import pytest
 
 from redres_ros.cli import main
 from redres_ros.errors import FileError
-from redres_ros.experiments import claims, figures
-from redres_ros.experiments.claims import CLAIMS, Claim, Finding, check_all, table, theoretical, write_csv
-from redres_ros.experiments.figures import Runs
+from redres_ros.paper import claims, figures
+from redres_ros.paper.claims import CLAIMS, Claim, Finding, check_all, table, theoretical, write_csv
+from redres_ros.paper.figures import Runs
 
 
 @pytest.fixture(scope='module')

@@ -9,8 +9,8 @@ import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.cli import main
-from redres_ros.experiments.closed_loop import run
-from redres_ros.experiments.recording import columns
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.recording import columns
 
 
 @pytest.fixture

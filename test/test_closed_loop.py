@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, Task, load_task, make_law
-from redres_ros.experiments.closed_loop import run
-from redres_ros.experiments.recording import Recording
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.recording import Recording
 
 MODEL, TASK = RobotModel.named('lwr4_paper'), load_task('rectangle')
 PERIODS = pytest.mark.parametrize('T', [0.001, 0.002])

@@ -8,11 +8,11 @@ import pytest
 
 from redres_ros.cli import main
 from redres_ros.controller import Controller
-from redres_ros.experiments.closed_loop import run
-from redres_ros.experiments.comparison import Effort, table
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
-from redres_ros.tasks import load_task
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.comparison import Effort, table
+from redres_ros.waypoints import load_task
 
 TASK = replace(load_task('rectangle'), waypoints=load_task('rectangle').waypoints[:2])
 

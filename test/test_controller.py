@@ -8,7 +8,18 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from redres_ros import LAWS, Command, Controller, Law, Planner, RobotModel, RobotState, Task, make_law, resolve
+from redres_ros import (
+    LAWS,
+    Command,
+    Controller,
+    Law,
+    Planner,
+    RobotModel,
+    RobotState,
+    Task,
+    make_law,
+    resolve,
+)
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.planner import quintic
 

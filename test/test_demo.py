@@ -14,11 +14,11 @@ import yaml
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from redres_ros.controller import Controller
-from redres_ros.experiments.closed_loop import run
-from redres_ros.experiments.recording import columns
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
-from redres_ros.tasks import load_task
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.recording import columns
+from redres_ros.waypoints import load_task
 
 JOINTS = slice(1, 8)  # columns q1..q7
 

@@ -7,9 +7,9 @@ import pytest
 
 from redres_ros import RobotModel, Task
 from redres_ros.errors import RangeError, UnknownNameError
-from redres_ros.experiments import equivalence
-from redres_ros.experiments.continuous import DivergenceError, integrate
-from redres_ros.experiments.equivalence import (
+from redres_ros.paper import equivalence
+from redres_ros.paper.continuous import DivergenceError, integrate
+from redres_ros.paper.equivalence import (
     ZERO,
     Convergence,
     Difference,
@@ -18,7 +18,7 @@ from redres_ros.experiments.equivalence import (
     difference,
     yardstick,
 )
-from redres_ros.second_order import SCHEMES, MinimumAcceleration, make_scheme
+from redres_ros.paper.second_order import SCHEMES, MinimumAcceleration, make_scheme
 
 EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
 PERIODS = (0.008, 0.004, 0.002)  # [s]

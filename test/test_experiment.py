@@ -7,11 +7,11 @@ import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.errors import ArrayError
-from redres_ros.experiments.closed_loop import run
-from redres_ros.experiments.experiment import AFTERMATH, Client, Experiment, experiment
-from redres_ros.experiments.savgol import LEFT_OUT, WINDOW, differentiate
+from redres_ros.paper.experiment import AFTERMATH, Client, Experiment, experiment
+from redres_ros.paper.savgol import LEFT_OUT, WINDOW, differentiate
+from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.robots import find_arm
-from redres_ros.second_order import SecondOrderController, make_scheme
+from redres_ros.simulation.closed_loop import run
 
 T = 0.002  # [s]
 TASK = load_task('rectangle')

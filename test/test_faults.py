@@ -9,17 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
-from redres_ros.fri.channel import Channel
-from redres_ros.fri.faults import Faults, Link
+from redres_ros.fri.channel import Channel, Link
+from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard
-from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.plant import IdealPlant, MujocoPlant
 from redres_ros.fri.refusal import Refusal
 from redres_ros.fri.robot import Answer, FriRobot
 from redres_ros.fri.session import Session, SessionSettings
 from redres_ros.parameter import parameters
 from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
 
 T = 0.002  # [s]
 ARM = find_arm('lwr4')

@@ -11,16 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.errors import FileError
-from redres_ros.experiments import figures as figures_module
-from redres_ros.experiments.experiment import Experiment
-from redres_ros.experiments.figures import FIGURES, Runs, draw_all, motions
-from redres_ros.experiments.figures.differences import difference
-from redres_ros.experiments.figures.norms import torque_norm
-from redres_ros.experiments.savgol import Motion
 from redres_ros.fri import render as rendering
 from redres_ros.fri.render import Film, RenderError, render
+from redres_ros.paper import figures as figures_module
+from redres_ros.paper.experiment import Experiment
+from redres_ros.paper.figures import FIGURES, Runs, draw_all, motions
+from redres_ros.paper.figures.differences import difference
+from redres_ros.paper.figures.norms import torque_norm
+from redres_ros.paper.savgol import Motion
 from redres_ros.robots import Arm, find_arm
-from redres_ros.tasks import Task
+from redres_ros.waypoints import Task
 
 FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
 WITH_UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')

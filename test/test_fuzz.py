@@ -27,13 +27,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.fri.limits import JointLimits
+from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
-from redres_ros.nodes.graph import own_domain
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
 
 CASES = 10_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 1000
 FIRST = 10**18  # [ns] stamp of the first state

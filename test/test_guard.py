@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from redres_ros.errors import ArrayError, FileError, RangeError
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard, GuardSettings
-from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.refusal import Refusal
 from redres_ros.robots import Arm, find_arm
+from redres_ros.robots.joint_limits import JointLimits
 
 T = 0.002  # [s]
 LIMITS = JointLimits.of(find_arm('lwr4'))

@@ -17,10 +17,11 @@ from graph_helpers import PATIENCE, START, Witness, await_that, graph
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.graph import own_domain
-from redres_ros.nodes.hand_over import HandOver
-from redres_ros.nodes.runtime import NEWEST, PUBLISH, Spinner
+from redres_ros.nodes.intra_process import IntraProcess
+from redres_ros.nodes.qos import NEWEST, PUBLISH
+from redres_ros.nodes.runtime import Spinner
 
 
 class Talker(Node):
@@ -42,18 +43,18 @@ class Listener(Node):
 
 
 @pytest.fixture
-def hand_over() -> Iterator[HandOver]:
+def intra_process() -> Iterator[IntraProcess]:
     """In a domain of its own."""
     with own_domain():
         rclpy.init()
-        yield HandOver(('inner',), open_topics=('open',))
+        yield IntraProcess(('inner',), open_topics=('open',))
         rclpy.shutdown()
 
 
-def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(hand_over: HandOver) -> None:
+def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(intra_process: IntraProcess) -> None:
     heard: list[Any] = []
-    first, second = (hand_over.node(Listener)(heard, name) for name in ('first', 'second'))
-    talker = hand_over.node(Talker)()
+    first, second = (intra_process.node(Listener)(heard, name) for name in ('first', 'second'))
+    talker = intra_process.node(Talker)()
     talker.said['inner'].publish(Float64(data=1.5))
     assert [(name, topic, message.data, thread) for name, topic, message, thread in heard] == [
         (name, 'inner', 1.5, threading.get_ident()) for name in ('first', 'second')]
@@ -61,19 +62,19 @@ def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_mad
         node.destroy_node()
 
 
-def test_nodes_in_other_namespaces_do_not_get_it(hand_over: HandOver) -> None:
+def test_nodes_in_other_namespaces_do_not_get_it(intra_process: IntraProcess) -> None:
     heard: list[Any] = []
-    nodes = hand_over.node(Listener)(heard, namespace='/left'), hand_over.node(Talker)(namespace='/right')
+    nodes = intra_process.node(Listener)(heard, namespace='/left'), intra_process.node(Talker)(namespace='/right')
     nodes[1].said['inner'].publish(Float64(data=1.0))
     assert not heard
     for node in nodes:
         node.destroy_node()
 
 
-def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_alone(hand_over: HandOver) -> None:
+def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_alone(intra_process: IntraProcess) -> None:
     heard_inside: list[Any] = []
     heard_outside: list[Any] = []
-    inside = hand_over.node(Talker)('talker_inside'), hand_over.node(Listener)(heard_inside, 'listener_inside')
+    inside = intra_process.node(Talker)('talker_inside'), intra_process.node(Listener)(heard_inside, 'listener_inside')
     outside = Talker('talker_outside'), Listener(heard_outside, 'listener_outside')
     stopped = threading.Event()
     spinner = Spinner((*inside, *outside), stopped)
@@ -95,7 +96,7 @@ def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_al
         node.destroy_node()
 
 
-def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(hand_over: HandOver) -> None:
+def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(intra_process: IntraProcess) -> None:
     node, stopped, event = rclpy.create_node('node'), threading.Event(), threading.Event()
     spinner = Spinner([node], stopped)
     assert not spinner.wait(event, 0.05)

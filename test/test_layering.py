@@ -20,12 +20,13 @@ ROS = r'(rcl|rpy|ros|rmw|ament|launch|tf2|unique_identifier)\w*|\w+_(msgs|srvs|i
 LAYERS = (
     {'errors'},
     {'parameter', 'share', 'resolution', 'robots'},
-    {'robot_model', 'tasks'},
+    {'robot_model', 'waypoints'},
     {'laws', 'planner'},
     {'controller', 'fri'},
-    {'second_order'},
-    {'experiments'},
-    {'nodes'},
+    {'simulation'},
+    {'nodes', 'paper'},
+    {'demo'},
+    {'bench'},
     {'cli'},
 )
 
@@ -92,7 +93,9 @@ def test_all_files_were_read():
 
 
 # What others' inverse kinematics cost must not depend on our wrappers, so the peers have the two libraries bare.
-PEERS = 'experiments/bench/peers.py'
+PEERS = 'bench/peers.py'
+
+WITH_ROS = {'nodes', 'demo', 'bench'}  # rooms
 
 
 def test_only_the_robot_model_and_the_peers_import_pinocchio():
@@ -108,13 +111,13 @@ def test_what_is_not_required_is_imported_when_it_is_asked_for():
     assert files_with('pink') == files_with('mink') == {PEERS}
 
 
-def test_only_nodes_import_ros_when_they_are_loaded():
+def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():
     loading = {found.file for found in IMPORTS if found.on_loading and re.fullmatch(ROS, found.library)}
-    assert {room(file) for file in loading} == {'nodes'}
+    assert {room(file) for file in loading} == WITH_ROS
 
 
 def test_only_nodes_and_the_command_line_import_ros_at_all():
-    assert {room(file) for file in files_with(ROS)} - {'nodes'} <= {'cli'}
+    assert {room(file) for file in files_with(ROS)} - WITH_ROS <= {'cli'}
 
 
 def test_resolution_needs_nothing_but_numpy_and_lapack():
@@ -181,7 +184,7 @@ def test_the_block_blocks():
 
 def test_the_core_loads_without_ros():
     modules = {found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.') for found in IMPORTS
-               if room(found.file) not in ('nodes', '__init__.py')}
+               if room(found.file) not in (*WITH_ROS, '__init__.py')}
     result = run_blocked('\n'.join(f'import redres_ros.{module}' for module in sorted(modules)))
     assert result.returncode == 0, result.stderr
 

@@ -25,10 +25,10 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.controller import Controller
+from redres_ros.demo.client import CallError, call, set_parameters
+from redres_ros.demo.processes import own_domain
 from redres_ros.laws import LAWS, make_law
-from redres_ros.nodes.client import CallError, call, set_parameters
-from redres_ros.nodes.graph import own_domain
-from redres_ros.nodes.runtime import LATCHED
+from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
 
 DX = np.array([0.02, -0.05, 0.03])
@@ -80,7 +80,7 @@ def test_a_node_that_cannot_start_says_why_in_one_line(bad_starts: list[subproce
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
+def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signal.Telemetry) -> None:
     with nodes(tmp_path, sim={}, controller={}, planner={}) as (probe, processes):
         await_that(lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes')
         for process in processes.values():

@@ -7,8 +7,8 @@ import pytest
 
 from redres_ros import Command, RobotModel
 from redres_ros.errors import FileError
-from redres_ros.experiments.recording import Recording, columns, row
 from redres_ros.planner import Reference
+from redres_ros.simulation.recording import Recording, columns, row
 
 T = 0.002  # [s]
 COLUMNS = ('t,q1,q2,q3,q4,q5,q6,q7,dq1,dq2,dq3,dq4,dq5,dq6,dq7,x,y,z,x_d,y_d,z_d,task_error,joint_velocity_norm,'

@@ -22,10 +22,10 @@ from graph_helpers import PATIENCE, START, Probe, Witness, await_that, graph, lo
 from std_msgs.msg import String
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
-from redres_ros.fri.limits import JointLimits
-from redres_ros.nodes.client import set_parameters
-from redres_ros.nodes.graph import NodeProcess
+from redres_ros.demo.client import set_parameters
+from redres_ros.demo.processes import NodeProcess
 from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
 
 NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 RATE = 100.0  # [Hz]

@@ -9,9 +9,7 @@ from scipy.linalg import null_space
 
 from redres_ros import LAWS, Controller, Law, RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.experiments.closed_loop import run
-from redres_ros.parameter import param
-from redres_ros.second_order import (
+from redres_ros.paper.second_order import (
     SCHEMES,
     MinimumAcceleration,
     SecondOrderController,
@@ -19,6 +17,8 @@ from redres_ros.second_order import (
     make_scheme,
     step,
 )
+from redres_ros.parameter import param
+from redres_ros.simulation.closed_loop import run
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
-from redres_ros.fri.connection import WINDOW, Connection
 from redres_ros.fri.profile import State
 from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics
 from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.fri.session import Session, SessionSettings
+from redres_ros.fri.timing import WINDOW, Connection
 
 T = 0.002  # [s]
 

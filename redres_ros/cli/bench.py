@@ -21,20 +21,20 @@ def add(commands: Any) -> None:
                        help='time for which each kind of loop is measured at each rate [s]; the other parts scale')
     bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
     bench.add_argument('--out', type=Path, default=Path('redres_bench'), metavar='DIR',
-                       help='directory for bench.json, bench_growth.png and logs')
+                       help='directory for bench.json and logs')
     bench.set_defaults(run=_bench)
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from redres_ros.experiments.bench.peers import REMEDY, missing_peers
-    from redres_ros.experiments.bench.report import table, write_json
-    from redres_ros.experiments.report import progress_bar
+    from redres_ros.bench.peers import REMEDY, missing_peers
+    from redres_ros.bench.report import table, write_json
+    from redres_ros.simulation.report import progress_bar
 
     parts, options.rates = _names(options.only), _numbers(options.rates)
     if not 0.01 <= options.duration <= 3600.0:
         raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
     if _WITH_ROS & set(parts):
-        import redres_ros.nodes.bench.loop  # noqa: F401, if there is no ROS that is to be known before the first part
+        import redres_ros.bench.loop  # noqa: F401, if there is no ROS that is to be known before the first part
     made(options.out / _LOGS)
     if 'tick' in parts and missing_peers():
         print(f"not installed, and left out: {', '.join(missing_peers())}; {REMEDY}")
@@ -42,8 +42,6 @@ def _bench(options: argparse.Namespace) -> int:
     for name in parts:
         with progress_bar(name) as progress:
             results[name] = _PARTS[name](options, progress)
-    if 'growth' in results:
-        results['growth'].draw(options.out / 'bench_growth.png')
     write_json(results, options.out / 'bench.json')
     print(f'{table(results)}\n\nall figures {options.out}/bench.json')
     return 0
@@ -73,35 +71,17 @@ def _rounds(options: argparse.Namespace, per_second: float) -> int:
 
 
 def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.experiments.bench.tick import measure_tick
+    from redres_ros.bench.tick import measure_tick
 
     return measure_tick(_rounds(options, 100.0), progress)
 
 
-def _growth(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.experiments.bench.growth import measure_growth
-
-    return measure_growth(_rounds(options, 20.0), progress)
-
-
 def _loop(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.nodes.bench.loop import measure_loop
+    from redres_ros.bench.loop import measure_loop
 
     return measure_loop(options.rates, options.duration, options.out / _LOGS, progress)
 
 
-def _startup(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.nodes.bench.startup import measure_nodes
+_WITH_ROS = {'loop'}
 
-    return measure_nodes(min(_rounds(options, 5.0), 5), progress)
-
-
-def _arms(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.nodes.bench.several import measure_arms
-
-    return measure_arms(500.0, options.duration, options.out / _LOGS, progress=progress)
-
-
-_WITH_ROS = {'loop', 'startup', 'arms'}
-
-_PARTS = {'tick': _tick, 'loop': _loop, 'startup': _startup, 'growth': _growth, 'arms': _arms}
+_PARTS = {'tick': _tick, 'loop': _loop}

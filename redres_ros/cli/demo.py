@@ -38,11 +38,11 @@ def add(commands: Any) -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from redres_ros.experiments.report import progress_bar
+    from redres_ros.demo.demo import Demo, DemoOptions
+    from redres_ros.demo.processes import own_domain
     from redres_ros.laws import make_law
-    from redres_ros.nodes.demo import Demo, DemoOptions
-    from redres_ros.nodes.graph import own_domain
-    from redres_ros.tasks import load_task
+    from redres_ros.simulation.report import progress_bar
+    from redres_ros.waypoints import load_task
 
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
@@ -73,9 +73,9 @@ def _switch(text: str) -> tuple[str, float]:
 def _write(outcome: Any, demo: Any, task: Any, out: Path) -> None:
     """Table to the terminal, motion.csv and motion.png to the directory."""
     from redres_ros.controller import Controller
-    from redres_ros.experiments.closed_loop import run
-    from redres_ros.experiments.plots import draw_motion
     from redres_ros.laws import make_law
+    from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.plots import draw_motion
 
     outcome.recording.write_csv(out / 'motion.csv')
     gains = {'damping': outcome.law.damping}

@@ -30,12 +30,12 @@ def add(commands: Any) -> None:
 
 def _compare(options: argparse.Namespace) -> int:
     from redres_ros.controller import Controller
-    from redres_ros.experiments.closed_loop import run
-    from redres_ros.experiments.comparison import Effort, draw, table
-    from redres_ros.experiments.report import progress_bar
     from redres_ros.laws import make_law
     from redres_ros.robot_model import RobotModel
-    from redres_ros.tasks import load_task
+    from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.comparison import Effort, draw, table
+    from redres_ros.simulation.report import progress_bar
+    from redres_ros.waypoints import load_task
 
     task, out = load_task(options.task), made(options.out)
     model = RobotModel.named(task.robot, dynamics=options.dynamics)
@@ -62,9 +62,9 @@ def _law_and_damping(text: str, damping: float | None) -> tuple[str, dict[str, f
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    from redres_ros.experiments.claims import CLAIMS, check_all, table, write_csv
-    from redres_ros.experiments.figures import Runs, draw_all
-    from redres_ros.experiments.report import progress_bar
+    from redres_ros.paper.claims import CLAIMS, check_all, table, write_csv
+    from redres_ros.paper.figures import Runs, draw_all
+    from redres_ros.simulation.report import progress_bar
 
     runs, out = Runs(), made(options.out)
     with progress_bar('figures') as progress:

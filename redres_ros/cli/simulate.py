@@ -27,11 +27,11 @@ def _simulate(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from redres_ros.controller import Controller
-    from redres_ros.experiments.closed_loop import run
-    from redres_ros.experiments.report import peaks, progress_bar
     from redres_ros.laws import make_law
     from redres_ros.robot_model import RobotModel
-    from redres_ros.tasks import load_task
+    from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.report import peaks, progress_bar
+    from redres_ros.waypoints import load_task
 
     task = load_task(options.task)
     if options.switching:

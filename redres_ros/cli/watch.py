@@ -17,9 +17,9 @@ def add(commands: Any) -> None:
 def _watch(options: argparse.Namespace) -> int:
     import threading
 
-    from redres_ros.nodes.graph import joined_domain
+    from redres_ros.demo.processes import joined_domain
+    from redres_ros.demo.watch import Watch, watch
     from redres_ros.nodes.runtime import spun
-    from redres_ros.nodes.watch import Watch, watch
 
     with joined_domain(options.domain), spun(Watch) as node:
         watch(node, threading.Event(), options.duration)

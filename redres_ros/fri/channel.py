@@ -1,12 +1,28 @@
 """The way of messages from one end to the other, with the faults of a network. It knows no clock but ticks."""
 
 from collections import deque
+from dataclasses import dataclass
 from random import Random
 from typing import Generic, TypeVar
 
-from redres_ros.fri.faults import Link
-
 M = TypeVar('M')
+
+
+@dataclass(frozen=True)
+class Link:
+    """What happens to messages on their way; nothing by default. Delays are in cycles.
+
+    delay: of every message; delay_spread: up to so many more, evenly distributed, and no message overtakes another;
+    loss: share of messages that are lost on an average; loss_burst: how many are lost in a row each time; duplication:
+    share of messages that arrive twice; reordering: chance of a message to arrive with the next one, but after it.
+    """
+
+    delay: int = 0
+    delay_spread: int = 0
+    loss: float = 0.0
+    loss_burst: int = 1
+    duplication: float = 0.0
+    reordering: float = 0.0
 
 
 class Channel(Generic[M]):

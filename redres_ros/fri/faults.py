@@ -4,26 +4,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from redres_ros.fri.channel import Link
 from redres_ros.parameter import check_parameters, param
 
 LONGEST = 1000  # cycles
-
-
-@dataclass(frozen=True)
-class Link:
-    """What happens to messages on their way; nothing by default. Delays are in cycles.
-
-    delay: of every message; delay_spread: up to so many more, evenly distributed, and no message overtakes another;
-    loss: share of messages that are lost on an average; loss_burst: how many are lost in a row each time; duplication:
-    share of messages that arrive twice; reordering: chance of a message to arrive with the next one, but after it.
-    """
-
-    delay: int = 0
-    delay_spread: int = 0
-    loss: float = 0.0
-    loss_burst: int = 1
-    duplication: float = 0.0
-    reordering: float = 0.0
 
 
 @dataclass(frozen=True)

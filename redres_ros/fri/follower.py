@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from redres_ros.fri.limits import JointLimits
+from redres_ros.robots.joint_limits import JointLimits
 
 CATCH_UP = 0.5  # share of the acceleration limit with which a lag is closed; the rest is left to the command itself
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.parameter import check_parameters, param
+from redres_ros.robots.joint_limits import JointLimits
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from types import MappingProxyType
 
-from redres_ros.fri.quality import SUNRISE_THRESHOLDS, THRESHOLDS, Quality, SunriseQuality, Threshold
+from redres_ros.fri.quality import (
+    SUNRISE_THRESHOLDS,
+    THRESHOLDS,
+    Quality,
+    SunriseQuality,
+    Threshold,
+)
 
 
 class State(Enum):

@@ -6,11 +6,11 @@ from typing import Protocol
 import numpy as np
 
 from redres_ros.errors import JointNamesError, RedresError
-from redres_ros.fri.connection import WINDOW
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.fri.session import Session
+from redres_ros.fri.timing import WINDOW
 
 
 class Plant(Protocol):

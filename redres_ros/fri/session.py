@@ -5,9 +5,9 @@ from collections import Counter
 from dataclasses import dataclass
 from enum import IntEnum
 
-from redres_ros.fri.connection import Connection, Counts, Statistics
 from redres_ros.fri.profile import LWR_FRI1, PROFILES, Event, Profile, State
 from redres_ros.fri.refusal import Refusal, Refused
+from redres_ros.fri.timing import Connection, Counts, Statistics
 from redres_ros.parameter import check_parameters, param
 
 

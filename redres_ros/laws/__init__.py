@@ -1,7 +1,12 @@
 """The laws of the paper by name. A new law is one small class and one line in this table."""
 
 from redres_ros.errors import UnknownNameError
-from redres_ros.laws.dynamic import DynamicallyConsistent, MinimumKineticEnergy, MinimumTorque, MinimumWeightedTorque
+from redres_ros.laws.dynamic import (
+    DynamicallyConsistent,
+    MinimumKineticEnergy,
+    MinimumTorque,
+    MinimumWeightedTorque,
+)
 from redres_ros.laws.kinematic import MinimumAcceleration, MinimumVelocity
 from redres_ros.laws.law import Law
 from redres_ros.parameter import parameters

@@ -9,7 +9,7 @@ import sys
 from rclpy.node import Node
 
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.hand_over import HandOver
+from redres_ros.nodes.intra_process import IntraProcess
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sim import SimNode
@@ -17,8 +17,8 @@ from redres_ros.nodes.sim import SimNode
 
 def run_composed(sim: type[Node] = SimNode, arguments: list[str] | None = None) -> int:
     """The exit status of the three; a state is answered by the controller before the planner gets it."""
-    hand_over = HandOver(('joint_states', 'joint_command'), open_topics=('cartesian_velocity',))
-    return run_nodes(*map(hand_over.node, (sim, ControllerNode, PlannerNode)), arguments=arguments, one_thread=True)
+    intra_process = IntraProcess(('joint_states', 'joint_command'), open_topics=('cartesian_velocity',))
+    return run_nodes(*map(intra_process.node, (sim, ControllerNode, PlannerNode)), arguments=arguments, one_thread=True)
 
 
 def main(arguments: list[str] | None = None) -> int:

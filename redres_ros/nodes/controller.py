@@ -14,11 +14,19 @@ from std_srvs.srv import SetBool
 from redres_ros.controller import INTEGRATE_FROM, Command, Controller
 from redres_ros.errors import RedresError
 from redres_ros.laws import law_name
-from redres_ros.nodes.conversions import NANOSECONDS, JointMessage, JointOrder, from_twist, to_nanoseconds, to_pose
+from redres_ros.nodes.conversions import (
+    NANOSECONDS,
+    JointMessage,
+    JointOrder,
+    from_twist,
+    to_nanoseconds,
+    to_pose,
+)
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import LawParameters, declare, declare_robot, on_live_change
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_nodes
-from redres_ros.nodes.signals import Signals
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
 
 COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states of the two profiles in which the robot takes commands
@@ -86,7 +94,7 @@ class ControllerNode(Node):
                          if self._settings.forward_commands else None)
         numbers = ('joint_velocity_norm', 'joint_acceleration_norm', 'null_velocity_norm', 'joint_torque_norm',
                    'min_singular_value')
-        self._signals = Signals(self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String})
+        self._telemetry = Telemetry(self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String})
         self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
@@ -167,8 +175,8 @@ class ControllerNode(Node):
         """What can wait until the command is out."""
         if self._forward:
             self._forward.publish(Float64MultiArray(data=command.q_ref.tolist()))
-        if self._signals.heard:
-            norm, publish, state = np.linalg.norm, self._signals.publish, command.state
+        if self._telemetry.heard:
+            norm, publish, state = np.linalg.norm, self._telemetry.publish, command.state
             publish('tip_pose', lambda: to_pose(stamp, self._frame, state.x, state.R))
             publish('joint_velocity_norm', lambda: float(norm(command.dq)))
             publish('joint_acceleration_norm', lambda: float(norm(command.ddq)))

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError
-from redres_ros.nodes.robot_clock import NANOSECONDS
+from redres_ros.fri.robot_clock import NANOSECONDS
 from redres_ros.robot_model import quaternion
 
 

@@ -9,14 +9,13 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError
-from redres_ros.fri.channel import Channel
-from redres_ros.fri.faults import Link
+from redres_ros.fri.channel import Channel, Link
 from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.fri.robot import Answer
+from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock, StampError
 from redres_ros.fri.session import Session
 from redres_ros.nodes.conversions import JointOrder, LengthError, to_nanoseconds
 from redres_ros.nodes.diagnostics import Refusals
-from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock, StampError
 
 
 class PublisherError(RedresError):

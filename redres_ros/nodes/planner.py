@@ -14,11 +14,12 @@ from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, to_nanoseconds, to_twist
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import declare, declare_robot
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, run_nodes
-from redres_ros.nodes.signals import Signals
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference, orientation_error
-from redres_ros.tasks import load_task
+from redres_ros.waypoints import load_task
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class PlannerNode(Node):
         self._stamp, self._twist = 0, TwistStamped()
         self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._state, self._state_name = self.create_publisher(String, 'planner/state', LATCHED), ''
-        self._signals = Signals(self, {'task_error': Float64, 'segment': Int32})
+        self._telemetry = Telemetry(self, {'task_error': Float64, 'segment': Int32})
         self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
@@ -72,8 +73,8 @@ class PlannerNode(Node):
         reference = self._reference(stamp, x, R)
         self._stamp, self._twist = stamp, to_twist(stamp, self._frame, self._velocity(reference, R))
         self._twists.publish(self._twist)
-        self._signals.publish('task_error', lambda: float(np.linalg.norm(reference.error)))
-        self._signals.publish('segment', lambda: reference.segment)
+        self._telemetry.publish('task_error', lambda: float(np.linalg.norm(reference.error)))
+        self._telemetry.publish('segment', lambda: reference.segment)
         self._tell('finished' if reference.finished else 'moving')
 
     def _reference(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Reference:

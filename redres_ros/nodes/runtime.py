@@ -1,4 +1,4 @@
-"""How a node of this package runs and ends: executor, signals, quality of service, errors in one line."""
+"""How a node of this package runs and ends: executor, signals, errors in one line."""
 
 import ctypes
 import gc
@@ -17,18 +17,11 @@ import rclpy
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
 from redres_ros.nodes.real_time import ask_kernel
-
-# Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions take the newest
-# sample and nothing else, because a reliable one replays stale samples after a gap.
-PUBLISH = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 N = TypeVar('N', bound=Node)
 

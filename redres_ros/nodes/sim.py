@@ -17,19 +17,20 @@ from redres_ros.fri.channel import Channel
 from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard, GuardSettings
-from redres_ros.fri.limits import JointLimits
 from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
 from redres_ros.fri.robot import FriRobot
+from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import Session, SessionSettings
 from redres_ros.nodes.conversions import JointOrder, to_joint_state, to_nanoseconds
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
 from redres_ros.nodes.inbox import Inbox
 from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
-from redres_ros.nodes.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.nodes.runtime import LATCHED, NEWEST, PUBLISH, Waiting, run_nodes
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
-from redres_ros.tasks import load_task
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.waypoints import load_task
 
 LOCKSTEP_EPOCH = NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
 

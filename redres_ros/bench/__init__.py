@@ -1,0 +1,1 @@
+"""How fast it is: a tick beside its peers, the loop over DDS beside bare echoes."""

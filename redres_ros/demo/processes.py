@@ -1,0 +1,153 @@
+"""A ROS graph of our own: a domain that nobody else uses on this machine, and node processes that end with us."""
+
+import fcntl
+import math
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from redres_ros.errors import RedresError
+from redres_ros.nodes.runtime import PARENT
+
+_ELSEWHERE = ('ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY', 'ROS_DISCOVERY_SERVER', 'FASTRTPS_DEFAULT_PROFILES_FILE')
+_DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
+_PATIENCE = 5.0  # [s] between asking a process to end and killing it
+
+
+class GraphError(RedresError):
+    """No free domain, or a node that ended on its own."""
+
+
+@contextmanager
+def own_domain(wanted: int | None = None) -> Iterator[int]:
+    """Yields the number of the ROS domain to which it has set the environment.
+
+    The wanted one, or one that no other graph on this host uses. Raises GraphError when every domain is taken.
+    """
+    if wanted is not None:
+        with joined_domain(wanted):
+            yield wanted
+        return
+    lock, domain = _free_domain()
+    with lock, joined_domain(domain):
+        yield domain
+
+
+@contextmanager
+def joined_domain(domain: int | None) -> Iterator[None]:
+    """Set the environment to a ROS domain on this host; None leaves it as the user has it."""
+    kept = dict(os.environ)
+    if domain is not None:
+        for name in _ELSEWHERE:
+            os.environ.pop(name, None)
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(kept)
+
+
+def _free_domain() -> tuple[IO[bytes], int]:
+    for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
+        lock = _claim(domain)
+        if lock and not _in_use(domain):
+            return lock, domain
+    raise GraphError(f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine')
+
+
+def _claim(domain: int) -> IO[bytes] | None:
+    """A lock against other runs of ours that have no participant yet; None where another holds it."""
+    try:
+        lock = open(Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.lock', 'wb')  # noqa: SIM115, own_domain closes it
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return None
+    return lock
+
+
+def _in_use(domain: int) -> bool:
+    """Whether a participant listens on the domain's discovery port (RTPS: 7400 + 250 domain)."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7400 + 250 * domain))
+        except OSError:
+            return True
+    return False
+
+
+class NodeProcess:
+    """One of our nodes as a process of its own, which cannot outlive this one.
+
+    It does not get the terminal's Ctrl-C: whoever started it ends it. What it prints goes to the file log.
+    """
+
+    def __init__(self, name: str, log: Path, parameters: Mapping[str, Any], namespace: str = '') -> None:
+        self.name, self._log = name, log
+        arguments = [argument for key, value in parameters.items() for argument in ('-p', f'{key}:={_yaml(value)}')]
+        arguments += ['-r', f'__ns:=/{namespace}'] if namespace else []
+        with log.open('wb') as output:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}', '--ros-args', *arguments],
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, PARENT: str(os.getpid())})
+
+    @property
+    def pid(self) -> int:
+        """Process number."""
+        return self._process.pid
+
+    @property
+    def memory(self) -> float:
+        """Memory in use, [MB], that is resident; NaN once it has ended."""
+        try:
+            return int(Path(f'/proc/{self.pid}/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+        except (OSError, IndexError):
+            return math.nan
+
+    @property
+    def status(self) -> int | None:
+        """Its exit status; None while it runs."""
+        return self._process.poll()
+
+    def check(self) -> None:
+        """Raise GraphError if the process has ended, with the last line that it printed."""
+        if self.status is not None:
+            said = self.last_line() or 'it printed nothing'
+            raise GraphError(f'node {self.name} ended with status {self.status}: {said}')
+
+    def last_line(self) -> str:
+        """The last line printed so far."""
+        lines = self._log.read_text(errors='replace').strip().splitlines()
+        return lines[-1] if lines else ''
+
+    def wait(self, timeout: float) -> int:
+        """Its exit status, once it has ended. Raises subprocess.TimeoutExpired."""
+        return self._process.wait(timeout)
+
+    def end(self) -> None:
+        """Ask it to end, wait, and kill it if it does not."""
+        if self.status is None:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            self.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def _yaml(value: Any) -> str:
+    """A parameter's value as the command line of a node takes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_yaml, value))}]"
+    return repr(float(value)) if isinstance(value, float) else str(value)

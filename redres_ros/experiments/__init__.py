@@ -1,1 +1,0 @@
-"""Closed loops without ROS, and what is drawn and computed from their recordings."""

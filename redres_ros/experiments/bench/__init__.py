@@ -1,1 +1,0 @@
-"""How long things take, side by side with others' ways of doing them. What needs ROS for it is in nodes/bench."""

@@ -1,0 +1,39 @@
+"""Topics for onlookers: nothing is computed or sent for one that nobody listens to."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import Float64, Int32, String
+
+from redres_ros.nodes.qos import PUBLISH
+
+LOOK_PERIOD = 0.2  # [s] how often it is seen who listens; asking in every cycle would cost more than the rest
+
+
+class Telemetry:
+    """Publishers by topic, each with whether it has a listener at present."""
+
+    def __init__(self, node: Node, types: dict[str, type]) -> None:
+        self._publishers = {name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH)
+                            for name, kind in types.items()}
+        self._heard: list[str] = []
+        node.create_timer(LOOK_PERIOD, self._look)
+
+    def publish(self, name: str, make: Callable[[], Any]) -> None:
+        """Publish what make() gives, a message or a plain number or text, if somebody listens."""
+        if name in self._heard:
+            self._publishers[name].publish(_to_message(make()))
+
+    @property
+    def heard(self) -> bool:
+        """Whether anything is listened to."""
+        return bool(self._heard)
+
+    def _look(self) -> None:
+        self._heard = [name for name, publisher in self._publishers.items() if publisher.get_subscription_count()]
+
+
+def _to_message(value: Any) -> Any:
+    kinds = {float: Float64, int: Int32, str: String}
+    return kinds[type(value)](data=value) if type(value) in kinds else value

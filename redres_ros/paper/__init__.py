@@ -1,0 +1,1 @@
+"""What the paper shows: schemes of second order, experiments, figures and claims."""

@@ -1,0 +1,10 @@
+"""Every sentence of the paper that can be measured, measured."""
+
+from redres_ros.paper.claims.claim import Claim, Finding, check_all, table, write_csv
+from redres_ros.paper.claims.experimental import EXPERIMENTAL
+from redres_ros.paper.claims.numerical import NUMERICAL
+from redres_ros.paper.claims.theoretical import THEORETICAL
+
+CLAIMS: tuple[Claim, ...] = (*THEORETICAL, *NUMERICAL, *EXPERIMENTAL)
+
+__all__ = ['CLAIMS', 'Claim', 'Finding', 'check_all', 'table', 'write_csv']

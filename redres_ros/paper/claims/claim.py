@@ -1,0 +1,69 @@
+"""A claim of the paper, and what came of measuring it."""
+
+import csv
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from redres_ros.errors import FileError
+from redres_ros.paper.figures.runs import Runs
+
+ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
+
+_WIDTH = 118
+
+
+@dataclass(frozen=True)
+class Finding:
+    """held: whether the claim holds as it stands; measured: figures; remark: where and why ours are not the paper's."""
+
+    held: bool
+    measured: str
+    remark: str = ''
+
+
+@dataclass(frozen=True)
+class Claim:
+    """section: of the paper, or an equation; says: the claim in our words; measure: what finds out."""
+
+    section: str
+    says: str
+    measure: Callable[[Runs], Finding]
+
+
+def check_all(claims: Iterable[Claim], runs: Runs,
+              progress: Callable[[float], None] | None = None) -> dict[Claim, Finding]:
+    """The findings in the order of the claims. progress is told the share that is done."""
+    claims, findings = list(claims), {}
+    for done, claim in enumerate(claims, start=1):
+        findings[claim] = claim.measure(runs)
+        if progress:
+            progress(done / len(claims))
+    return findings
+
+
+def table(findings: Mapping[Claim, Finding]) -> str:
+    """For the terminal: section, verdict and claim on a line, figures and remark below."""
+    lines = []
+    for claim, finding in findings.items():
+        verdict = 'held' if finding.held else 'NOT HELD'
+        lines += textwrap.wrap(f'{claim.section:<10}{verdict:<10}{claim.says}', _WIDTH, subsequent_indent=' ' * 20)
+        for text in (finding.measured, finding.remark):
+            lines += textwrap.wrap(text, _WIDTH, initial_indent=' ' * 20, subsequent_indent=' ' * 20)
+    held = sum(finding.held for finding in findings.values())
+    return '\n'.join([*lines, f'{held} of {len(findings)} claims held'])
+
+
+def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
+    """The same as a file. Raises FileError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open('w', newline='', encoding='utf-8') as file:
+            writer = csv.writer(file)
+            writer.writerow(('section', 'claim', 'held', 'measured', 'remark'))
+            for claim, finding in findings.items():
+                held = 'yes' if finding.held else 'no'
+                writer.writerow((claim.section, claim.says, held, finding.measured, finding.remark))
+    except OSError as error:
+        raise FileError(f'cannot write {path}: {error.strerror}') from None

@@ -1,0 +1,108 @@
+"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated arm."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from redres_ros.controller import Command
+from redres_ros.fri.guard import Guard
+from redres_ros.fri.plant import MujocoPlant
+from redres_ros.fri.robot import Answer, FriRobot
+from redres_ros.fri.session import Session
+from redres_ros.paper.savgol import Motion, differentiate
+from redres_ros.planner import Planner, Reference
+from redres_ros.robots import Arm
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.closed_loop import PATIENCE, Client
+from redres_ros.simulation.recording import Recording, row
+from redres_ros.waypoints import Task
+
+AFTERMATH = 1.0  # [s] for which the arm is still watched once the task is over or the robot has stopped
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What was commanded, and what the arm did.
+
+    recording: one row a tick until the last point was reached or the robot stopped; q and all that follows from it
+    alone are measured, dq and the norms those of the commands. stop_reason: the robot's own words, empty if nothing
+    stopped it. q: (N, n) measured joint positions [rad] from the recording's first tick to AFTERMATH after its last.
+    """
+
+    recording: Recording
+    stop_reason: str
+    q: np.ndarray
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion that the measured positions show."""
+        return differentiate(self.q, self.recording.T)
+
+
+def experiment(client: Client, task: Task, arm: Arm) -> Experiment:
+    """The task with the simulated arm behind the fake robot controller; the same call gives the same bits.
+
+    In monitor mode the client mirrors the measured position; the task begins in command mode. What is computed from
+    the state of tick k is used from tick k + 1. The robot limits speeds and stops as it does for the nodes.
+    """
+    robot = FriRobot(MujocoPlant(arm, client.T, task.start), Guard(JointLimits.of(arm), client.T), Session(client.T))
+    return _Run(client, task, robot).result()
+
+
+class _Run:
+    """One client at one robot."""
+
+    def __init__(self, client: Client, task: Task, robot: FriRobot) -> None:
+        self._client, self._task, self._robot = client, task, robot
+        self._answer: Answer | None = None  # to the state of the tick before
+        while not robot.session.commanding and not robot.session.reason:
+            self._advance(robot.q)
+        self._planner = Planner(task, client.model.tip(robot.q)[0])
+        self._measured: list[np.ndarray] = []  # (n,) each, one a tick since the task began
+
+    def result(self) -> Experiment:
+        recording = self._follow()
+        for _ in range(round(AFTERMATH / self._client.T)):
+            if self._robot.session.reason:
+                self._mirror()
+            else:
+                self._command(self._reference())
+        return Experiment(recording, self._robot.session.reason, np.array(self._measured))
+
+    @property
+    def _t(self) -> float:
+        return len(self._measured) * self._client.T
+
+    def _follow(self) -> Recording:
+        """Until the task is finished, the robot has stopped, or too much time is over."""
+        rows: list[list[float]] = []
+        n, T, limit = self._client.model.n, self._client.T, PATIENCE * self._task.segments * self._task.segment_time
+        while (t := self._t) < limit:
+            reference = self._reference()
+            if reason := self._robot.session.reason:
+                return Recording.of(rows, n, T, False, f'stopped after {t:.3f} s: {reason}')
+            if reference.finished:
+                return Recording.of(rows, n, T, True, f'reached the last point after {t:.3f} s')
+            rows.append(row(t, self._command(reference), reference))
+        return Recording.of(rows, n, T, False, f'did not reach the last point within {limit:g} s')
+
+    def _reference(self) -> Reference:
+        return self._planner.reference(self._client.model.tip(self._robot.q)[0], self._t)
+
+    def _command(self, reference: Reference) -> Command:
+        """A cycle in which the client answers with what it wants next."""
+        command = self._client.update(self._robot.q, reference.dx)
+        self._measured.append(self._robot.q)
+        self._advance(command.q_ref)
+        return command
+
+    def _mirror(self) -> None:
+        """A cycle in which the client answers with where the arm is."""
+        self._measured.append(self._robot.q)
+        self._advance(self._robot.q)
+
+    def _advance(self, q_ref: np.ndarray) -> None:
+        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] answers its present state."""
+        answer, self._answer = self._answer, Answer(self._robot.tick, q_ref)
+        self._robot.advance(answer)

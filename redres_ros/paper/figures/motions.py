@@ -1,0 +1,88 @@
+"""Figures 3, 6, 9, 11, 14: the way of tip and elbow, and the arm on its way."""
+
+import textwrap
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import MaxNLocator
+
+from redres_ros.fri.render import AZIMUTH, ELEVATION, Film, RenderError, render
+from redres_ros.paper.figures.runs import Runs
+from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.plots import draw_paths
+from redres_ros.simulation.recording import Recording
+from redres_ros.waypoints import Task
+
+PICTURES = (2, 3)  # rows and columns of pictures, evenly spaced in time
+
+_EVERY = 10  # ticks between the points of a path
+
+
+def figure_3(runs: Runs) -> Figure:
+    """Simulation with law (23)."""
+    title = r'Figure 3. Simulation: least acceleration, law (23), $\lambda$ = 0.99, T = 1 ms'
+    return _draw(title, runs.ideal_damped, runs.model, runs.task)
+
+
+def figure_6(runs: Runs) -> Figure:
+    """Simulation with law (35)."""
+    return _draw('Figure 6. Simulation: least torque, law (35), T = 1 ms', runs.ideal_35, runs.model, runs.task)
+
+
+def figure_9(runs: Runs) -> Figure:
+    """Experiment with law (2), which the robot stops."""
+    title = 'Figure 9. Experiment: least velocity, law (2), T = 2 ms'
+    return _draw(title, runs.experiment_minimum_velocity.recording, runs.experiment_model, runs.task)
+
+
+def figure_11(runs: Runs) -> Figure:
+    """Experiment with law (23)."""
+    title = r'Figure 11. Experiment: least acceleration, law (23), $\lambda$ = 0.99, T = 2 ms'
+    return _draw(title, runs.experiment_damped.recording, runs.experiment_model, runs.task)
+
+
+def figure_14(runs: Runs) -> Figure:
+    """Experiment with law (35), points in reverse order."""
+    title = 'Figure 14. Experiment: least torque, law (35), points in reverse order, T = 2 ms'
+    return _draw(title, runs.experiment_35.recording, runs.experiment_model, runs.reversed_task)
+
+
+def _draw(title: str, recording: Recording, model: RobotModel, task: Task) -> Figure:
+    figure = Figure(figsize=(13.0, 7.0), layout='constrained')
+    figure.suptitle(f'{title}\n{recording.ending}')
+    left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.35))
+    ax = left.add_subplot(projection='3d')
+    draw_paths(ax, recording, model, task)
+    ax.view_init(elev=-ELEVATION, azim=AZIMUTH - 180.0)  # as the camera sees it
+    ax.xaxis.set_major_locator(MaxNLocator(2))
+    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.05), ncols=3, fontsize='small')
+    ax.set_title('(a) way of the tip (black) and of the elbow (blue)')
+    _draw_pictures(right, recording, model, task)
+    return figure
+
+
+def _draw_pictures(place: SubFigure, recording: Recording, model: RobotModel, task: Task) -> None:
+    """(b): the arm at instants of the motion; where nothing can be rendered, why."""
+    ticks = np.linspace(0, len(recording.data) - 1, PICTURES[0] * PICTURES[1]).round().astype(int)
+    place.suptitle('(b) the arm on its way', fontsize='large')
+    try:
+        pictures = render(model.arm, _film(recording, ticks, model, task))
+    except RenderError as error:
+        _note(place.add_subplot(), f'No pictures: {error}')
+        return
+    for ax, picture, t in zip(place.subplots(*PICTURES).flat, pictures, recording['t'][ticks], strict=True):
+        ax.imshow(picture)
+        ax.set_title(f't = {t:.2f} s', fontsize='medium')
+        ax.set_axis_off()
+
+
+def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: Task) -> Film:
+    q = recording.vectors('q1')
+    elbow = np.array([model.position(at, model.arm.elbow_frame) for at in q[::_EVERY]])
+    return Film(q[ticks], ticks / max(ticks[-1], 1), recording.vectors('x')[::_EVERY], elbow, task.waypoints)
+
+
+def _note(ax: Axes, text: str) -> None:
+    ax.set_axis_off()
+    ax.text(0.5, 0.5, textwrap.fill(text, 60), ha='center', va='center', color='tab:red')
