@@ -5,7 +5,10 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = 'redres_ros'
-ROS = ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces']  # ros-rclpy alone would bring a newer ROS than Jazzy
+ROS = [
+    'ros-jazzy-rclpy[fastrtps]',
+    'ros-jazzy-common-interfaces',
+]  # ros-rclpy alone would bring a newer ROS than Jazzy
 
 
 def shared(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
@@ -79,6 +82,9 @@ setup(
         *shared('launch', '*.launch.py'),
         # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so that both installers
         # lay out the same files, and a setup.cfg that sends the scripts themselves to lib/ is not needed.
-        (f'lib/{NAME}', ['scripts/composed', 'scripts/controller', 'scripts/planner', 'scripts/sim']),
+        (
+            f'lib/{NAME}',
+            ['scripts/composed', 'scripts/controller', 'scripts/planner', 'scripts/sim'],
+        ),
     ],
 )

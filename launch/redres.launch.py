@@ -10,12 +10,22 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description() -> LaunchDescription:
     """The arguments, then one process for each node."""
     params_file = PathJoinSubstitution([FindPackageShare('redres_ros'), 'config', 'redres.yaml'])
-    return LaunchDescription([
-        DeclareLaunchArgument('params_file', default_value=params_file, description='parameters of all three nodes'),
-        DeclareLaunchArgument('law', default_value='', description='control law; empty: the one in params_file'),
-        DeclareLaunchArgument('namespace', default_value='', description='puts the robot under this name'),
-        OpaqueFunction(function=start_nodes),
-    ])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'params_file',
+                default_value=params_file,
+                description='parameters of all three nodes',
+            ),
+            DeclareLaunchArgument(
+                'law', default_value='', description='control law; empty: the one in params_file'
+            ),
+            DeclareLaunchArgument(
+                'namespace', default_value='', description='puts the robot under this name'
+            ),
+            OpaqueFunction(function=start_nodes),
+        ]
+    )
 
 
 def start_nodes(context: LaunchContext) -> list[Node]:
@@ -28,7 +38,10 @@ def start_nodes(context: LaunchContext) -> list[Node]:
             executable=name,
             name=name,
             namespace=LaunchConfiguration('namespace'),
-            parameters=[LaunchConfiguration('params_file'), *(chosen if name == 'controller' else [])],
+            parameters=[
+                LaunchConfiguration('params_file'),
+                *(chosen if name == 'controller' else []),
+            ],
             output='screen',
             on_exit=Shutdown(reason=f'{name} ended'),
         )

@@ -14,13 +14,34 @@ if TYPE_CHECKING:
 
 # Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy nor pinocchio.
 _HOMES = {
-    'Command': 'controller', 'Controller': 'controller', 'RedresError': 'errors', 'LAWS': 'laws', 'Law': 'laws',
-    'make_law': 'laws', 'Planner': 'planner', 'resolve': 'resolution', 'RobotModel': 'robot_model',
-    'RobotState': 'robot_model', 'Task': 'waypoints', 'load_task': 'waypoints',
+    'Command': 'controller',
+    'Controller': 'controller',
+    'RedresError': 'errors',
+    'LAWS': 'laws',
+    'Law': 'laws',
+    'make_law': 'laws',
+    'Planner': 'planner',
+    'resolve': 'resolution',
+    'RobotModel': 'robot_model',
+    'RobotState': 'robot_model',
+    'Task': 'waypoints',
+    'load_task': 'waypoints',
 }
 
-__all__ = ['LAWS', 'Command', 'Controller', 'Law', 'Planner', 'RedresError', 'RobotModel', 'RobotState', 'Task',
-           'load_task', 'make_law', 'resolve']
+__all__ = [
+    'LAWS',
+    'Command',
+    'Controller',
+    'Law',
+    'Planner',
+    'RedresError',
+    'RobotModel',
+    'RobotState',
+    'Task',
+    'load_task',
+    'make_law',
+    'resolve',
+]
 
 
 def __getattr__(name: str) -> Any:

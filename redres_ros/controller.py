@@ -56,8 +56,15 @@ class Controller:
     does not make the arm creep, or the last 'measurement'. Raises RangeError for T, switch_time or the law's damping.
     """
 
-    def __init__(self, model: RobotModel, law: Law, T: float, *, switch_time: float = 0.0,
-                 integrate_from: str = 'command') -> None:
+    def __init__(
+        self,
+        model: RobotModel,
+        law: Law,
+        T: float,
+        *,
+        switch_time: float = 0.0,
+        integrate_from: str = 'command',
+    ) -> None:
         if not 1e-5 <= T <= 1.0:
             raise RangeError('T', T, 1e-5, 1.0, 's')
         if not 0.0 <= switch_time <= 60.0:
@@ -65,7 +72,12 @@ class Controller:
         if integrate_from not in INTEGRATE_FROM:
             raise UnknownNameError('integrate_from', integrate_from, INTEGRATE_FROM)
         law.check_damping(T)
-        self.model, self.T, self.switch_time, self._integrate_from = model, T, switch_time, integrate_from
+        self.model, self.T, self.switch_time, self._integrate_from = (
+            model,
+            T,
+            switch_time,
+            integrate_from,
+        )
         self._law, self._moving = law, True
         self.reset()
 
@@ -117,7 +129,9 @@ class Controller:
             raise RangeError('missed', missed, 0, np.inf, 'cycles')
         q, dx = finite_vector(q, self.model.n, 'q'), finite_vector(dx, self.model.m, 'dx')
         state = self.model.unchecked_state(q, self._dq_prev)
-        blend = self._blend.advanced(self._law if self._moving else None, self._dq_prev, self.T, self.switch_time)
+        blend = self._blend.advanced(
+            self._law if self._moving else None, self._dq_prev, self.T, self.switch_time
+        )
         dq, after = blend.resolve(state, dx, self.T)
         if self._q_ref is None or self._integrate_from == 'measurement':
             q_ref = q + self.T * dq  # footnote 1
@@ -141,14 +155,18 @@ class _Blend:
     dq_old: np.ndarray
     share: float
 
-    def advanced(self, wanted: Law | None, dq_prev: np.ndarray, T: float, switch_time: float) -> '_Blend':
+    def advanced(
+        self, wanted: Law | None, dq_prev: np.ndarray, T: float, switch_time: float
+    ) -> '_Blend':
         """One cycle on; towards the wanted law once the last blend is over."""
         blend = self
         if self.share >= 1.0:
             if wanted is self.new or wanted == self.new:
                 return self
             blend = _Blend(self.new, wanted, dq_prev, 0.0)
-        return replace(blend, share=min(blend.share + (T / switch_time if switch_time > 0.0 else 1.0), 1.0))
+        return replace(
+            blend, share=min(blend.share + (T / switch_time if switch_time > 0.0 else 1.0), 1.0)
+        )
 
     def resolve(self, state: RobotState, dx: np.ndarray, T: float) -> tuple[np.ndarray, '_Blend']:
         """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every mixture."""
@@ -161,7 +179,11 @@ class _Blend:
     def project(self, state: RobotState, T: float) -> np.ndarray:
         """The null-space part of the same dq, (n,) [rad/s]."""
         new = _project(self.new, state, T)
-        return new if self.share >= 1.0 else self._mixture(_project(self.old, self._remembered(state), T), new)
+        return (
+            new
+            if self.share >= 1.0
+            else self._mixture(_project(self.old, self._remembered(state), T), new)
+        )
 
     def _remembered(self, state: RobotState) -> RobotState:
         return state._replace(dq_prev=self.dq_old)
@@ -172,8 +194,16 @@ class _Blend:
 
 
 def _resolve(law: Law | None, state: RobotState, dx: np.ndarray, T: float) -> np.ndarray:
-    return np.zeros(len(state.q)) if law is None else resolve(state.J, dx, law.bias(state, T), law.weight(state))
+    return (
+        np.zeros(len(state.q))
+        if law is None
+        else resolve(state.J, dx, law.bias(state, T), law.weight(state))
+    )
 
 
 def _project(law: Law | None, state: RobotState, T: float) -> np.ndarray:
-    return np.zeros(len(state.q)) if law is None else project(state.J, law.bias(state, T), law.weight(state))
+    return (
+        np.zeros(len(state.q))
+        if law is None
+        else project(state.J, law.bias(state, T), law.weight(state))
+    )

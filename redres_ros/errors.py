@@ -12,7 +12,7 @@ class UnknownNameError(RedresError):
 
     def __init__(self, kind: str, got: str, allowed: Iterable[str]) -> None:
         self.kind, self.got, self.allowed = kind, got, tuple(sorted(allowed))
-        super().__init__(f"unknown {kind} {got!r}; allowed: {', '.join(self.allowed)}")
+        super().__init__(f'unknown {kind} {got!r}; allowed: {", ".join(self.allowed)}')
 
 
 class RangeError(RedresError):
@@ -20,7 +20,9 @@ class RangeError(RedresError):
 
     def __init__(self, name: str, got: float, lower: float, upper: float, why: str = '') -> None:
         self.name, self.got, self.lower, self.upper = name, got, lower, upper
-        super().__init__(f'{name} is {got}; allowed: {lower:g} to {upper:g}' + (f' ({why})' if why else ''))
+        super().__init__(
+            f'{name} is {got}; allowed: {lower:g} to {upper:g}' + (f' ({why})' if why else '')
+        )
 
 
 class ArrayError(RedresError):
@@ -35,9 +37,18 @@ class JointNamesError(RedresError):
         missing = [name for name in self.expected if name not in self.got]
         surplus = [name for name in self.got if name not in self.expected]
         twice = sorted({name for name in self.got if self.got.count(name) > 1})
-        parts = [f"{word} {', '.join(names)}" for word, names in
-                 (('missing', missing), ('not of this arm', surplus), ('more than once', twice)) if names]
-        super().__init__(f"wrong joint names: {'; '.join(parts)}; expected {', '.join(self.expected)} in any order")
+        parts = [
+            f'{word} {", ".join(names)}'
+            for word, names in (
+                ('missing', missing),
+                ('not of this arm', surplus),
+                ('more than once', twice),
+            )
+            if names
+        ]
+        super().__init__(
+            f'wrong joint names: {"; ".join(parts)}; expected {", ".join(self.expected)} in any order'
+        )
 
 
 class FileError(RedresError):

@@ -20,10 +20,19 @@ class Parameter:
     live: bool = False  # can be set while the node runs
 
 
-def param(default: Any, description: str, lower: float | None = None, upper: float | None = None, *,
-          choices: tuple[str, ...] = (), live: bool = False) -> Any:
+def param(
+    default: Any,
+    description: str,
+    lower: float | None = None,
+    upper: float | None = None,
+    *,
+    choices: tuple[str, ...] = (),
+    live: bool = False,
+) -> Any:
     """A dataclass field with a description (unit in brackets), an inclusive range or the allowed words."""
-    return field(default=default, metadata={_KEY: Parameter(description, lower, upper, choices, live)})
+    return field(
+        default=default, metadata={_KEY: Parameter(description, lower, upper, choices, live)}
+    )
 
 
 def parameters(of: Any) -> dict[Field, Parameter]:

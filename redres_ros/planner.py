@@ -41,11 +41,21 @@ class Planner:
     errors that need more come from an interruption, and a jump in velocity would be the answer to them.
     """
 
-    def __init__(self, task: Task, x_start: np.ndarray | None = None, *, start_tolerance: float = 0.005,
-                 feedback_limit: float = np.inf) -> None:
+    def __init__(
+        self,
+        task: Task,
+        x_start: np.ndarray | None = None,
+        *,
+        start_tolerance: float = 0.005,
+        feedback_limit: float = np.inf,
+    ) -> None:
         self._task, self._feedback_limit = task, feedback_limit
-        approaches = x_start is not None and np.linalg.norm(x_start - task.waypoints[0]) > start_tolerance
-        self._points = np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()  # (N, 3)
+        approaches = (
+            x_start is not None and np.linalg.norm(x_start - task.waypoints[0]) > start_tolerance
+        )
+        self._points = (
+            np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()
+        )  # (N, 3)
         self._first_segment = 0 if approaches else 1
         self._index, self._t_segment, self._finished = 0, 0.0, False
 
@@ -63,11 +73,19 @@ class Planner:
         feedback = self._task.feedback_gain * error
         excess = float(np.linalg.norm(feedback)) / self._feedback_limit
         dx = dx_d + feedback / max(excess, 1.0)  # Eq. (37)
-        return Reference(dx, x_d, error, min(self._index, len(self._points) - 2) + self._first_segment, self._finished)
+        return Reference(
+            dx,
+            x_d,
+            error,
+            min(self._index, len(self._points) - 2) + self._first_segment,
+            self._finished,
+        )
 
     def _is_over(self, x: np.ndarray, t: float) -> bool:
         t_s = t - self._t_segment
-        if t_s <= 0.0 or (self._task.switching == 'at_rest' and t_s < self._task.segment_time - 1e-9):
+        if t_s <= 0.0 or (
+            self._task.switching == 'at_rest' and t_s < self._task.segment_time - 1e-9
+        ):
             return False
         return bool(np.linalg.norm(self._points[self._index + 1] - x) < self._task.tolerance)
 
@@ -75,6 +93,10 @@ class Planner:
         """x_d and dx_d, Eq. (36), both (3,); the last point at rest once it is reached."""
         if self._finished:
             return self._points[-1].copy(), np.zeros(3)
-        A, B, T_AB = self._points[self._index], self._points[self._index + 1], self._task.segment_time
+        A, B, T_AB = (
+            self._points[self._index],
+            self._points[self._index + 1],
+            self._task.segment_time,
+        )
         s, ds = quintic(t_s / T_AB)
         return A + (B - A) * s, (B - A) / T_AB * ds

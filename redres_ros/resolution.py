@@ -11,10 +11,14 @@ from scipy.linalg.lapack import dposv, dpotri
 
 from redres_ros.errors import ArrayError
 
-SINGULAR_RATIO = 1e-3  # task directions whose singular value is below this share of the largest one are damped
+SINGULAR_RATIO = (
+    1e-3  # task directions whose singular value is below this share of the largest one are damped
+)
 
 
-def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None = None) -> np.ndarray:
+def resolve(
+    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None = None
+) -> np.ndarray:
     """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx, (n,) [rad/s]: Eq. (A.13), y = dq, A = J, y_N = b.
 
     J: (m, n) task Jacobian, m <= n; dx: (m,) task velocity; b: (n,) bias [rad/s]; W: (n, n) symmetric positive definite
@@ -77,27 +81,40 @@ def _damped_inverse(G: np.ndarray) -> np.ndarray:
         return np.full_like(G, np.nan)
     floor = SINGULAR_RATIO**2 * abs(squares).max()
     if squares[0] < -floor:
-        raise ArrayError(f'the weight is not positive definite: J W^-1 J\' has the eigenvalue {squares[0]:.3g}')
+        raise ArrayError(
+            f"the weight is not positive definite: J W^-1 J' has the eigenvalue {squares[0]:.3g}"
+        )
     if floor <= 0.0:
         return np.zeros_like(G)
     return (V / np.maximum(squares, floor)) @ V.T
 
 
 def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None) -> None:
-    if J.shape == dx.shape + b.shape and 1 <= len(dx) <= len(b) and (W is None or W.shape == b.shape + b.shape):
+    if (
+        J.shape == dx.shape + b.shape
+        and 1 <= len(dx) <= len(b)
+        and (W is None or W.shape == b.shape + b.shape)
+    ):
         return
     if J.ndim != 2 or not 1 <= J.shape[0] <= J.shape[1]:
         raise ArrayError(f'J has shape {J.shape}; expected (m, n) with 1 <= m <= n')
     m, n = J.shape
     for name, array, shape in (('dx', dx, (m,)), ('b', b, (n,)), ('W', W, (n, n))):
         if array is not None and array.shape != shape:
-            raise ArrayError(f'{name} has shape {array.shape}; expected {shape} beside J of shape {J.shape}')
+            raise ArrayError(
+                f'{name} has shape {array.shape}; expected {shape} beside J of shape {J.shape}'
+            )
 
 
-def _complaint(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None, dq: np.ndarray) -> str:
+def _complaint(
+    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None, dq: np.ndarray
+) -> str:
     """Why the result is not finite."""
-    bad = [name for name, array in (('J', J), ('dx', dx), ('b', b), ('W', W))
-           if array is not None and not np.isfinite(array).all()]
+    bad = [
+        name
+        for name, array in (('J', J), ('dx', dx), ('b', b), ('W', W))
+        if array is not None and not np.isfinite(array).all()
+    ]
     if bad:
-        return f"{' and '.join(bad)} hold NaN or infinity; every value must be finite"
+        return f'{" and ".join(bad)} hold NaN or infinity; every value must be finite'
     return f'J, dx, b or W hold numbers too large: the result would be {dq.tolist()}'

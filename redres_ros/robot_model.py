@@ -13,7 +13,9 @@ from redres_ros.robots import Arm, find_arm
 TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 
 
-class RobotState(NamedTuple):  # a third of a frozen dataclass's time to make, which is 2 us in every tick
+class RobotState(
+    NamedTuple
+):  # a third of a frozen dataclass's time to make, which is 2 us in every tick
     """Everything a law may ask, at one (q, dq_prev); what most laws do without is evaluated when it is asked for.
 
     q, dq_prev: (n,) [rad], [rad/s], the previous velocity being all that is known at a tick (footnote 4); J: (m, n)
@@ -67,8 +69,10 @@ class RobotModel:
         except ValueError as error:
             raise FileError(f'{arm.urdf} is no URDF that can be used: {error}') from None
         if self._model.nq != self._model.nv:
-            raise FileError(f'{arm.urdf} has joints without limits (continuous); '
-                            'only revolute and prismatic ones are supported')
+            raise FileError(
+                f'{arm.urdf} has joints without limits (continuous); '
+                'only revolute and prismatic ones are supported'
+            )
         if arm.armature:
             self._model.armature[:] = arm.armature
         self._data = self._model.createData()
@@ -82,36 +86,58 @@ class RobotModel:
         self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
 
     @classmethod
-    def named(cls, name: str, task_space: str = 'position', *, dynamics: str | None = None,
-              base_offset: float | None = None, tool_offset: float | None = None) -> 'RobotModel':
+    def named(
+        cls,
+        name: str,
+        task_space: str = 'position',
+        *,
+        dynamics: str | None = None,
+        base_offset: float | None = None,
+        tool_offset: float | None = None,
+    ) -> 'RobotModel':
         """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless given here."""
-        return cls(find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset), task_space)
+        return cls(
+            find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset),
+            task_space,
+        )
 
     @classmethod
-    def from_urdf(cls, path: str | Path, tip_frame: str, task_space: str = 'position') -> 'RobotModel':
+    def from_urdf(
+        cls, path: str | Path, tip_frame: str, task_space: str = 'position'
+    ) -> 'RobotModel':
         """Any serial arm from a URDF file; tip_frame is the link or frame that carries out the task."""
         return cls(Arm(Path(path), tip_frame), task_space)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad input."""
-        return self.unchecked_state(finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev'))
+        return self.unchecked_state(
+            finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
+        )
 
     def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """The same for finite vectors (n,) that nobody will change: a vector's check and copy take 4 % of a tick."""
-        J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED)  # (6, n)
-        return RobotState(q, dq_prev, J[:self.m], self)
+        J = pin.computeFrameJacobian(
+            self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
+        )  # (6, n)
+        return RobotState(q, dq_prev, J[: self.m], self)
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without M or n."""
-        q, dq, tau = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq'), finite_vector(tau, self.n, 'tau')
+        q, dq, tau = (
+            finite_vector(q, self.n, 'q'),
+            finite_vector(dq, self.n, 'dq'),
+            finite_vector(tau, self.n, 'tau'),
+        )
         return self._acceleration(q, dq, tau)
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
         q, dq = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq')
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
-        ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED)
-        return ddx.vector[:self.m].copy()
+        ddx = pin.getFrameClassicalAcceleration(
+            self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED
+        )
+        return ddx.vector[: self.m].copy()
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
@@ -124,7 +150,9 @@ class RobotModel:
 
     def _pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         pin.forwardKinematics(self._model, self._data, q)
-        H = pin.updateFramePlacement(self._model, self._data, self._tip).homogeneous  # (4, 4), a copy
+        H = pin.updateFramePlacement(
+            self._model, self._data, self._tip
+        ).homogeneous  # (4, 4), a copy
         return H[:3, 3], H[:3, :3]
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
@@ -155,6 +183,8 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
         raise ArrayError(f'{name} is {values!r}; expected {size} numbers') from None
     if vector.shape != (size,):
         raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
-    if not math.isfinite(sum(vector.tolist())) and not np.isfinite(vector).all():  # the second alone takes longer
+    if (
+        not math.isfinite(sum(vector.tolist())) and not np.isfinite(vector).all()
+    ):  # the second alone takes longer
         raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
     return vector

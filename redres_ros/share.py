@@ -14,11 +14,18 @@ def share_path(relative: str) -> Path:
     that was moved.
     """
     here = Path(__file__).resolve()
-    checkout, prefix = here.parents[1], here.parents[4:5]  # of <prefix>/lib/python3.x/site-packages/redres_ros/share.py
-    overlays = [Path(overlay) for overlay in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if overlay]
+    checkout, prefix = (
+        here.parents[1],
+        here.parents[4:5],
+    )  # of <prefix>/lib/python3.x/site-packages/redres_ros/share.py
+    overlays = [
+        Path(overlay)
+        for overlay in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+        if overlay
+    ]
     roots = [checkout] if (checkout / 'package.xml').is_file() else []
     roots += [place / 'share/redres_ros' for place in (*prefix, *overlays)]
     for root in roots:
         if (root / relative).exists():
             return root / relative
-    raise FileError(f"{relative} is not installed; looked in {', '.join(map(str, roots))}")
+    raise FileError(f'{relative} is not installed; looked in {", ".join(map(str, roots))}')

@@ -28,7 +28,9 @@ class Task:
     waypoints: np.ndarray
     segment_time: float = param(3.0, 'T_AB, duration of a segment [s]', 1e-3, 3600.0)
     feedback_gain: float = param(10.0, 'k_P of Eq. (37) [1/s]', 0.0, 1e3)
-    tolerance: float = param(0.001, 'epsilon, error at which a point counts as reached [m]', 1e-9, 1.0)
+    tolerance: float = param(
+        0.001, 'epsilon, error at which a point counts as reached [m]', 1e-9, 1.0
+    )
     switching: str = param('at_rest', 'when the next segment begins', choices=SWITCHING)
 
     def __post_init__(self) -> None:
@@ -54,25 +56,36 @@ def load_task(name_or_path: str) -> Task:
     except OSError as error:
         raise FileError(f'cannot read the task {path}: {error.strerror}') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise FileError(f"{path} is no YAML: {' '.join(str(error).split())}") from None
+        raise FileError(f'{path} is no YAML: {" ".join(str(error).split())}') from None
     return _to_task(content, path)
 
 
 def _to_task(content: Any, path: Path) -> Task:
-    required, optional = ('robot', 'start', 'waypoints'), ('segment_time', 'feedback_gain', 'tolerance', 'switching')
+    required, optional = (
+        ('robot', 'start', 'waypoints'),
+        ('segment_time', 'feedback_gain', 'tolerance', 'switching'),
+    )
     if not isinstance(content, dict) or not all(key in content for key in required):
-        raise FileError(f"{path} is no task; expected the keys {', '.join(required)} "
-                        f"and, if wished, {', '.join(optional)}")
+        raise FileError(
+            f'{path} is no task; expected the keys {", ".join(required)} '
+            f'and, if wished, {", ".join(optional)}'
+        )
     for key in content:
         if key not in required + optional:
             raise UnknownNameError(f'key in {path}', str(key), required + optional)
-    numbers = {key: _number(content[key], key, path) for key in optional if key != 'switching' and key in content}
+    numbers = {
+        key: _number(content[key], key, path)
+        for key in optional
+        if key != 'switching' and key in content
+    }
     words = {'switching': content['switching']} if 'switching' in content else {}
     start = np.radians(_numbers(content['start'], 'start', 1, path))
     waypoints = _numbers(content['waypoints'], 'waypoints', 2, path)
     if waypoints.shape[1] != 3 or len(waypoints) < 2:
-        raise FileError(f'{path}: waypoints has shape {waypoints.shape}; '
-                        'expected at least two points of three coordinates')
+        raise FileError(
+            f'{path}: waypoints has shape {waypoints.shape}; '
+            'expected at least two points of three coordinates'
+        )
     return Task(str(content['robot']), start, waypoints, **numbers, **words)
 
 

@@ -22,4 +22,7 @@ def task() -> Task:
 def states(model: RobotModel) -> list[RobotState]:
     """A hundred random states of the paper's arm."""
     random = np.random.default_rng(0)
-    return [model.state(q, dq) for q, dq in zip(random.uniform(-2.0, 2.0, (100, 7)), random.normal(0.0, 1.0, (100, 7)))]
+    return [
+        model.state(q, dq)
+        for q, dq in zip(random.uniform(-2.0, 2.0, (100, 7)), random.normal(0.0, 1.0, (100, 7)))
+    ]

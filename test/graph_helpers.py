@@ -50,8 +50,12 @@ class Probe(Node):
         self.answers: dict[int, JointState] = {}
         self.heard: dict[str, list[Any]] = {}
         self._states = self.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
-        self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', QoSProfile(depth=1))
-        self.create_subscription(JointState, 'joint_command', self._on_answer, QoSProfile(depth=1000))
+        self._twists = self.create_publisher(
+            TwistStamped, 'cartesian_velocity', QoSProfile(depth=1)
+        )
+        self.create_subscription(
+            JointState, 'joint_command', self._on_answer, QoSProfile(depth=1000)
+        )
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
         """A list that grows by every message on a topic."""
@@ -74,13 +78,17 @@ class Probe(Node):
 
     def answer(self, message: JointState) -> tuple[np.ndarray, np.ndarray]:
         """q_ref and dq of the answer to the newest state, both (n,), which is sent until then."""
-        await_that(lambda: self._asked(message), f'an answer to the state of {self.stamp} ns', every=0.05)
+        await_that(
+            lambda: self._asked(message), f'an answer to the state of {self.stamp} ns', every=0.05
+        )
         answer = self.answers[self.stamp]
         return np.array(answer.position), np.array(answer.velocity)
 
     def steer(self, dx: np.ndarray, frame: str = 'world', stamp: int | None = None) -> None:
         """Publish a task velocity, stamped as the last state unless told otherwise, and give it time to arrive."""
-        self._twists.publish(to_twist(self.stamp if stamp is None else stamp, frame, np.asarray(dx, dtype=float)))
+        self._twists.publish(
+            to_twist(self.stamp if stamp is None else stamp, frame, np.asarray(dx, dtype=float))
+        )
         time.sleep(0.05)
 
     def _asked(self, message: JointState) -> bool:
@@ -107,12 +115,16 @@ class Witness(Node):
         self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
         self.session: list[tuple[int, str]] = []
         self.reasons: list[str] = []
-        self._setter = self.create_client(SetParametersAtomically, 'controller/set_parameters_atomically')
+        self._setter = self.create_client(
+            SetParametersAtomically, 'controller/set_parameters_atomically'
+        )
         everything = QoSProfile(depth=5000)
         self.create_subscription(JointState, 'joint_states', self._on_state, everything)
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
-        self.create_subscription(String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED)
+        self.create_subscription(
+            String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED
+        )
 
     @property
     def commanding(self) -> bool:
@@ -163,13 +175,20 @@ class Witness(Node):
             assert np.isfinite(q_ref).all() and np.isfinite(dq).all()
             assert (np.abs(dq) <= limits).all(), f'dq {dq} in the answer to {stamp} ns'
         answered = Counter(stamp for stamp, _, _ in self.commands)
-        contested = [stamp for stamp, times in answered.items() if times > 1]  # then the robot takes nobody's commands
-        executed = [(stamp, q_ref) for stamp, q_ref, _ in self.commands
-                    if self._commanding_at(stamp) and not any(abs(stamp - at) < 10**9 for at in contested)]
+        contested = [
+            stamp for stamp, times in answered.items() if times > 1
+        ]  # then the robot takes nobody's commands
+        executed = [
+            (stamp, q_ref)
+            for stamp, q_ref, _ in self.commands
+            if self._commanding_at(stamp) and not any(abs(stamp - at) < 10**9 for at in contested)
+        ]
         for what in (self.states, executed):
             for (before, q_before), (after, q_after) in pairwise(sorted(what, key=itemgetter(0))):
                 step = np.abs(q_after - q_before)
-                assert (step <= limits * (after - before) / 1e9 + JUMP).all(), f'{step} rad from {before} to {after} ns'
+                assert (step <= limits * (after - before) / 1e9 + JUMP).all(), (
+                    f'{step} rad from {before} to {after} ns'
+                )
 
     def _commanding_at(self, stamp: int) -> bool:
         """Whether the robot took commands at that state; the word that it no longer did may have been heard late."""
@@ -215,14 +234,20 @@ def graph(make: Callable[[], N]) -> Iterator[tuple[N, Callable[..., NodeProcess]
 
 
 @contextmanager
-def nodes(directory: Path, **parameters: dict[str, Any]) -> Iterator[tuple[Probe, dict[str, NodeProcess]]]:
+def nodes(
+    directory: Path, **parameters: dict[str, Any]
+) -> Iterator[tuple[Probe, dict[str, NodeProcess]]]:
     """The named nodes with their parameters, and a probe, in a domain of their own."""
     with graph(Probe) as (probe, start):
-        yield probe, {name: start(name, directory / f'{name}.log', **values) for name, values in parameters.items()}
+        yield (
+            probe,
+            {
+                name: start(name, directory / f'{name}.log', **values)
+                for name, values in parameters.items()
+            },
+        )
 
 
 def log_lines(directory: Path, name: str) -> list[str]:
     """What a node has printed."""
     return (directory / f'{name}.log').read_text().splitlines()
-
-

@@ -13,7 +13,9 @@ ALPHA = np.radians((90.0, -90.0, -90.0, 90.0, 90.0, -90.0, 0.0))
 BARE = np.array((0.3105, 0.0, 0.400, 0.0, 0.390, 0.0, 0.078))  # d [m], LWR IV
 PAPER = np.array((0.323, 0.0, 0.400, 0.0, 0.390, 0.0, 0.213))  # d [m], base raised, with tool
 Q0 = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))  # q(0) of Section 5
-POINTS = np.array(((-0.4, 0.36, 0.01), (-0.4, -0.36, 0.01), (-0.4, -0.36, 1.16), (-0.4, 0.36, 1.16)))  # x_0 ... x_3 [m]
+POINTS = np.array(
+    ((-0.4, 0.36, 0.01), (-0.4, -0.36, 0.01), (-0.4, -0.36, 1.16), (-0.4, 0.36, 1.16))
+)  # x_0 ... x_3 [m]
 GRAVITY = np.array((0.0, 0.0, 9.81))  # acceleration of a frame at rest [m/s^2]
 
 # law: exponent p of W = M^p; whether b holds lambda dq_{k-1}; whether b holds -T M^-1 n
@@ -43,7 +45,13 @@ def cylinders(d: np.ndarray) -> Links:
     """Section 5.2 with solid cylinders: 1 kg, radius 0.06 m, from the joint along z over the length max(d, 1 mm)."""
     across, along = (3 * 0.06**2 + np.maximum(d, 0.001) ** 2) / 12, np.full(7, 0.06**2 / 2)
     com = np.stack((np.zeros(7), np.zeros(7), d / 2), axis=1)
-    return Links(d, np.ones(7), com, np.array([np.diag(row) for row in zip(across, across, along)]), np.zeros(7))
+    return Links(
+        d,
+        np.ones(7),
+        com,
+        np.array([np.diag(row) for row in zip(across, across, along)]),
+        np.zeros(7),
+    )
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -64,7 +72,12 @@ def frames(d: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     before, x = np.eye(3), np.zeros((len(q), 3))
     for i in range(7):
         turn = np.zeros((len(q), 3, 3))
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = cos[:, i], -sin[:, i], sin[:, i], cos[:, i]
+        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = (
+            cos[:, i],
+            -sin[:, i],
+            sin[:, i],
+            cos[:, i],
+        )
         turn[:, 2, 2] = 1.0
         R[:, i], o[:, i] = before @ turn, x
         x = x + d[i] * R[:, i, :, 2]
@@ -73,7 +86,9 @@ def frames(d: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     return R, o, x
 
 
-def evaluate(links: Links, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def evaluate(
+    links: Links, q: np.ndarray, dq: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """x (B, 3), J (B, 3, 7), M (B, 7, 7) and n (B, 7) at q, dq (B, 7)."""
     R, o, x = frames(links.d, q)
     z, moves = R[..., 2], np.tri(7)[:, :, None]  # (B, joint, 3); (link, joint, 1)
@@ -83,13 +98,17 @@ def evaluate(links: Links, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, n
     w, v = weigh(Jw, dq), weigh(Jv, dq)  # of the links
     vo = weigh(moves * cross(z[:, None], o[:, :, None] - o[:, None]), dq)  # of the joints
     dz = cross(w, z)
-    a = weigh(moves * (cross(dz[:, None], lever) + cross(z[:, None], v[:, :, None] - vo[:, None])), dq)
+    a = weigh(
+        moves * (cross(dz[:, None], lever) + cross(z[:, None], v[:, :, None] - vo[:, None])), dq
+    )
     dw = weigh(moves * dz[:, None], dq)
     inertia = R @ links.inertia @ R.mT  # (B, link, 3, 3)
     force = links.mass[:, None] * (a + GRAVITY)
     moment = (inertia @ dw[..., None])[..., 0] + cross(w, (inertia @ w[..., None])[..., 0])
     n = (Jv @ force[..., None] + Jw @ moment[..., None])[..., 0].sum(axis=1)
-    M = (Jv @ (links.mass[:, None, None] * Jv.mT) + Jw @ inertia @ Jw.mT).sum(axis=1) + np.diag(links.rotors)
+    M = (Jv @ (links.mass[:, None, None] * Jv.mT) + Jw @ inertia @ Jw.mT).sum(axis=1) + np.diag(
+        links.rotors
+    )
     return x, cross(z, x[:, None] - o).mT, M, n
 
 
@@ -101,20 +120,33 @@ def quintic(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float) -> np.ndarray:
     """q_k (ticks, B, 7) of the paper's task with cylinders, one loop for each row of laws, k_d (B,) and q (B, 7)."""
     links, rows = cylinders(PAPER), np.arange(len(laws))
-    power, memory, gravity = (np.array(column)[:, None] for column in zip(*(LAWS[law] for law in laws)))
+    power, memory, gravity = (
+        np.array(column)[:, None] for column in zip(*(LAWS[law] for law in laws))
+    )
     forgetting = 1.0 - k_d[:, None] * T
-    dq, segment, begun, history = np.zeros_like(q), np.zeros(len(q), dtype=int), np.zeros(len(q)), []
+    dq, segment, begun, history = (
+        np.zeros_like(q),
+        np.zeros(len(q), dtype=int),
+        np.zeros(len(q)),
+        [],
+    )
     for k in range(round(t_end / T)):
         history.append(q)
         x, J, M, n = evaluate(links, q, dq)
-        over = (k * T - begun > 3.0 - 1e-9) & (np.linalg.norm(POINTS[segment + 1] - x, axis=1) < 0.001) & (segment < 2)
+        over = (
+            (k * T - begun > 3.0 - 1e-9)
+            & (np.linalg.norm(POINTS[segment + 1] - x, axis=1) < 0.001)
+            & (segment < 2)
+        )
         segment, begun = segment + over, np.where(over, k * T, begun)
         s, ds = quintic(np.minimum((k * T - begun) / 3.0, 1.0)[:, None])
         A, way = POINTS[segment], POINTS[segment + 1] - POINTS[segment]
         dx = way / 3.0 * ds + 10.0 * (A + way * s - x)
         M_inv = np.linalg.inv(M)
         b = memory * forgetting * dq - gravity * T * (M_inv @ n[..., None])[..., 0]
-        W_inv = np.stack((np.broadcast_to(np.eye(7), M.shape), M_inv, M_inv @ M_inv))[power[:, 0], rows]
+        W_inv = np.stack((np.broadcast_to(np.eye(7), M.shape), M_inv, M_inv @ M_inv))[
+            power[:, 0], rows
+        ]
         J_pinv = W_inv @ J.mT @ np.linalg.inv(J @ W_inv @ J.mT)
         dq = b + (J_pinv @ (dx - (J @ b[..., None])[..., 0])[..., None])[..., 0]
         q = q + T * dq

@@ -25,7 +25,12 @@ PERIOD = 0.002  # [s]
 
 
 def exchange(milliseconds: list[float], skipped: int = 0, share: float = 0.1) -> Exchange:
-    return Exchange(PERIOD, np.array(milliseconds) / 1e3, dict.fromkeys((ECHO, CONTROLLER, COMPOSED), share), skipped)
+    return Exchange(
+        PERIOD,
+        np.array(milliseconds) / 1e3,
+        dict.fromkeys((ECHO, CONTROLLER, COMPOSED), share),
+        skipped,
+    )
 
 
 def times(*microseconds: float) -> Times:
@@ -33,6 +38,7 @@ def times(*microseconds: float) -> Times:
 
 
 # --- statistics -------------------------------------------------------------------------------------------------------
+
 
 def test_quantiles_are_samples_that_occurred():
     samples = Times(np.random.default_rng(0).permutation(np.arange(1.0, 1001.0)))
@@ -47,10 +53,12 @@ def test_calls_take_turns_in_changing_order_and_get_the_number_of_their_turn():
     result = measure({name: lambda k, name=name: seen.append((name, k)) for name in 'abc'}, rounds)
     blocks = [name for name, _ in seen[::BLOCK]]
     assert [name for name, _ in seen] == [name for name in blocks for _ in range(BLOCK)]
-    turns = {''.join(blocks[i:i + 3]) for i in range(0, len(blocks), 3)}
+    turns = {''.join(blocks[i : i + 3]) for i in range(0, len(blocks), 3)}
     assert all(sorted(turn) == ['a', 'b', 'c'] for turn in turns) and len(turns) > 3
     assert [k for name, k in seen if name == 'a'][BLOCK:] == list(range(rounds * BLOCK))
-    assert {name: len(t.samples) for name, t in result.items()} == dict.fromkeys('abc', rounds * (BLOCK - COLD))
+    assert {name: len(t.samples) for name, t in result.items()} == dict.fromkeys(
+        'abc', rounds * (BLOCK - COLD)
+    )
 
 
 def test_what_takes_longer_is_measured_as_longer():
@@ -61,10 +69,14 @@ def test_what_takes_longer_is_measured_as_longer():
 def test_a_goal_that_could_not_be_measured_is_not_held():
     assert Goal('a', 1.0, 2.0).held and not Goal('a', 3.0, 2.0).held
     assert Goal('a', 3.0, 2.0, at_most=False).held
-    assert not Goal('a', float('nan'), 2.0).held and not Goal('a', float('nan'), 2.0, at_most=False).held
+    assert (
+        not Goal('a', float('nan'), 2.0).held
+        and not Goal('a', float('nan'), 2.0, at_most=False).held
+    )
 
 
 # --- late, lost and skipped -------------------------------------------------------------------------------------------
+
 
 def test_late_lost_and_skipped_cycles_are_told_apart():
     some = exchange([0.5, 1.0, 2.5, np.inf], skipped=1)
@@ -74,7 +86,9 @@ def test_late_lost_and_skipped_cycles_are_told_apart():
 
 
 def test_repetitions_are_weighed_by_their_states():
-    both = Exchange.joined([exchange([1.0, 1.0, 1.0], share=0.1), exchange([3.0], skipped=2, share=0.5)])
+    both = Exchange.joined(
+        [exchange([1.0, 1.0, 1.0], share=0.1), exchange([3.0], skipped=2, share=0.5)]
+    )
     assert (both.late, both.skipped) == (0.25, 2)
     assert both.processors[ECHO] == pytest.approx(0.2)
 
@@ -95,7 +109,9 @@ def test_a_stopwatch_keeps_to_its_ticks_and_to_first_answers(monkeypatch: pytest
 
 def test_processor_time_is_that_of_the_process():
     program = 'import time\nwhile time.process_time() < 0.3: pass\nprint(flush=True)\ninput()'
-    with subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        [sys.executable, '-c', program], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
         meter = ProcessorMeter({'it': process.pid})
         process.stdout.readline()
         assert processor_seconds(process.pid) >= 0.25
@@ -118,8 +134,13 @@ def test_the_udp_echo_returns_what_it_gets():
 
 # --- goals and tables -------------------------------------------------------------------------------------------------
 
+
 def test_the_loops_goals_compare_with_the_echo_of_the_same_rate():
-    kinds = {ECHO: exchange([1.0, 1.0]), CONTROLLER: exchange([1.2, 2.4], share=0.3), COMPOSED: exchange([0.5, 0.5])}
+    kinds = {
+        ECHO: exchange([1.0, 1.0]),
+        CONTROLLER: exchange([1.2, 2.4], share=0.3),
+        COMPOSED: exchange([0.5, 0.5]),
+    }
     result = LoopResult({500.0: kinds, 1000.0: kinds})
     held = {goal.what: goal.held for goal in result.goals()}
     assert held == {
@@ -137,15 +158,28 @@ def test_the_loops_goals_compare_with_the_echo_of_the_same_rate():
 
 def test_only_peers_that_solve_the_same_problem_count():
     laws, floors = dict.fromkeys(LAWS, times(10.0)), {'computeAllTerms': times(5.0)}
-    result = TickResult(laws, {}, floors, {'quick': times(1.0), 'right': times(40.0)},
-                        {'quick': 2.0 * SAME, 'right': 0.0}, ())
+    result = TickResult(
+        laws,
+        {},
+        floors,
+        {'quick': times(1.0), 'right': times(40.0)},
+        {'quick': 2.0 * SAME, 'right': 0.0},
+        (),
+    )
     assert result.fastest_peer == 'right'
     assert all(goal.held for goal in result.goals())
     assert 'does not count' in result.table()
 
 
 def test_without_peers_there_are_still_the_goals_of_the_floor():
-    result = TickResult(dict.fromkeys(LAWS, times(10.0)), {}, {'computeAllTerms': times(5.0)}, {}, {}, ('pink', 'mink'))
+    result = TickResult(
+        dict.fromkeys(LAWS, times(10.0)),
+        {},
+        {'computeAllTerms': times(5.0)},
+        {},
+        {},
+        ('pink', 'mink'),
+    )
     assert len(result.goals()) == len(LAWS)
     assert 'none installed' in result.table()
 
@@ -158,6 +192,7 @@ def test_the_file_of_results_is_json_where_numbers_are_missing_too(tmp_path):
 
 
 # --- what is measured -------------------------------------------------------------------------------------------------
+
 
 def test_the_stretch_is_the_beginning_of_the_task(model, task):
     stretch = recorded(model, 100)
@@ -185,6 +220,7 @@ def test_the_floor_is_the_jacobian_that_the_laws_get(model, states):
 
 # --- the command ------------------------------------------------------------------------------------------------------
 
+
 def test_a_short_bench_is_complete(tmp_path, capsys):
     assert main(['bench', '--only', 'tick', '--duration', '0.01', '--out', str(tmp_path)]) == 0
     out, content = capsys.readouterr().out, json.loads((tmp_path / 'bench.json').read_text())
@@ -198,7 +234,22 @@ def test_a_short_bench_is_complete(tmp_path, capsys):
 def test_a_short_loop_has_every_kind(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, 'REPETITIONS', 1)
     monkeypatch.setattr(loop, 'SETTLING', 0.1)
-    assert main(['bench', '--only', 'loop', '--duration', '0.2', '--rates', '100', '--out', str(tmp_path)]) == 0
+    assert (
+        main(
+            [
+                'bench',
+                '--only',
+                'loop',
+                '--duration',
+                '0.2',
+                '--rates',
+                '100',
+                '--out',
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
     kinds = json.loads((tmp_path / 'bench.json').read_text())['loop']['100_Hz']
     assert set(kinds) == {'udp', 'echo', 'inside', 'controller', 'graph', 'composed'}
     assert all(figures['states'] >= 10 and figures['median_us'] > 0.0 for figures in kinds.values())
@@ -211,9 +262,16 @@ def test_missing_peers_are_named_with_the_remedy(tmp_path, capsys):
     assert "pip install 'redres_ros[bench]'" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('options', [
-    ('--only', 'tick,nonsense'), ('--duration', '0'), ('--duration', 'nan'), ('--rates', '500,fast'), ('--rates', '5'),
-])
+@pytest.mark.parametrize(
+    'options',
+    [
+        ('--only', 'tick,nonsense'),
+        ('--duration', '0'),
+        ('--duration', 'nan'),
+        ('--rates', '500,fast'),
+        ('--rates', '5'),
+    ],
+)
 def test_what_cannot_be_measured_is_refused_in_one_line(options, tmp_path, capsys):
     assert main(['bench', '--out', str(tmp_path), *options]) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1

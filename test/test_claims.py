@@ -17,8 +17,14 @@ def runs() -> Runs:
     return Runs()
 
 
-CHEAP = (theoretical.square_task, theoretical.two_forms, theoretical.special_case_35, theoretical.optimality,
-         theoretical.resting_place, theoretical.regimes)
+CHEAP = (
+    theoretical.square_task,
+    theoretical.two_forms,
+    theoretical.special_case_35,
+    theoretical.optimality,
+    theoretical.resting_place,
+    theoretical.regimes,
+)
 
 
 @pytest.mark.parametrize('measure', CHEAP, ids=lambda measure: measure.__name__)
@@ -27,7 +33,9 @@ def test_what_is_proved_in_the_paper_holds(runs: Runs, measure: object) -> None:
     assert finding.held, finding.measured
 
 
-def test_a_law_that_is_not_optimal_is_found_out(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_is_not_optimal_is_found_out(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
     resolve = theoretical.resolve
 
     def spoiled(*arguments: np.ndarray) -> np.ndarray:
@@ -53,16 +61,22 @@ def test_findings_are_shown_and_written_whole(tmp_path: Path) -> None:
     assert '1 of 2 claims held' in shown
     write_csv(findings, tmp_path / 'claims.csv')
     assert (tmp_path / 'claims.csv').read_text().splitlines() == [
-        'section,claim,held,measured,remark', '1,One,yes,a = 1,', '2,Two,no,b = 2,because']
+        'section,claim,held,measured,remark',
+        '1,One,yes,a = 1,',
+        '2,Two,no,b = 2,because',
+    ]
     with pytest.raises(FileError, match='cannot write'):
         write_csv(findings, Path('/dev/null/claims.csv'))
 
 
-def test_the_command_draws_measures_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                               capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_draws_measures_and_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     drawn: list[Path] = []
     monkeypatch.setattr(figures, 'draw_all', lambda out, progress, runs: drawn.append(out))
-    monkeypatch.setattr(claims, 'CLAIMS', tuple(claim for claim in CLAIMS if claim.measure in CHEAP))
+    monkeypatch.setattr(
+        claims, 'CLAIMS', tuple(claim for claim in CLAIMS if claim.measure in CHEAP)
+    )
     assert main(['reproduce', '--out', str(tmp_path)]) == 0
     assert drawn == [tmp_path]
     assert f'{len(CHEAP)} of {len(CHEAP)} claims held' in capsys.readouterr().out

@@ -17,8 +17,10 @@ from redres_ros.simulation.recording import columns
 def short(tmp_path: Path) -> str:
     """A task of 0.2 s from the paper's start."""
     path = tmp_path / 'short.yaml'
-    path.write_text('robot: lwr4_paper\nstart: [28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0]\n'
-                    'waypoints: [[-0.4, 0.36, 0.01], [-0.4, 0.35, 0.01]]\nsegment_time: 0.2\n')
+    path.write_text(
+        'robot: lwr4_paper\nstart: [28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0]\n'
+        'waypoints: [[-0.4, 0.36, 0.01], [-0.4, 0.35, 0.01]]\nsegment_time: 0.2\n'
+    )
     return str(path)
 
 
@@ -30,6 +32,7 @@ def simulate(short: str, path: Path, *options: str) -> np.ndarray:
 
 # --- simulate ---------------------------------------------------------------------------------------------------------
 
+
 def test_simulate_writes_the_columns_that_users_rely_on(short, tmp_path):
     simulate(short, tmp_path / 'motion.csv')
     assert (tmp_path / 'motion.csv').read_text().splitlines()[0] == ','.join(columns(7))
@@ -37,21 +40,31 @@ def test_simulate_writes_the_columns_that_users_rely_on(short, tmp_path):
 
 @pytest.mark.parametrize('law', LAWS)
 def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
-    table = simulate(short, tmp_path / 'motion.csv', '--law', law, '--damping', '20', '--period', '0.002')
+    table = simulate(
+        short, tmp_path / 'motion.csv', '--law', law, '--damping', '20', '--period', '0.002'
+    )
     controller = Controller(RobotModel.named('lwr4_paper'), make_law(law, damping=20.0), 0.002)
     assert table.tobytes() == run(controller, load_task(short)).data.tobytes()
 
 
-def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_unless_told_otherwise(short, tmp_path):
+def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_unless_told_otherwise(
+    short, tmp_path
+):
     table = simulate(short, tmp_path / 'a.csv')
     options = '--law minimum_acceleration --damping 10 --period 0.001'
     explicit = simulate(short, tmp_path / 'b.csv', *options.split())
     assert (table == explicit).all()
 
 
-@pytest.mark.parametrize(('factor', 'damping', 'period'), [
-    ('0.99', '10', '0.001'), ('0.99', '5', '0.002'), ('0', '1000', '0.001'), ('1', '0', '0.001'),
-])
+@pytest.mark.parametrize(
+    ('factor', 'damping', 'period'),
+    [
+        ('0.99', '10', '0.001'),
+        ('0.99', '5', '0.002'),
+        ('0', '1000', '0.001'),
+        ('1', '0', '0.001'),
+    ],
+)
 def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor, damping, period):
     common = ('--period', period, '--law', 'dynamically_consistent')
     a = simulate(short, tmp_path / 'a.csv', '--forgetting-factor', factor, *common)
@@ -59,14 +72,24 @@ def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor,
     assert a == pytest.approx(b, abs=1e-9)  # (1 - 0.99) / T is not quite 10
 
 
-@pytest.mark.parametrize('options', [
-    ('--dynamics', 'lwr'), ('--delay', '1'), ('--switch-time', '0.1'), ('--law', 'minimum_torque'),
-    ('--damping', '100'), ('--switching', 'within_tolerance'), ('--period', '0.002'),
-])
+@pytest.mark.parametrize(
+    'options',
+    [
+        ('--dynamics', 'lwr'),
+        ('--delay', '1'),
+        ('--switch-time', '0.1'),
+        ('--law', 'minimum_torque'),
+        ('--damping', '100'),
+        ('--switching', 'within_tolerance'),
+        ('--period', '0.002'),
+    ],
+)
 def test_every_option_acts(short, tmp_path, options):
     law = ('--law', 'dynamically_consistent') if '--law' not in options else ()
-    a, b = (simulate(short, tmp_path / 'motion.csv', '--law', 'dynamically_consistent'),
-            simulate(short, tmp_path / 'motion.csv', *law, *options))
+    a, b = (
+        simulate(short, tmp_path / 'motion.csv', '--law', 'dynamically_consistent'),
+        simulate(short, tmp_path / 'motion.csv', *law, *options),
+    )
     assert a.shape != b.shape or (a != b).any()
 
 
@@ -82,7 +105,14 @@ def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
     # the stretched arm runs out of time or diverges there is a matter of rounding.
     open_loop = tmp_path / 'open_loop.yaml'
     open_loop.write_text(Path(short).read_text() + 'feedback_gain: 0.0\ntolerance: 1.0e-5\n')
-    options = ['--task', str(open_loop), '--law', 'minimum_velocity', '--out', str(tmp_path / 'motion.csv')]
+    options = [
+        '--task',
+        str(open_loop),
+        '--law',
+        'minimum_velocity',
+        '--out',
+        str(tmp_path / 'motion.csv'),
+    ]
     assert main(['simulate', *options]) == 1
     assert 'did not reach the last point' in capsys.readouterr().out
     assert (tmp_path / 'motion.csv').is_file()  # how it went is what one wants to see then
@@ -108,7 +138,9 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(('options', 'message'), REFUSED, ids=[' '.join(options) for options, _ in REFUSED])
+@pytest.mark.parametrize(
+    ('options', 'message'), REFUSED, ids=[' '.join(options) for options, _ in REFUSED]
+)
 def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, capsys):
     assert main(['simulate', *options]) == 1
     captured = capsys.readouterr()
@@ -122,10 +154,17 @@ def test_a_file_that_cannot_be_written_is_refused(short, tmp_path, capsys):
     assert f'redres simulate: cannot write {tmp_path}: Is a directory' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('line', [
-    '', 'dance', 'simulate --damping much', 'simulate --delay 0.5', 'simulate --damping 1 --forgetting-factor 1',
-    'simulate --x',
-])
+@pytest.mark.parametrize(
+    'line',
+    [
+        '',
+        'dance',
+        'simulate --damping much',
+        'simulate --delay 0.5',
+        'simulate --damping 1 --forgetting-factor 1',
+        'simulate --x',
+    ],
+)
 def test_a_wrong_command_line_has_status_two_and_says_why(line, capsys):
     with pytest.raises(SystemExit) as caught:
         main(line.split())
@@ -133,16 +172,24 @@ def test_a_wrong_command_line_has_status_two_and_says_why(line, capsys):
     assert 'error: ' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(('line', 'status'), [('laws', 0), ('simulate --law fastest', 1), ('simulate --x', 2)])
+@pytest.mark.parametrize(
+    ('line', 'status'), [('laws', 0), ('simulate --law fastest', 1), ('simulate --x', 2)]
+)
 def test_the_exit_status_of_the_process_is_that_of_main_and_no_traceback_is_shown(line, status):
-    result = subprocess.run([sys.executable, '-m', 'redres_ros.cli', *line.split()], capture_output=True, text=True,
-                            timeout=120, check=False)
+    result = subprocess.run(
+        [sys.executable, '-m', 'redres_ros.cli', *line.split()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert result.returncode == status
     assert 'Traceback' not in result.stderr
     assert (result.stderr == '') == (status == 0)
 
 
 # --- laws -------------------------------------------------------------------------------------------------------------
+
 
 def test_laws_lists_every_law_with_its_equation(capsys):
     assert main(['laws']) == 0

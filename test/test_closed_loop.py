@@ -20,7 +20,9 @@ FORGETFUL = -1.0  # stands for the damping 1/T
 @cache
 def simulated(law: str, T: float, k_d: float = K_D) -> Recording:
     """The whole task under a law; every test asks for the same few runs."""
-    return run(Controller(MODEL, make_law(law, damping=1.0 / T if k_d == FORGETFUL else k_d), T), TASK)
+    return run(
+        Controller(MODEL, make_law(law, damping=1.0 / T if k_d == FORGETFUL else k_d), T), TASK
+    )
 
 
 def one_segment(task: Task = TASK) -> Task:
@@ -31,7 +33,12 @@ def one_segment(task: Task = TASK) -> Task:
 # --- against a loop of its own ----------------------------------------------------------------------------------------
 
 DAMPED = [*((law, K_D) for law in independent.LAWS), ('dynamically_consistent', FORGETFUL)]
-UNDAMPED = ['minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque']
+UNDAMPED = [
+    'minimum_acceleration',
+    'minimum_weighted_torque',
+    'dynamically_consistent',
+    'minimum_torque',
+]
 
 
 @cache
@@ -49,7 +56,7 @@ def undamped_loops(T: float) -> tuple[np.ndarray, np.ndarray]:
     start = np.concatenate((np.tile(independent.Q0, (len(UNDAMPED), 1)), twins))
     with np.errstate(all='ignore'):  # the torque laws run away in the end
         q = independent.loop(UNDAMPED * 2, np.zeros(len(start)), T, start, 3.0)
-    return q[:, :len(UNDAMPED)], q[:, len(UNDAMPED):]
+    return q[:, : len(UNDAMPED)], q[:, len(UNDAMPED) :]
 
 
 @PERIODS
@@ -68,7 +75,9 @@ def test_without_damping_the_motion_is_the_same_for_as_long_as_rounding_allows(l
     q, twin = (loops[:, UNDAMPED.index(law)] for loops in undamped_loops(T))
     got = run(Controller(MODEL, make_law(law, damping=0.0), T), one_segment()).vectors('q1')
     apart = np.abs(q - twin).max(axis=1) > 1e-9  # from 1e-12 at the start
-    steady = int(np.argmax(apart)) if apart.any() else len(q)  # ticks in which errors grow up to 1000 times
+    steady = (
+        int(np.argmax(apart)) if apart.any() else len(q)
+    )  # ticks in which errors grow up to 1000 times
     assert steady * T > (0.5 if law == 'minimum_torque' else 1.9)
     assert np.abs(got[:steady] - q[:steady]).max() < 1e-6
 
@@ -79,19 +88,24 @@ def test_every_law_of_the_package_is_held_against_the_independent_loop():
 
 # --- the figures ------------------------------------------------------------------------------------------------------
 
-FIGURES = pytest.mark.parametrize(('law', 'k_d', 'acceleration', 'at', 'velocity', 'torque'), [
-    ('minimum_velocity', K_D, (64.0, 0.05), 7.76, 4.01, 21.4),
-    ('minimum_acceleration', K_D, (8.67, 0.005), 7.35, 2.04, 21.3),
-    ('minimum_acceleration', 0.0, (244.0, 0.5), 5.97, 8.57, 76.15),
-    ('dynamically_consistent', FORGETFUL, (88.5, 0.05), 0.0, 4.00, 22.9),
-])
+FIGURES = pytest.mark.parametrize(
+    ('law', 'k_d', 'acceleration', 'at', 'velocity', 'torque'),
+    [
+        ('minimum_velocity', K_D, (64.0, 0.05), 7.76, 4.01, 21.4),
+        ('minimum_acceleration', K_D, (8.67, 0.005), 7.35, 2.04, 21.3),
+        ('minimum_acceleration', 0.0, (244.0, 0.5), 5.97, 8.57, 76.15),
+        ('dynamically_consistent', FORGETFUL, (88.5, 0.05), 0.0, 4.00, 22.9),
+    ],
+)
 
 
 @FIGURES
 def test_the_peaks_are_those_expected(law, k_d, acceleration, at, velocity, torque):
     recording = simulated(law, 0.001, k_d)
     value, t = recording.peak('joint_acceleration_norm')
-    assert value == pytest.approx(acceleration[0], abs=acceleration[1])  # each to the digits that are known
+    assert value == pytest.approx(
+        acceleration[0], abs=acceleration[1]
+    )  # each to the digits that are known
     assert t == pytest.approx(at, abs=0.0051)
     assert recording.peak('joint_velocity_norm')[0] == pytest.approx(velocity, abs=0.0051)
     assert recording.peak('joint_torque_norm')[0] == pytest.approx(torque, abs=0.051)
@@ -107,8 +121,13 @@ def test_the_task_ends_after_nine_seconds(law, k_d, acceleration, at, velocity, 
 
 @pytest.mark.parametrize(('T', 'k_d', 'times'), [(0.001, 10.0, 28.0), (0.002, 5.0, 36.0)])
 def test_without_forgetting_the_acceleration_peaks_some_thirty_times_as_high(T, k_d, times):
-    undamped, damped = (simulated('minimum_acceleration', T, k).peak('joint_acceleration_norm')[0] for k in (0.0, k_d))
-    assert undamped / damped == pytest.approx(times, rel=0.05)  # at the loop's own rounding, which lambda = 1 amplifies
+    undamped, damped = (
+        simulated('minimum_acceleration', T, k).peak('joint_acceleration_norm')[0]
+        for k in (0.0, k_d)
+    )
+    assert undamped / damped == pytest.approx(
+        times, rel=0.05
+    )  # at the loop's own rounding, which lambda = 1 amplifies
 
 
 def test_minimum_velocity_peaks_late_and_seven_times_as_high_as_damped_minimum_acceleration():
@@ -119,12 +138,17 @@ def test_minimum_velocity_peaks_late_and_seven_times_as_high_as_damped_minimum_a
 
 
 def test_dynamic_consistency_moves_faster_than_minimum_acceleration():
-    fast, slow = simulated('dynamically_consistent', 0.001, FORGETFUL), simulated('minimum_acceleration', 0.001)
+    fast, slow = (
+        simulated('dynamically_consistent', 0.001, FORGETFUL),
+        simulated('minimum_acceleration', 0.001),
+    )
     assert fast.peak('joint_velocity_norm')[0] > 1.5 * slow.peak('joint_velocity_norm')[0]
 
 
 @PERIODS
-@pytest.mark.parametrize('law', sorted({*LAWS} - {'minimum_torque'}))  # at 80 rad/s J is not constant for a tick
+@pytest.mark.parametrize(
+    'law', sorted({*LAWS} - {'minimum_torque'})
+)  # at 80 rad/s J is not constant for a tick
 def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law, T):
     assert simulated(law, T)['task_error'].max() < TASK.tolerance
 
@@ -134,7 +158,9 @@ def test_the_columns_belong_together():
     q, dq, T = recording.vectors('q1'), recording.vectors('dq1'), 0.002
     ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
     assert q[1:] == pytest.approx(q[:-1] + T * dq[:-1], abs=1e-14)
-    assert recording['joint_acceleration_norm'] == pytest.approx(np.linalg.norm(ddq, axis=1), abs=1e-9)
+    assert recording['joint_acceleration_norm'] == pytest.approx(
+        np.linalg.norm(ddq, axis=1), abs=1e-9
+    )
     error = recording.vectors('x_d') - recording.vectors('x')
     assert recording['task_error'] == pytest.approx(np.linalg.norm(error, axis=1), abs=1e-15)
     assert recording['t'] == pytest.approx(T * np.arange(len(q)), abs=1e-12)
@@ -154,9 +180,12 @@ def short(**options: object) -> Recording:
 def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():
     for delay in (0, 1, 3):
         recording = short(delay=delay)
-        q, references = recording.vectors('q1'), TASK.start + T * np.cumsum(recording.vectors('dq1'), axis=0)
-        assert (q[:delay + 1] == TASK.start).all()
-        assert q[delay + 1:] == pytest.approx(references[:-delay - 1], abs=1e-12)
+        q, references = (
+            recording.vectors('q1'),
+            TASK.start + T * np.cumsum(recording.vectors('dq1'), axis=0),
+        )
+        assert (q[: delay + 1] == TASK.start).all()
+        assert q[delay + 1 :] == pytest.approx(references[: -delay - 1], abs=1e-12)
 
 
 def test_switches_act_from_their_tick_on():
@@ -186,7 +215,11 @@ def test_a_loop_that_diverges_ends_and_says_so():
 
 
 def test_a_point_out_of_reach_ends_the_loop_in_time_and_says_so():
-    task = replace(TASK, waypoints=np.array((TASK.waypoints[0], (-0.4, 0.36, 0.02), (0.0, 0.0, 1.5))), segment_time=0.1)
+    task = replace(
+        TASK,
+        waypoints=np.array((TASK.waypoints[0], (-0.4, 0.36, 0.02), (0.0, 0.0, 1.5))),
+        segment_time=0.1,
+    )
     recording = run(Controller(MODEL, make_law('minimum_velocity'), T), task)
     assert not recording.finished
     assert recording.ending == 'did not reach the last point within 0.6 s'

@@ -30,7 +30,9 @@ ROUNDING = 1e-12  # of joint positions and velocities of order 1
 PAIRS = pytest.mark.parametrize(('old', 'new'), list(permutations(LAWS, 2)))
 
 
-def controller_of(model: RobotModel, law: str = 'minimum_acceleration', **options: float | str) -> Controller:
+def controller_of(
+    model: RobotModel, law: str = 'minimum_acceleration', **options: float | str
+) -> Controller:
     return Controller(model, make_law(law), T, **options)
 
 
@@ -89,6 +91,7 @@ def underway_with(model: RobotModel, task: Task) -> Callable[[str, float], Drive
 
 # --- one tick ---------------------------------------------------------------------------------------------------------
 
+
 def test_the_reference_is_the_position_plus_one_tick_of_velocity(model, task):
     command = controller_of(model).update(task.start, DX)
     assert command.q_ref == pytest.approx(task.start + T * command.dq, abs=1e-15)  # footnote 1
@@ -102,7 +105,10 @@ def test_the_command_executes_the_task(model, task):
 def test_the_example_for_researchers_runs():
     model = RobotModel.named('lwr4_paper')
     controller = Controller(model, make_law('minimum_acceleration', damping=10.0), T=0.001)
-    q, dx = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)), np.array((0.1, 0.0, 0.0))
+    q, dx = (
+        np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)),
+        np.array((0.1, 0.0, 0.0)),
+    )
     command = controller.update(q, dx)
     assert command.dq.shape == command.q_ref.shape == (7,)
 
@@ -139,12 +145,22 @@ def test_a_pose_task_is_executed_with_its_six_rows(task):
 def test_what_is_done_to_a_command_does_not_reach_the_controller(model, task):
     used, untouched = controller_of(model), controller_of(model)
     command, expected = used.update(task.start, DX), untouched.update(task.start, DX)
-    for array in (command.dq, command.q_ref, command.null, command.state.q, command.state.dq_prev, command.state.J):
+    for array in (
+        command.dq,
+        command.q_ref,
+        command.null,
+        command.state.q,
+        command.state.dq_prev,
+        command.state.J,
+    ):
         array[:] = np.nan
-    assert (used.update(expected.q_ref, DX).q_ref == untouched.update(expected.q_ref, DX).q_ref).all()
+    assert (
+        used.update(expected.q_ref, DX).q_ref == untouched.update(expected.q_ref, DX).q_ref
+    ).all()
 
 
 # --- what it integrates -----------------------------------------------------------------------------------------------
+
 
 def lagging(controller: Controller, start: np.ndarray, ticks: int) -> tuple[np.ndarray, np.ndarray]:
     """How far [rad] reference and measurement get from the start, for a servo that covers 5 % of the way in a tick."""
@@ -157,8 +173,12 @@ def lagging(controller: Controller, start: np.ndarray, ticks: int) -> tuple[np.n
 
 def test_from_the_last_command_a_servo_lag_does_not_slow_the_reference_down(model, task):
     reference, _ = lagging(controller_of(model, 'minimum_velocity'), task.start, 100)
-    ideal, _ = lagging(controller_of(model, 'minimum_velocity', integrate_from='measurement'), task.start, 1)
-    assert reference == pytest.approx(100 * ideal, rel=0.05)  # J changes a little on the way of 2 cm
+    ideal, _ = lagging(
+        controller_of(model, 'minimum_velocity', integrate_from='measurement'), task.start, 1
+    )
+    assert reference == pytest.approx(
+        100 * ideal, rel=0.05
+    )  # J changes a little on the way of 2 cm
 
 
 def test_from_the_measurement_a_servo_lag_makes_the_arm_creep(model, task):
@@ -170,7 +190,10 @@ def test_from_the_measurement_a_servo_lag_makes_the_arm_creep(model, task):
 
 
 def test_on_an_ideal_arm_both_are_the_same(model, task):
-    drives = [Drive(controller_of(model, integrate_from=choice), task) for choice in ('command', 'measurement')]
+    drives = [
+        Drive(controller_of(model, integrate_from=choice), task)
+        for choice in ('command', 'measurement')
+    ]
     for _ in range(200):
         commands = [drive.step()[0] for drive in drives]
         assert (commands[0].q_ref == commands[1].q_ref).all()
@@ -197,6 +220,7 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
 
 # --- what it refuses --------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize('T', [0.0, -0.001, np.nan, np.inf, 2.0])
 def test_a_sampling_time_out_of_range_is_refused(model, T):
     with pytest.raises(RangeError, match=f'T is {T}; allowed: 1e-05 to 1'):
@@ -210,7 +234,9 @@ def test_a_switch_time_out_of_range_is_refused(model, switch_time):
 
 
 def test_an_unknown_source_of_integration_is_refused(model):
-    with pytest.raises(UnknownNameError, match="unknown integrate_from 'hope'; allowed: command, measurement"):
+    with pytest.raises(
+        UnknownNameError, match="unknown integrate_from 'hope'; allowed: command, measurement"
+    ):
         controller_of(model, integrate_from='hope')
 
 
@@ -227,9 +253,13 @@ def test_too_much_damping_is_refused_at_a_switch_and_the_law_stays(model):
 
 
 BAD = {
-    'q nan': (np.full(7, np.nan), DX), 'q short': (np.zeros(6), DX), 'q column': (np.zeros((7, 1)), DX),
-    'dx nan': (None, np.array((0.1, np.nan, 0.0))), 'dx inf': (None, np.array((0.1, np.inf, 0.0))),
-    'dx short': (None, np.zeros(2)), 'dx column': (None, np.zeros((3, 1))),
+    'q nan': (np.full(7, np.nan), DX),
+    'q short': (np.zeros(6), DX),
+    'q column': (np.zeros((7, 1)), DX),
+    'dx nan': (None, np.array((0.1, np.nan, 0.0))),
+    'dx inf': (None, np.array((0.1, np.inf, 0.0))),
+    'dx short': (None, np.zeros(2)),
+    'dx column': (None, np.zeros((3, 1))),
 }
 
 
@@ -249,6 +279,7 @@ def test_bad_input_leaves_the_controller_exactly_as_it_was(model, task, q, dx):
 
 # --- switching --------------------------------------------------------------------------------------------------------
 
+
 @PAIRS
 def test_the_task_is_executed_during_a_switch(underway, old, new):
     drive = underway(old, 4.5)
@@ -256,10 +287,14 @@ def test_the_task_is_executed_during_a_switch(underway, old, new):
     for _ in range(round(SWITCH_TIME / T) + 1):
         command, dx = drive.step()
         # Rounding is relative to the motion in the null space, where minimum_torque has 80 rad/s.
-        assert np.linalg.norm(command.state.J @ command.dq - dx) < ROUNDING * (1.0 + 100.0 * np.linalg.norm(command.dq))
+        assert np.linalg.norm(command.state.J @ command.dq - dx) < ROUNDING * (
+            1.0 + 100.0 * np.linalg.norm(command.dq)
+        )
 
 
-@pytest.mark.parametrize(('old', 'new'), list(permutations(('minimum_velocity', 'minimum_kinetic_energy'))))
+@pytest.mark.parametrize(
+    ('old', 'new'), list(permutations(('minimum_velocity', 'minimum_kinetic_energy')))
+)
 def test_laws_without_memory_are_mixed_by_the_quintic(underway, old, new):
     drive, ticks = underway(old, 1.5), round(SWITCH_TIME / T)
     drive.controller.switch_law(make_law(new))
@@ -285,7 +320,10 @@ def peak(commands: list[Command]) -> float:
 
 
 def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway):
-    jumps, calm = 0, [law for law in LAWS if law != 'minimum_torque']  # which needs thousands of rad/s^2 by itself
+    jumps, calm = (
+        0,
+        [law for law in LAWS if law != 'minimum_torque'],
+    )  # which needs thousands of rad/s^2 by itself
     for (old, new), time in product(permutations(calm, 2), (1.5, 4.5)):
         staying, blended, at_once = (underway(old, time) for _ in range(3))
         at_once.controller.switch_time = 0.0
@@ -295,15 +333,23 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
         by_themselves = max(peak(staying.run(SWITCH_TIME)), peak(after))
         if peak([first]) > 5.0 * by_themselves:
             jumps += 1
-            assert peak(blended.run(SWITCH_TIME)) < 0.2 * peak([first]), f'{old} to {new} at {time} s'
-    assert jumps > 10  # a third, most of them to a law without memory; without this the test may have tested nothing
+            assert peak(blended.run(SWITCH_TIME)) < 0.2 * peak([first]), (
+                f'{old} to {new} at {time} s'
+            )
+    assert (
+        jumps > 10
+    )  # a third, most of them to a law without memory; without this the test may have tested nothing
 
 
 # With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a configuration that neither
 # law alone would pass, and from there fling it; so may one just before the stretched arm at 7 s.
 @pytest.mark.parametrize('time', [1.5, 4.5])
-@pytest.mark.parametrize(('old', 'new'), list(permutations([law for law in LAWS if law != 'minimum_torque'], 2)))
-def test_a_switch_takes_little_more_acceleration_than_the_two_laws(identified_underway, old, new, time):
+@pytest.mark.parametrize(
+    ('old', 'new'), list(permutations([law for law in LAWS if law != 'minimum_torque'], 2))
+)
+def test_a_switch_takes_little_more_acceleration_than_the_two_laws(
+    identified_underway, old, new, time
+):
     """Each law goes on by itself from the state at the switch; bringing one velocity to the other is part of it."""
     staying, blended, at_once = (identified_underway(old, time) for _ in range(3))
     at_once.controller.switch_time = 0.0
@@ -327,7 +373,9 @@ class Floating:
 
 @pytest.mark.parametrize('period', [0.001, 0.002, 0.01])
 def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(period):
-    controller = Controller(Floating(), make_law('minimum_acceleration', damping=0.0), period, switch_time=0.5)
+    controller = Controller(
+        Floating(), make_law('minimum_acceleration', damping=0.0), period, switch_time=0.5
+    )
     controller.switch_time = 0.0
     controller.update(np.zeros(7), np.zeros(3))
     controller._dq_prev, controller.switch_time = np.ones(7), 0.5  # underway at 1 rad/s
@@ -367,7 +415,9 @@ def test_asking_for_the_law_in_force_changes_nothing(underway):
 def test_of_many_switches_the_last_one_wins(underway):
     drive, random = underway('minimum_velocity', 1.5), np.random.default_rng(0)
     for _ in range(500):
-        drive.controller.switch_law(make_law(random.choice([law for law in LAWS if law != 'minimum_torque'])))
+        drive.controller.switch_law(
+            make_law(random.choice([law for law in LAWS if law != 'minimum_torque']))
+        )
         assert np.linalg.norm(drive.step()[0].dq) < 20.0  # the laws by themselves: 5 rad/s
     last = make_law('minimum_kinetic_energy')
     drive.controller.switch_law(last)
@@ -399,6 +449,7 @@ def test_a_negative_number_of_missed_cycles_is_refused(model, task):
 
 
 # --- starting and stopping --------------------------------------------------------------------------------------------
+
 
 def test_without_switch_time_gravity_makes_the_first_tick_jump(model, task):
     law = make_law('dynamically_consistent', damping=1.0 / T)  # Eq. (35)
@@ -470,6 +521,7 @@ def test_a_law_asked_for_while_holding_is_the_one_resumed(underway):
 
 
 # --- real time --------------------------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize('name', LAWS)
 def test_ticks_give_the_garbage_collector_no_reason_to_run(model, task, name):

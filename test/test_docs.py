@@ -15,8 +15,14 @@ PAGE = HERE.parent / 'docs' / 'when_things_go_wrong.md'
 
 def rows() -> list[list[str]]:
     """The cells of every row of the page's tables, heads left out."""
-    lines = [line for line in PAGE.read_text(encoding='utf-8').splitlines() if line.startswith('| ')]
-    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines if not line.startswith('| event |')]
+    lines = [
+        line for line in PAGE.read_text(encoding='utf-8').splitlines() if line.startswith('| ')
+    ]
+    return [
+        [cell.strip() for cell in line.strip('|').split('|')]
+        for line in lines
+        if not line.startswith('| event |')
+    ]
 
 
 def functions(file: str) -> set[str]:
@@ -40,7 +46,9 @@ def test_every_scenario_of_recovery_has_a_row() -> None:
     shown = {row[-1].partition(': ')[2] for row in rows()}
     scenarios = {name for name in functions('test_recovery') if name.startswith('test_')}
     # The law that is switched in every tick has one already; this is the same over DDS.
-    assert scenarios - shown == {'test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly'}
+    assert scenarios - shown == {
+        'test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly'
+    }
 
 
 @pytest.mark.parametrize('kind', list(Refusal))

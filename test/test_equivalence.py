@@ -38,11 +38,15 @@ def side(task: Task) -> Task:
 
 # --- sampled ----------------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('name', 'damping', 'T'), [
-    ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
-    ('dynamically_consistent', 1000.0, 0.001),  # Fig. 8
-    ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
-])
+
+@pytest.mark.parametrize(
+    ('name', 'damping', 'T'),
+    [
+        ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
+        ('dynamically_consistent', 1000.0, 0.001),  # Fig. 8
+        ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
+    ],
+)
 def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T, task):
     found = difference(name, damping, T, task)
     assert found.max < ZERO
@@ -57,7 +61,9 @@ def test_with_any_law_they_do_on_an_arm_that_it_does_not_make_unstable(name, dam
 
 
 def test_without_damping_the_law_and_the_scheme_of_least_acceleration_go_the_same_way_astray(task):
-    found = difference('minimum_acceleration', 0.0, 0.001, task)  # the loop amplifies rounding 4e3 times
+    found = difference(
+        'minimum_acceleration', 0.0, 0.001, task
+    )  # the loop amplifies rounding 4e3 times
     assert found.max < ZERO
 
 
@@ -67,16 +73,24 @@ def test_where_the_loop_amplifies_rounding_law_and_scheme_still_agree_at_every_t
     assert 0.5 < found.holds_until < task.segment_time * task.segments  # in the course of time,
     # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits for a condition of 1e3
     assert found.same_past.max() < ZERO
-    assert amplification('minimum_weighted_torque', 0.0, 0.008, task).max > 1e9  # and a displaced start does as much
+    assert (
+        amplification('minimum_weighted_torque', 0.0, 0.008, task).max > 1e9
+    )  # and a displaced start does as much
 
 
 def test_with_damping_the_loop_amplifies_nothing(side):
-    assert amplification('minimum_weighted_torque', 10.0, 0.002, side).max < 10.0  # [1/s]; k_P and k_d are 10 1/s
+    assert (
+        amplification('minimum_weighted_torque', 10.0, 0.002, side).max < 10.0
+    )  # [1/s]; k_P and k_d are 10 1/s
 
 
 @pytest.mark.parametrize(('excess', 'seen'), [(0.0, False), (1e-6, True)])
-def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(excess, seen, side, monkeypatch):
-    monkeypatch.setattr(equivalence, 'yardstick', lambda name, damping, T: make_scheme(name, damping + excess))
+def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
+    excess, seen, side, monkeypatch
+):
+    monkeypatch.setattr(
+        equivalence, 'yardstick', lambda name, damping, T: make_scheme(name, damping + excess)
+    )
     found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
     assert (found.max > ZERO) == (found.same_past.max() > ZERO) == seen
 
@@ -97,11 +111,14 @@ def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_
 
 
 def test_least_kinetic_energy_has_no_yardstick(side):
-    with pytest.raises(UnknownNameError, match="unknown scheme of second order 'minimum_kinetic_energy'"):
+    with pytest.raises(
+        UnknownNameError, match="unknown scheme of second order 'minimum_kinetic_energy'"
+    ):
         difference('minimum_kinetic_energy', 10.0, 0.001, side)
 
 
 # --- continuous -------------------------------------------------------------------------------------------------------
+
 
 @EVERY_SCHEME
 def test_the_laws_converge_to_the_continuous_schemes_with_the_first_order(name, side, heavy):
@@ -112,7 +129,9 @@ def test_the_laws_converge_to_the_continuous_schemes_with_the_first_order(name, 
 
 
 def test_the_order_is_the_slope_of_the_errors():
-    found = Convergence(np.array((0.004, 0.002, 0.001)), np.array((4.0, 2.0, 1.0)), np.array((16.0, 4.0, 1.0)))
+    found = Convergence(
+        np.array((0.004, 0.002, 0.001)), np.array((4.0, 2.0, 1.0)), np.array((16.0, 4.0, 1.0))
+    )
     assert found.q_order == pytest.approx(1.0)
     assert found.dq_order == pytest.approx(2.0)
 
@@ -123,10 +142,14 @@ def test_the_continuous_motion_executes_the_task(name, task, heavy):
     motion = integrate(make_scheme(name), heavy, task, t)
     tip, xi = np.array([heavy.tip(q)[0] for q in motion.q]), np.tile(np.arange(12), 3)[:, None] / 12
     ways = np.repeat(np.diff(task.waypoints, axis=0), 12, axis=0)
-    x_d = np.repeat(task.waypoints[:-1], 12, axis=0) + ways * (6 * xi**5 - 15 * xi**4 + 10 * xi**3)  # Eq. (36)
+    x_d = np.repeat(task.waypoints[:-1], 12, axis=0) + ways * (
+        6 * xi**5 - 15 * xi**4 + 10 * xi**3
+    )  # Eq. (36)
     error = np.linalg.norm(tip - np.vstack((x_d, task.waypoints[-1])), axis=1)
     assert error[0] > 1e-5  # [m]; the start misses x_0 by 0.15 mm,
-    assert error == pytest.approx(error[0] * np.exp(-10.0 * t), abs=1e-8)  # which Eq. (37) makes good
+    assert error == pytest.approx(
+        error[0] * np.exp(-10.0 * t), abs=1e-8
+    )  # which Eq. (37) makes good
 
 
 @EVERY_SCHEME
@@ -134,13 +157,17 @@ def test_the_continuous_velocity_is_the_derivative_of_the_continuous_position(na
     middle, h = np.array((0.4, 2.0, 4.0)), 1e-3
     q = {shift: integrate(make_scheme(name), heavy, task, middle + shift).q for shift in (-h, h)}
     dq = integrate(make_scheme(name), heavy, task, middle).dq
-    assert (q[h] - q[-h]) / (2.0 * h) == pytest.approx(dq, abs=1e-4)  # h^2 times a jerk below 100 rad/s^3
+    assert (q[h] - q[-h]) / (2.0 * h) == pytest.approx(
+        dq, abs=1e-4
+    )  # h^2 times a jerk below 100 rad/s^3
 
 
 def test_the_continuous_motion_does_not_depend_on_when_it_is_looked_at(task, model):
     often = integrate(make_scheme('minimum_acceleration'), model, task, np.linspace(0.0, 9.0, 19))
     seldom = integrate(make_scheme('minimum_acceleration'), model, task, np.array((0.0, 3.0, 5.0)))
-    assert seldom.q == pytest.approx(often.q[[0, 6, 10]], abs=1e-8)  # the last step and its error differ
+    assert seldom.q == pytest.approx(
+        often.q[[0, 6, 10]], abs=1e-8
+    )  # the last step and its error differ
     assert seldom.dq == pytest.approx(often.dq[[0, 6, 10]], abs=1e-8)
 
 

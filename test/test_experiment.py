@@ -17,7 +17,9 @@ T = 0.002  # [s]
 TASK = load_task('rectangle')
 ARM = find_arm(TASK.robot, dynamics='lwr')
 # Half of the first segment: long enough to move, short enough for a test.
-SHORT = replace(TASK, waypoints=np.array((TASK.waypoints[0], TASK.waypoints[:2].mean(axis=0))), segment_time=1.5)
+SHORT = replace(
+    TASK, waypoints=np.array((TASK.waypoints[0], TASK.waypoints[:2].mean(axis=0))), segment_time=1.5
+)
 
 
 def controller(law: str, damping: float = 5.0, switch_time: float = 0.2) -> Controller:
@@ -39,6 +41,7 @@ def finished() -> Experiment:
 
 
 # --- the paper's two outcomes -----------------------------------------------------------------------------------------
+
 
 def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert not stopped.recording.finished
@@ -62,11 +65,13 @@ def test_a_finished_arm_is_held_at_the_last_point_by_the_feedback(finished):
     end = len(finished.recording.data)
     assert len(finished.q) == end + round(AFTERMATH / T)
     error = np.linalg.norm(RobotModel(ARM).tip(finished.q[-1])[0] - TASK.waypoints[-1])
-    assert error < np.exp(-0.9 * TASK.feedback_gain * AFTERMATH) * finished.recording['task_error'][-1]  # Eq. (37)
+    assert (
+        error < np.exp(-0.9 * TASK.feedback_gain * AFTERMATH) * finished.recording['task_error'][-1]
+    )  # Eq. (37)
 
 
 def test_measured_positions_are_those_of_the_recording(finished):
-    assert (finished.q[:len(finished.recording.data)] == finished.recording.vectors('q1')).all()
+    assert (finished.q[: len(finished.recording.data)] == finished.recording.vectors('q1')).all()
 
 
 def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
@@ -78,19 +83,26 @@ def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
 
 # --- the loop ---------------------------------------------------------------------------------------------------------
 
+
 def test_the_arm_moves_as_an_ideal_one_that_uses_each_answer_a_tick_late():
     real = short(controller('minimum_acceleration')).recording
     ideal = run(controller('minimum_acceleration'), SHORT, delay=1)
     ticks = min(len(real.data), len(ideal.data))
     apart = np.abs(real.vectors('q1')[:ticks] - ideal.vectors('q1')[:ticks]).max()
-    assert apart < 2e-4  # [rad]; a tick is 2e-3 at the joints' speed of 0.9 rad/s, of which feedback takes up a part
+    assert (
+        apart < 2e-4
+    )  # [rad]; a tick is 2e-3 at the joints' speed of 0.9 rad/s, of which feedback takes up a part
 
 
 def test_a_scheme_of_second_order_runs_in_it_and_moves_the_arm_as_its_law_does():
     law = short(controller('minimum_acceleration', switch_time=0.0))
-    scheme = short(SecondOrderController(RobotModel(ARM), make_scheme('minimum_acceleration', 5.0), T))
+    scheme = short(
+        SecondOrderController(RobotModel(ARM), make_scheme('minimum_acceleration', 5.0), T)
+    )
     assert scheme.recording.finished
-    assert np.abs(law.q - scheme.q).max() < 1e-12  # rounding, which the closed loop does not let grow
+    assert (
+        np.abs(law.q - scheme.q).max() < 1e-12
+    )  # rounding, which the closed loop does not let grow
 
 
 def test_the_same_experiment_gives_the_same_bits():
@@ -108,6 +120,7 @@ def test_a_task_that_is_never_finished_ends_all_the_same():
 
 
 # --- Savitzky-Golay ---------------------------------------------------------------------------------------------------
+
 
 def test_a_polynomial_of_fifth_degree_is_differentiated_exactly():
     polynomial = np.polynomial.Polynomial(np.random.default_rng(0).uniform(-1.0, 1.0, 6))
@@ -134,5 +147,7 @@ def test_too_few_samples_for_the_window_are_an_error():
 
 
 def test_the_motion_that_was_measured_is_the_one_that_was_commanded(finished):
-    commanded = finished.recording.vectors('dq1')[LEFT_OUT:1400]  # the first segment: no joint is near its limit
-    assert finished.motion.dq[:len(commanded)] == pytest.approx(commanded, abs=0.01)
+    commanded = finished.recording.vectors('dq1')[
+        LEFT_OUT:1400
+    ]  # the first segment: no joint is near its limit
+    assert finished.motion.dq[: len(commanded)] == pytest.approx(commanded, abs=0.01)

@@ -30,6 +30,7 @@ MANY = 20000  # messages
 
 # --- channels ---------------------------------------------------------------------------------------------------------
 
+
 def transmit(channel: Channel[int], messages: int, rest: int = 100) -> list[tuple[int, int]]:
     """Message k is sent at tick k; what arrives is (tick, message), in that order."""
     arrived = []
@@ -45,8 +46,15 @@ def runs(values: list[bool]) -> list[int]:
     return [len(list(group)) for value, group in groupby(values) if value]
 
 
-LINKS = st.builds(Link, delay=st.integers(0, 5), delay_spread=st.integers(0, 5), loss=st.floats(0.0, 1.0),
-                  loss_burst=st.integers(1, 9), duplication=st.floats(0.0, 1.0), reordering=st.floats(0.0, 1.0))
+LINKS = st.builds(
+    Link,
+    delay=st.integers(0, 5),
+    delay_spread=st.integers(0, 5),
+    loss=st.floats(0.0, 1.0),
+    loss_burst=st.integers(1, 9),
+    duplication=st.floats(0.0, 1.0),
+    reordering=st.floats(0.0, 1.0),
+)
 
 
 def test_without_faults_every_message_arrives_at_once():
@@ -62,7 +70,9 @@ def test_a_random_delay_takes_every_value_of_its_spread_and_keeps_the_order():
     arrived = []
     for k in range(1000):  # one at a time, so that none has to wait for another
         channel.send(k, 10 * k)
-        arrived += [tick - 10 * k for tick in range(10 * k, 10 * k + 10) for _ in channel.receive(tick)]
+        arrived += [
+            tick - 10 * k for tick in range(10 * k, 10 * k + 10) for _ in channel.receive(tick)
+        ]
     # With shares of a quarter, the number of each has a deviation of 14.
     assert [np.isclose(arrived.count(delay), 250, atol=70) for delay in (2, 3, 4, 5)] == [True] * 4
     assert len(arrived) == 1000
@@ -73,12 +83,16 @@ def test_a_random_delay_takes_every_value_of_its_spread_and_keeps_the_order():
 @pytest.mark.parametrize('loss', [0.02, 0.3, 0.9])
 @pytest.mark.parametrize('burst', [1, 4, 20])
 def test_losses_have_the_share_and_the_length_that_were_asked_for(loss, burst):
-    arrived = {message for _, message in transmit(Channel(2, Link(loss=loss, loss_burst=burst)), MANY)}
+    arrived = {
+        message for _, message in transmit(Channel(2, Link(loss=loss, loss_burst=burst)), MANY)
+    }
     lost = [k not in arrived for k in range(MANY)]
     # Bursts are independent: their number deviates by less than its square root.
     expected = loss * MANY / burst
     assert sum(lost) / burst == pytest.approx(expected, abs=4.0 * np.sqrt(expected))
-    assert {length % burst for length in runs(lost)[:-1]} == {0}  # of whole bursts; the last one may be cut off
+    assert {length % burst for length in runs(lost)[:-1]} == {
+        0
+    }  # of whole bursts; the last one may be cut off
     assert burst in runs(lost) or loss > 0.5
 
 
@@ -103,14 +117,21 @@ def test_a_reordered_message_arrives_with_the_next_and_after_it():
     arrived = transmit(Channel(5, Link(reordering=0.2)), MANY)
     order = [message for _, message in arrived]
     overtaken = [k for k, (first, second) in enumerate(pairwise(order)) if first > second]
-    assert all(order[k] == order[k + 1] + 1 and arrived[k][0] == arrived[k + 1][0] for k in overtaken)
-    assert sorted(order) in (list(range(MANY)), list(range(MANY - 1)))  # the last one may wait for another for ever
+    assert all(
+        order[k] == order[k + 1] + 1 and arrived[k][0] == arrived[k + 1][0] for k in overtaken
+    )
+    assert sorted(order) in (
+        list(range(MANY)),
+        list(range(MANY - 1)),
+    )  # the last one may wait for another for ever
     # A message that overtakes is not overtaken itself: a share p of those that follow one another in peace.
     assert len(overtaken) == pytest.approx(MANY * 0.2 / 1.2, abs=4.0 * np.sqrt(MANY * 0.2))
 
 
 @given(LINKS, st.integers(0, 2**32))
-def test_the_same_seed_does_the_same_and_nothing_arrives_that_was_not_sent_or_too_early_or_too_late(link, seed):
+def test_the_same_seed_does_the_same_and_nothing_arrives_that_was_not_sent_or_too_early_or_too_late(
+    link, seed
+):
     arrived = transmit(Channel(seed, link), 100)
     assert arrived == transmit(Channel(seed, link), 100)
     for tick, message in arrived:
@@ -125,23 +146,32 @@ def test_the_same_seed_does_the_same_and_nothing_arrives_that_was_not_sent_or_to
 @given(LINKS, LINKS, st.integers(0, 99))
 def test_setting_one_fault_does_not_change_when_messages_are_lost(link, other, seed):
     lossy = replace(other, loss=link.loss, loss_burst=link.loss_burst, reordering=0.0)
-    arrived = [{message for _, message in transmit(Channel(seed, each), 100)}
-               for each in (lossy, Link(loss=link.loss, loss_burst=link.loss_burst))]
+    arrived = [
+        {message for _, message in transmit(Channel(seed, each), 100)}
+        for each in (lossy, Link(loss=link.loss, loss_burst=link.loss_burst))
+    ]
     assert arrived[0] == arrived[1]
 
 
 def test_faults_of_a_link_can_change_at_any_tick():
     channel, arrived = Channel(6), []
     for tick in range(40):
-        channel.link = Link(delay=5) if 10 <= tick < 20 else Link(loss=1.0) if tick >= 30 else Link()
+        channel.link = (
+            Link(delay=5) if 10 <= tick < 20 else Link(loss=1.0) if tick >= 30 else Link()
+        )
         channel.send(tick, tick)
         arrived += [(tick, message) for message in channel.receive(tick)]
     delayed = [(k + 5, k) for k in range(10, 20)]
-    waiting = [(24, k) for k in range(20, 24)]  # what comes behind the delayed ones cannot overtake them
-    assert arrived == [(k, k) for k in range(10)] + delayed + waiting + [(k, k) for k in range(24, 30)]
+    waiting = [
+        (24, k) for k in range(20, 24)
+    ]  # what comes behind the delayed ones cannot overtake them
+    assert arrived == [(k, k) for k in range(10)] + delayed + waiting + [
+        (k, k) for k in range(24, 30)
+    ]
 
 
 # --- parameters -------------------------------------------------------------------------------------------------------
+
 
 def test_every_fault_is_a_live_parameter_with_unit_or_share_and_range():
     declared = parameters(Faults)
@@ -153,21 +183,37 @@ def test_every_fault_is_a_live_parameter_with_unit_or_share_and_range():
 
 @pytest.mark.parametrize('way', ['state', 'command'])
 def test_states_and_commands_have_links_of_their_own(way):
-    values = {'delay': 1, 'delay_spread': 2, 'loss': 0.3, 'loss_burst': 4, 'duplication': 0.5, 'reordering': 0.6}
+    values = {
+        'delay': 1,
+        'delay_spread': 2,
+        'loss': 0.3,
+        'loss_burst': 4,
+        'duplication': 0.5,
+        'reordering': 0.6,
+    }
     faults = Faults(**{f'{way}_{name}': value for name, value in values.items()})
     links = {'state': faults.states, 'command': faults.commands}
     assert links.pop(way) == Link(**values)
     assert set(links.values()) == {Link()}
 
 
-@pytest.mark.parametrize('wrong', [{'state_loss': 1.1}, {'command_delay': -1}, {'encoder_noise': np.nan},
-                                   {'push_force_z': 501.0}, {'state_loss_burst': 0}])
+@pytest.mark.parametrize(
+    'wrong',
+    [
+        {'state_loss': 1.1},
+        {'command_delay': -1},
+        {'encoder_noise': np.nan},
+        {'push_force_z': 501.0},
+        {'state_loss_burst': 0},
+    ],
+)
 def test_faults_out_of_range_are_refused(wrong):
     with pytest.raises(RangeError, match=next(iter(wrong))):
         Faults(**wrong)
 
 
 # --- arms -------------------------------------------------------------------------------------------------------------
+
 
 def ideal(**faults: float) -> FaultyPlant:
     return FaultyPlant(IdealPlant(LIMITS.joint_names, T, Q0), Faults(**faults), seed=1)
@@ -192,7 +238,10 @@ def measured(plant: FaultyPlant, cycles: int) -> np.ndarray:
 
 
 def test_without_faults_it_is_the_plant_bit_for_bit():
-    for faulty, plant in ((ideal(), IdealPlant(LIMITS.joint_names, T, Q0)), (mujoco(), MujocoPlant(ARM, T, Q0))):
+    for faulty, plant in (
+        (ideal(), IdealPlant(LIMITS.joint_names, T, Q0)),
+        (mujoco(), MujocoPlant(ARM, T, Q0)),
+    ):
         for k in range(200):
             assert (faulty.q == plant.q).all()
             assert (faulty.dq == plant.dq).all()
@@ -295,10 +344,13 @@ def test_paused_physics_leave_the_arm_where_it_is_and_then_let_it_go_on(make):
 
 # --- the robot under faults -------------------------------------------------------------------------------------------
 
+
 class Loop:
     """A robot and a client that mirrors the position until it commands, and then asks for a gentle swing from there."""
 
-    def __init__(self, faults: Faults | None = None, profile: str = 'lwr_fri1', seed: int = 0) -> None:
+    def __init__(
+        self, faults: Faults | None = None, profile: str = 'lwr_fri1', seed: int = 0
+    ) -> None:
         settings = SessionSettings(profile=profile, monitor_time=0.1)
         self.session = Session(T, settings)
         plant = FaultyPlant(IdealPlant(LIMITS.joint_names, T, np.zeros(7)))
@@ -320,7 +372,10 @@ class Loop:
             self.references.append(self.robot.reference)
             self.stopped_at = tick if commanded and not self.session.commanding else self.stopped_at
             for answered in self.states.receive(tick):
-                self.commands.send(Answer(answered, self._command(answered), latency=(tick - answered) * T), tick + 1)
+                self.commands.send(
+                    Answer(answered, self._command(answered), latency=(tick - answered) * T),
+                    tick + 1,
+                )
         return self
 
     def _command(self, tick: int) -> np.ndarray:
@@ -338,16 +393,30 @@ def test_a_few_lost_states_and_commands_are_bridged(profile):
 
 
 FAULTS = {
-    'lost commands': ({'command_loss': 1.0}, 'newest answer is 6 cycles late, 5 are bridged', 'answer_rate'),
-    'lost states': ({'state_loss': 1.0}, 'newest answer is 6 cycles late, 5 are bridged', 'answer_rate'),
-    'late commands': ({'command_delay': 8}, 'newest answer is 6 cycles late, 5 are bridged', 'miss_rate'),
+    'lost commands': (
+        {'command_loss': 1.0},
+        'newest answer is 6 cycles late, 5 are bridged',
+        'answer_rate',
+    ),
+    'lost states': (
+        {'state_loss': 1.0},
+        'newest answer is 6 cycles late, 5 are bridged',
+        'answer_rate',
+    ),
+    'late commands': (
+        {'command_delay': 8},
+        'newest answer is 6 cycles late, 5 are bridged',
+        'miss_rate',
+    ),
     'many lost states': ({'state_loss': 0.6}, 'the', 'answer_rate'),
 }
 
 
 @pytest.mark.parametrize('profile', ['lwr_fri1', 'sunrise'])
 @pytest.mark.parametrize(('fault', 'reason', 'at_fault'), FAULTS.values(), ids=list(FAULTS))
-def test_a_fault_that_sets_in_stops_the_arm_gently_and_tells_why_and_reset_recovers(fault, reason, at_fault, profile):
+def test_a_fault_that_sets_in_stops_the_arm_gently_and_tells_why_and_reset_recovers(
+    fault, reason, at_fault, profile
+):
     loop = Loop(profile=profile).run(400)
     assert loop.session.commanding
     loop.inject(Faults(**fault))
@@ -355,7 +424,7 @@ def test_a_fault_that_sets_in_stops_the_arm_gently_and_tells_why_and_reset_recov
     assert loop.session.reason.startswith('timing: ')
     assert reason in loop.session.reason
     assert loop.session.at_fault == at_fault
-    stop = np.array(loop.references[loop.stopped_at - 1:])
+    stop = np.array(loop.references[loop.stopped_at - 1 :])
     assert (np.abs(np.diff(stop, 2, axis=0)) <= LIMITS.acceleration * T * T + 1e-12).all()
     assert (stop[-1] == stop[-2]).all()
     loop.inject(Faults())
@@ -370,11 +439,15 @@ def test_reordered_commands_are_refused_as_such_and_counted():
 
 
 def test_doubled_states_and_commands_do_no_harm():
-    assert np.array_equal(Loop(Faults(state_duplication=0.5, command_duplication=0.5)).run(2000).references,
-                          Loop().run(2000).references)
+    assert np.array_equal(
+        Loop(Faults(state_duplication=0.5, command_duplication=0.5)).run(2000).references,
+        Loop().run(2000).references,
+    )
 
 
-@pytest.mark.parametrize('fault', [{'state_loss': 0.3}, {'command_delay_spread': 4}, {'command_reordering': 0.3}])
+@pytest.mark.parametrize(
+    'fault', [{'state_loss': 0.3}, {'command_delay_spread': 4}, {'command_reordering': 0.3}]
+)
 def test_the_same_seed_makes_the_same_motion_and_another_one_another(fault):
     books = [Loop(Faults(**fault), seed=seed).run(1000).session.counts for seed in (1, 1, 2)]
     assert books[0] == books[1]

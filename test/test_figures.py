@@ -28,7 +28,11 @@ WITH_UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
 
 def shortened(task: Task) -> Task:
     """Half of the first segment, so that a run takes a second instead of nine."""
-    return replace(task, waypoints=np.array((task.waypoints[0], task.waypoints[:2].mean(axis=0))), segment_time=1.5)
+    return replace(
+        task,
+        waypoints=np.array((task.waypoints[0], task.waypoints[:2].mean(axis=0))),
+        segment_time=1.5,
+    )
 
 
 def grey_pictures(arm: Arm, film: Film) -> np.ndarray:
@@ -79,9 +83,19 @@ def test_every_axis_is_labelled_with_its_unit(figures, number):
 @every_figure
 def test_where_there_are_several_curves_a_legend_tells_them_apart(figures, number):
     panels = plots(figures[number])
-    labels = {str(line.get_label()) for ax in panels for line in ax.lines if not str(line.get_label()).startswith('_')}
+    labels = {
+        str(line.get_label())
+        for ax in panels
+        for line in ax.lines
+        if not str(line.get_label()).startswith('_')
+    }
     if len(labels) > 1:
-        shown = {text.get_text() for ax in panels if ax.get_legend() for text in ax.get_legend().get_texts()}
+        shown = {
+            text.get_text()
+            for ax in panels
+            if ax.get_legend()
+            for text in ax.get_legend().get_texts()
+        }
         assert labels <= shown
 
 
@@ -114,15 +128,21 @@ def test_a_stop_is_marked_and_told(runs, figures, monkeypatch):
     stopped.experiment_minimum_velocity = Experiment(cut, 'protective stop', tried.q)
     monkeypatch.setattr(motions, 'render', grey_pictures)
     assert 'protective stop' in FIGURES[9](stopped).get_suptitle()
-    assert 'stopped' in [text.get_text() for text in FIGURES[10](stopped).axes[0].get_legend().get_texts()]
+    assert 'stopped' in [
+        text.get_text() for text in FIGURES[10](stopped).axes[0].get_legend().get_texts()
+    ]
 
 
 def test_the_files_are_named_for_their_numbers_and_progress_is_told(runs, tmp_path, monkeypatch):
     monkeypatch.setattr(motions, 'render', grey_pictures)
-    monkeypatch.setattr(figures_module, 'figure_convergence', lambda runs: Figure())  # which needs a longer task
+    monkeypatch.setattr(
+        figures_module, 'figure_convergence', lambda runs: Figure()
+    )  # which needs a longer task
     shares: list[float] = []
     files = draw_all(tmp_path / 'new', shares.append, runs)
-    assert [path.name for path in files.values()] == [f'figure_{number:02d}.png' for number in range(2, 17)]
+    assert [path.name for path in files.values()] == [
+        f'figure_{number:02d}.png' for number in range(2, 17)
+    ]
     assert all(min(matplotlib.image.imread(path).shape[:2]) > 500 for path in files.values())
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -139,15 +159,25 @@ def test_a_run_is_kept(runs):
 
 # --- what is drawn ----------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('law', 'scheme'), [('ideal_damped', 'ideal_22'), ('ideal_undamped', 'ideal_16'),
-                                             ('ideal_35', 'ideal_29')])
+
+@pytest.mark.parametrize(
+    ('law', 'scheme'),
+    [('ideal_damped', 'ideal_22'), ('ideal_undamped', 'ideal_16'), ('ideal_35', 'ideal_29')],
+)
 def test_laws_and_schemes_differ_by_rounding_in_simulations(runs, law, scheme):
     dq_I, dq_II = (getattr(runs, name).vectors('dq1') for name in (law, scheme))
-    assert difference(dq_I, dq_II).max() < 1e-10  # the law divides nothing by T, the scheme does: 1e-16 / 1e-3 a tick
+    assert (
+        difference(dq_I, dq_II).max() < 1e-10
+    )  # the law divides nothing by T, the scheme does: 1e-16 / 1e-3 a tick
 
 
-@pytest.mark.parametrize(('law', 'scheme'), [('experiment_damped_unblended', 'experiment_22'),
-                                             ('experiment_35_unblended', 'experiment_29')])
+@pytest.mark.parametrize(
+    ('law', 'scheme'),
+    [
+        ('experiment_damped_unblended', 'experiment_22'),
+        ('experiment_35_unblended', 'experiment_29'),
+    ],
+)
 def test_laws_and_schemes_differ_by_rounding_in_experiments(runs, law, scheme):
     assert difference(getattr(runs, law).motion.dq, getattr(runs, scheme).motion.dq).max() < 1e-10
 
@@ -159,7 +189,9 @@ def test_differences_are_taken_as_long_as_there_are_both():
 def test_an_arm_at_rest_needs_the_torque_of_gravity(runs):
     model, q = runs.experiment_model, runs.task.start
     rest = Motion(np.zeros(1), q[None], np.zeros((1, 7)), np.zeros((1, 7)))
-    assert torque_norm(rest, model) == pytest.approx([np.linalg.norm(model.state(q, np.zeros(7)).n)])
+    assert torque_norm(rest, model) == pytest.approx(
+        [np.linalg.norm(model.state(q, np.zeros(7)).n)]
+    )
 
 
 def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
@@ -170,6 +202,7 @@ def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------
+
 
 def film(runs: Runs) -> Film:
     recording = runs.ideal_damped
@@ -183,7 +216,10 @@ def test_a_film_begins_without_paths_and_ends_with_all_of_them(runs):
 def test_pictures_show_the_arm_move_and_are_the_same_every_time(runs):
     try:
         # without paths, which would hide different parts of the arm
-        first, second = (render(find_arm('lwr4_paper'), replace(film(runs), traced=np.zeros(2))) for _ in range(2))
+        first, second = (
+            render(find_arm('lwr4_paper'), replace(film(runs), traced=np.zeros(2)))
+            for _ in range(2)
+        )
     except RenderError as error:
         pytest.skip(str(error))
     assert first.dtype == np.uint8
@@ -207,8 +243,10 @@ def test_pictures_show_the_paths_grow(runs):
 def test_without_a_renderer_the_figure_says_why(runs, monkeypatch):
     monkeypatch.delenv('MUJOCO_GL', raising=False)
     monkeypatch.setattr(rendering, 'BACKENDS', ('disable', 'no_such_library'))
-    texts = [text.get_text().replace('\n', ' ') for ax in FIGURES[3](runs).axes for text in ax.texts]
-    note, = (text for text in texts if text.startswith('No pictures'))
+    texts = [
+        text.get_text().replace('\n', ' ') for ax in FIGURES[3](runs).axes for text in ax.texts
+    ]
+    (note,) = (text for text in texts if text.startswith('No pictures'))
     assert re.search('disable: .*no_such_library: .*libegl1', note)
 
 

@@ -55,6 +55,7 @@ def rest(robot: FriRobot, cycles: int = 1000) -> np.ndarray:
 
 # --- when a command acts ----------------------------------------------------------------------------------------------
 
+
 def test_an_answer_to_one_state_is_where_an_ideal_arm_is_two_ticks_later():
     robot, positions = make_robot(monitor_time=0.0), []
     for _ in range(300):
@@ -83,7 +84,11 @@ def test_at_tick_zero_nobody_can_have_answered():
 def test_an_answer_given_twice_counts_once():
     robot = run(make_robot(monitor_time=0.0), 10)
     robot.advance(Answer(robot.tick - 2, cruise(robot.tick - 2)))
-    assert (robot.session.counts.late, robot.session.counts.missed, robot.session.counts.refused) == (0, 1, 0)
+    assert (
+        robot.session.counts.late,
+        robot.session.counts.missed,
+        robot.session.counts.refused,
+    ) == (0, 1, 0)
 
 
 WRONG = {  # by how much the tick answered differs from the one before the present one
@@ -109,14 +114,24 @@ def test_of_several_answers_the_newest_valid_one_counts():
     alone.advance(None)
     robot.advance(None)
     alone.advance(answer(alone))
-    robot.advance(Answer(robot.tick - 2, cruise(robot.tick - 2)), answer(robot), Answer(robot.tick - 2, Q0 + 1.0),
-                  Answer(robot.tick, Q0 + 1.0), answer(robot))
+    robot.advance(
+        Answer(robot.tick - 2, cruise(robot.tick - 2)),
+        answer(robot),
+        Answer(robot.tick - 2, Q0 + 1.0),
+        Answer(robot.tick, Q0 + 1.0),
+        answer(robot),
+    )
     assert robot.reference == pytest.approx(alone.reference, abs=ROUNDING)
     assert (robot.session.counts.in_time, robot.session.counts.late) == (200, 0)
-    assert robot.session.refusals[Refusal.OUT_OF_ORDER] == robot.session.refusals[Refusal.NO_STATE] == 1
+    assert (
+        robot.session.refusals[Refusal.OUT_OF_ORDER]
+        == robot.session.refusals[Refusal.NO_STATE]
+        == 1
+    )
 
 
 # --- entering command mode --------------------------------------------------------------------------------------------
+
 
 def test_a_first_command_nearby_is_reached_without_a_jump():
     robot, gap = make_robot(monitor_time=0.0), 0.009 * np.array([1, -1, 1, -1, 1, -1, 1])
@@ -163,6 +178,7 @@ def test_an_arm_that_mirrors_its_measured_position_is_let_in(ideal):
 
 # --- missing, late and refused answers --------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize('misses', [1, 5])
 def test_misses_are_bridged_with_the_last_velocity(misses):
     robot = run(make_robot(monitor_time=0.0), 200)
@@ -204,7 +220,9 @@ def test_one_miss_too_many_stops_the_arm_within_its_acceleration_limits():
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
 
 
-@pytest.mark.parametrize('bad', [np.full(7, np.nan), np.zeros(6), np.where(np.arange(7) == 3, np.inf, Q0)])
+@pytest.mark.parametrize(
+    'bad', [np.full(7, np.nan), np.zeros(6), np.where(np.arange(7) == 3, np.inf, Q0)]
+)
 def test_a_refused_answer_is_a_miss_and_its_cause_is_kept(bad):
     robot = run(make_robot(monitor_time=0.0), 200)
     robot.advance(Answer(robot.tick - 1, bad))
@@ -227,11 +245,17 @@ def test_counts_add_up():
 
 # --- limits -----------------------------------------------------------------------------------------------------------
 
+
 def test_too_high_an_acceleration_ends_in_a_protective_stop():
     robot = run(make_robot(monitor_time=0.0), 200)
     before = robot.reference
-    robot.advance(Answer(robot.tick - 1, cruise(robot.tick - 1) + 0.01 * np.eye(7)[4]))  # 5 rad/s more, in one cycle
-    assert robot.session.reason == 'protective stop: lwr_a4_joint commanded 250 rad/s^2 over 20 ms, allowed 43.6'
+    robot.advance(
+        Answer(robot.tick - 1, cruise(robot.tick - 1) + 0.01 * np.eye(7)[4])
+    )  # 5 rad/s more, in one cycle
+    assert (
+        robot.session.reason
+        == 'protective stop: lwr_a4_joint commanded 250 rad/s^2 over 20 ms, allowed 43.6'
+    )
     way = (rest(robot)[-1] - before) * np.sign(SPEED)
     assert (np.abs(way - SPEED**2 / (2.0 * LIMITS.acceleration)) <= np.abs(SPEED) * T).all()
 
@@ -259,6 +283,7 @@ def test_an_arm_that_runs_at_a_position_limit_stops_before_it(joint, speed):
 
 
 # --- after a stop -----------------------------------------------------------------------------------------------------
+
 
 def test_after_a_stop_answers_move_nothing_until_reset():
     robot = run(make_robot(monitor_time=0.0), 200)
@@ -291,9 +316,14 @@ def test_reset_in_motion_brakes_and_lets_nobody_in_before_standstill():
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
 
 
-EVENTS = st.one_of(st.tuples(st.just('in time'), st.floats(-1.5, 1.5)), st.tuples(st.just('late'), st.integers(1, 8)),
-                   st.tuples(st.just('miss'), st.integers(1, 8)), st.tuples(st.just('reset'), st.none()),
-                   st.tuples(st.just('nan'), st.none()), st.tuples(st.just('jump'), st.floats(-1.0, 1.0)))
+EVENTS = st.one_of(
+    st.tuples(st.just('in time'), st.floats(-1.5, 1.5)),
+    st.tuples(st.just('late'), st.integers(1, 8)),
+    st.tuples(st.just('miss'), st.integers(1, 8)),
+    st.tuples(st.just('reset'), st.none()),
+    st.tuples(st.just('nan'), st.none()),
+    st.tuples(st.just('jump'), st.floats(-1.0, 1.0)),
+)
 
 
 @settings(max_examples=60, deadline=None)
@@ -337,6 +367,7 @@ def test_the_reference_in_hand_is_a_copy():
 
 
 # --- construction -----------------------------------------------------------------------------------------------------
+
 
 def test_parts_of_different_cycles_do_not_make_a_robot():
     plant = IdealPlant(LIMITS.joint_names, T, Q0)

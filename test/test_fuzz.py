@@ -39,20 +39,41 @@ CASES = 10_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 1000
 FIRST = 10**18  # [ns] stamp of the first state
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
-few = settings(max_examples=CASES // 5, deadline=None, derandomize=CASES < 10_000,
-               suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+few = settings(
+    max_examples=CASES // 5,
+    deadline=None,
+    derandomize=CASES < 10_000,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 
 # --- what can be thrown at a node -------------------------------------------------------------------------------------
 
 numbers = st.one_of(st.floats(), st.floats(-3.0, 3.0))
 texts = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=8)
-near = st.builds(lambda cycles, rest: FIRST + cycles * PERIOD + rest, st.integers(-5, 2000), st.sampled_from((0, 0, 7)))
-stamps = st.one_of(near.map(lambda stamp: Time(sec=stamp // 10**9, nanosec=stamp % 10**9)),
-                   st.builds(lambda sec, nanosec: Time(sec=sec, nanosec=nanosec),
-                             st.integers(-2**31, 2**31 - 1), st.integers(0, 2**32 - 1)))
-names = st.one_of(st.just(list(NAMES)), st.permutations(NAMES), st.lists(texts, max_size=9),
-                  st.lists(st.sampled_from(NAMES), max_size=9))
-positions = st.one_of(st.just(START.tolist()), st.lists(numbers, min_size=7, max_size=7), st.lists(numbers, max_size=9))
+near = st.builds(
+    lambda cycles, rest: FIRST + cycles * PERIOD + rest,
+    st.integers(-5, 2000),
+    st.sampled_from((0, 0, 7)),
+)
+stamps = st.one_of(
+    near.map(lambda stamp: Time(sec=stamp // 10**9, nanosec=stamp % 10**9)),
+    st.builds(
+        lambda sec, nanosec: Time(sec=sec, nanosec=nanosec),
+        st.integers(-(2**31), 2**31 - 1),
+        st.integers(0, 2**32 - 1),
+    ),
+)
+names = st.one_of(
+    st.just(list(NAMES)),
+    st.permutations(NAMES),
+    st.lists(texts, max_size=9),
+    st.lists(st.sampled_from(NAMES), max_size=9),
+)
+positions = st.one_of(
+    st.just(START.tolist()),
+    st.lists(numbers, min_size=7, max_size=7),
+    st.lists(numbers, max_size=9),
+)
 
 
 @st.composite
@@ -65,16 +86,29 @@ def joint_states(draw: st.DrawFn) -> JointState:
 @st.composite
 def twists(draw: st.DrawFn) -> TwistStamped:
     message = TwistStamped()
-    message.header.stamp, message.header.frame_id = draw(stamps), draw(st.one_of(st.just('world'), texts))
+    message.header.stamp, message.header.frame_id = (
+        draw(stamps),
+        draw(st.one_of(st.just('world'), texts)),
+    )
     for vector in (message.twist.linear, message.twist.angular):
         vector.x, vector.y, vector.z = draw(numbers), draw(numbers), draw(numbers)
     return message
 
 
-words = st.one_of(st.sampled_from(('MON', 'CMD', 'COMMANDING_ACTIVE')), texts).map(lambda text: String(data=text))
-values = st.one_of(numbers, st.integers(-2**63, 2**63 - 1), st.booleans(), texts, st.sampled_from((0.0, 0.1, 1, 10.0)),
-                   st.sampled_from(('minimum_torque', 'minimum_velocity', 'command', 'lwr')), st.just([]),
-                   st.lists(st.floats(), min_size=1, max_size=8), st.lists(st.booleans(), min_size=1, max_size=2))
+words = st.one_of(st.sampled_from(('MON', 'CMD', 'COMMANDING_ACTIVE')), texts).map(
+    lambda text: String(data=text)
+)
+values = st.one_of(
+    numbers,
+    st.integers(-(2**63), 2**63 - 1),
+    st.booleans(),
+    texts,
+    st.sampled_from((0.0, 0.1, 1, 10.0)),
+    st.sampled_from(('minimum_torque', 'minimum_velocity', 'command', 'lwr')),
+    st.just([]),
+    st.lists(st.floats(), min_size=1, max_size=8),
+    st.lists(st.booleans(), min_size=1, max_size=2),
+)
 
 
 class Outlet:
@@ -88,7 +122,11 @@ class Outlet:
         if isinstance(message, JointState):
             content = [*message.position, *message.velocity]
         else:
-            content = [getattr(part, axis) for part in (message.twist.linear, message.twist.angular) for axis in 'xyz']
+            content = [
+                getattr(part, axis)
+                for part in (message.twist.linear, message.twist.angular)
+                for axis in 'xyz'
+            ]
         self.sent.append((to_nanoseconds(message.header.stamp), content))
 
 
@@ -122,12 +160,15 @@ def numbered(stamp: int, q: np.ndarray = START) -> JointState:
 
 # --- into the callbacks -----------------------------------------------------------------------------------------------
 
+
 class TestCallbacks:
     """Nodes in this process, whose callbacks are called by the test."""
 
     @few
     @given(st.lists(st.one_of(joint_states(), twists(), words, st.booleans()), max_size=12))
-    def test_whatever_the_controller_hears_its_commands_are_finite_and_it_goes_on(self, controller, events):
+    def test_whatever_the_controller_hears_its_commands_are_finite_and_it_goes_on(
+        self, controller, events
+    ):
         outlet = Outlet(controller, '_command')
         for event in events:
             match event:
@@ -148,7 +189,9 @@ class TestCallbacks:
 
     @few
     @given(st.lists(st.one_of(joint_states(), st.booleans()), max_size=12))
-    def test_whatever_the_planner_hears_its_task_velocities_are_finite_and_bounded(self, planner, events):
+    def test_whatever_the_planner_hears_its_task_velocities_are_finite_and_bounded(
+        self, planner, events
+    ):
         outlet = Outlet(planner, '_twists')
         for event in events:
             match event:
@@ -165,7 +208,12 @@ class TestCallbacks:
         assert outlet.sent[-1][0] == FIRST
 
     @few
-    @given(st.lists(st.one_of(joint_states(), st.sampled_from(('answer', 'answer', 'answer', 'reset'))), max_size=30))
+    @given(
+        st.lists(
+            st.one_of(joint_states(), st.sampled_from(('answer', 'answer', 'answer', 'reset'))),
+            max_size=30,
+        )
+    )
     def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
         outlet, robot = Outlet(sim, '_states'), sim._robot
         before = robot.reference
@@ -189,7 +237,8 @@ class TestCallbacks:
     @few
     @given(st.sampled_from(('controller', 'planner', 'sim')), st.integers(0, 99), values)
     def test_a_parameter_is_either_set_to_an_allowed_value_or_refused_with_a_reason(
-                self, controller, planner, sim, of, which, value):
+        self, controller, planner, sim, of, which, value
+    ):
         node = {'controller': controller, 'planner': planner, 'sim': sim}[of]
         declared = sorted(name for name in node._parameters if name != 'use_sim_time')
         name = [*declared, 'no_such_parameter'][which % (len(declared) + 1)]
@@ -217,16 +266,30 @@ class TestCallbacks:
 
 # --- over DDS ---------------------------------------------------------------------------------------------------------
 
+
 @pytest.fixture(scope='class')
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Witness, dict[str, Any], Path]]:
+def live(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[Witness, dict[str, Any], Path]]:
     """Nodes in processes of their own, and publishers on all that they listen to."""
     directory = tmp_path_factory.mktemp('live')
     with graph(Witness) as (witness, start):
-        started = {name: start(name, directory / f'{name}.log', rate=100.0)
-                   for name in ('sim', 'controller', 'planner')}
-        publishers = {topic: witness.create_publisher(kind, topic, 10) for topic, kind in (
-            ('joint_states', JointState), ('joint_command', JointState), ('cartesian_velocity', TwistStamped))}
-        await_that(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()), 'the nodes')
+        started = {
+            name: start(name, directory / f'{name}.log', rate=100.0)
+            for name in ('sim', 'controller', 'planner')
+        }
+        publishers = {
+            topic: witness.create_publisher(kind, topic, 10)
+            for topic, kind in (
+                ('joint_states', JointState),
+                ('joint_command', JointState),
+                ('cartesian_velocity', TwistStamped),
+            )
+        }
+        await_that(
+            lambda: all(publisher.get_subscription_count() for publisher in publishers.values()),
+            'the nodes',
+        )
         yield witness, publishers | started, directory
 
 
@@ -237,7 +300,11 @@ class TestOverDds:
     @given(joint_states(), joint_states(), twists())
     def test_over_dds_random_messages_are_refused_without_an_end(self, live, state, command, twist):
         _, graph_parts, _ = live
-        for topic, message in (('joint_states', state), ('joint_command', command), ('cartesian_velocity', twist)):
+        for topic, message in (
+            ('joint_states', state),
+            ('joint_command', command),
+            ('cartesian_velocity', twist),
+        ):
             graph_parts[topic].publish(message)
         for name in ('sim', 'controller', 'planner'):
             graph_parts[name].check()
@@ -247,7 +314,9 @@ class TestOverDds:
 
         def answers() -> list[tuple[np.ndarray, np.ndarray]]:
             """To states of the sim; those that were thrown are stamped at any time but now."""
-            real = {stamp for stamp, _ in witness.states if abs(stamp - time.time_ns()) < 3600 * 10**9}
+            real = {
+                stamp for stamp, _ in witness.states if abs(stamp - time.time_ns()) < 3600 * 10**9
+            }
             return [(q_ref, dq) for stamp, q_ref, dq in witness.commands if stamp in real]
 
         await_that(lambda: len(answers()) > 100, 'answers')

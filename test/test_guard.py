@@ -40,11 +40,14 @@ def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
 
 # --- limits -----------------------------------------------------------------------------------------------------------
 
+
 def test_limits_are_those_of_the_controller_file():
     assert LIMITS.joint_names[4] == 'lwr_a4_joint'
     assert np.degrees(LIMITS.upper) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
     assert np.degrees(LIMITS.velocity) == pytest.approx([120, 120, 160, 160, 250, 220, 220])
-    assert np.degrees(LIMITS.acceleration) == pytest.approx([1200, 1200, 1600, 1600, 2500, 4400, 4400])
+    assert np.degrees(LIMITS.acceleration) == pytest.approx(
+        [1200, 1200, 1600, 1600, 2500, 4400, 4400]
+    )
     assert (LIMITS.lower == -LIMITS.upper).all()
 
 
@@ -81,6 +84,7 @@ def test_acceleration_limits_for_other_joints_are_an_error():
 
 # --- guard ------------------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize('joint', range(7))
 def test_a_command_that_is_not_finite_is_refused_by_name(joint, value):
@@ -116,7 +120,9 @@ def test_position_is_limited_at_the_margin(joint, sign):
 def test_acceleration_is_limited_at_the_limit(joint):
     guard, limit = Guard(LIMITS, T), LIMITS.acceleration[joint]
     assert violation_on_the_way(guard, accelerated(0.999 * limit, joint, 40)) == ''
-    assert LIMITS.joint_names[joint] in violation_on_the_way(guard, accelerated(1.01 * limit, joint, 40))
+    assert LIMITS.joint_names[joint] in violation_on_the_way(
+        guard, accelerated(1.01 * limit, joint, 40)
+    )
 
 
 def test_a_protective_stop_names_joint_window_got_and_allowed():
@@ -126,21 +132,36 @@ def test_a_protective_stop_names_joint_window_got_and_allowed():
 
 
 def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
-    jump = LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]  # [rad/s] ten times the limit within a cycle
+    jump = (
+        LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]
+    )  # [rad/s] ten times the limit within a cycle
     for share, stops in ((0.99, False), (1.09, False), (1.11, True)):
         assert bool(Guard(LIMITS, T).violation(ZERO, share * jump)) is stops
 
 
-@pytest.mark.parametrize(('excess', 'milliseconds'), [(1.001, 0.2), (0.2001, 1.0), (0.051, 4.0), (0.01251, 16.0)])
+@pytest.mark.parametrize(
+    ('excess', 'milliseconds'), [(1.001, 0.2), (0.2001, 1.0), (0.051, 4.0), (0.01251, 16.0)]
+)
 @pytest.mark.parametrize('period', [0.0005, 0.001, 0.002, 0.004])
-def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(excess, milliseconds, period):
-    guard, velocity = Guard(LIMITS, period), 0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3]
-    stops = [bool(guard.violation(ZERO, velocity)) for _ in range(math.ceil(0.001 * milliseconds / period))]
+def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(
+    excess, milliseconds, period
+):
+    guard, velocity = (
+        Guard(LIMITS, period),
+        0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3],
+    )
+    stops = [
+        bool(guard.violation(ZERO, velocity))
+        for _ in range(math.ceil(0.001 * milliseconds / period))
+    ]
     assert stops.index(True) == len(stops) - 1
 
 
 def test_an_excess_is_forgotten_as_it_is_made_up_for():
-    guard, limit = Guard(LIMITS, T, GuardSettings(acceleration_window=T)), LIMITS.acceleration[2] * T * np.eye(7)[2]
+    guard, limit = (
+        Guard(LIMITS, T, GuardSettings(acceleration_window=T)),
+        LIMITS.acceleration[2] * T * np.eye(7)[2],
+    )
     velocity = ZERO
     for share in (1.08, 0.9) * 100:
         velocity = velocity + share * limit
@@ -149,10 +170,17 @@ def test_an_excess_is_forgotten_as_it_is_made_up_for():
 
 def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
     random = np.random.default_rng(0)
-    noise = random.uniform(-0.5, 0.5, (5000, 7)) * LIMITS.acceleration * T * T  # twice the limit from cycle to cycle
-    ramp = np.array([accelerated(0.5 * a, j, 40)[:, j] for j, a in enumerate(LIMITS.acceleration)]).T  # (40, 7)
+    noise = (
+        random.uniform(-0.5, 0.5, (5000, 7)) * LIMITS.acceleration * T * T
+    )  # twice the limit from cycle to cycle
+    ramp = np.array(
+        [accelerated(0.5 * a, j, 40)[:, j] for j, a in enumerate(LIMITS.acceleration)]
+    ).T  # (40, 7)
     for start in range(0, 4960, 40):
-        assert violation_on_the_way(Guard(LIMITS, T), ramp + noise[start:start + 40] - noise[start]) == ''
+        assert (
+            violation_on_the_way(Guard(LIMITS, T), ramp + noise[start : start + 40] - noise[start])
+            == ''
+        )
 
 
 def noisy(positions: np.ndarray, seed: int) -> np.ndarray:
@@ -163,9 +191,13 @@ def noisy(positions: np.ndarray, seed: int) -> np.ndarray:
 
 def to_and_fro(acceleration: np.ndarray, cycles: int) -> np.ndarray:
     """Positions (cycles, 7) at plus and minus the acceleration (7,), from rest, at 80 % of the top speed at most."""
-    half = np.floor(0.8 * LIMITS.velocity / (acceleration * T)).astype(int)  # (7,) cycles from rest to the top speed
+    half = np.floor(0.8 * LIMITS.velocity / (acceleration * T)).astype(
+        int
+    )  # (7,) cycles from rest to the top speed
     signs = np.where((np.arange(cycles)[:, None] // half + 1) // 2 % 2 == 0, 1.0, -1.0)
-    return np.vstack((ZERO, np.cumsum(np.cumsum(signs[:-1] * acceleration * T, axis=0) * T, axis=0)))
+    return np.vstack(
+        (ZERO, np.cumsum(np.cumsum(signs[:-1] * acceleration * T, axis=0) * T, axis=0))
+    )
 
 
 AT_99_PERCENT = {
@@ -187,29 +219,42 @@ def from_rest(positions: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize('which', AT_99_PERCENT)
 @pytest.mark.parametrize('seed', range(3))
 def test_noise_of_encoders_at_99_percent_of_a_limit_stops_nothing(which, seed):
-    assert violation_on_the_way(Guard(LIMITS, T), noisy(from_rest(AT_99_PERCENT[which]), seed)) == ''
+    assert (
+        violation_on_the_way(Guard(LIMITS, T), noisy(from_rest(AT_99_PERCENT[which]), seed)) == ''
+    )
 
 
 def test_without_tolerance_noise_at_99_percent_of_the_acceleration_limit_would_stop_the_arm():
     strict = Guard(LIMITS, T, GuardSettings(acceleration_tolerance=0.0))
     assert violation_on_the_way(strict, AT_99_PERCENT['acceleration']) == ''
-    assert 'protective stop' in violation_on_the_way(strict, noisy(AT_99_PERCENT['acceleration'], 0))
+    assert 'protective stop' in violation_on_the_way(
+        strict, noisy(AT_99_PERCENT['acceleration'], 0)
+    )
 
 
 def test_no_noise_of_less_than_20_microradians_stops_the_arm_at_the_acceleration_limit():
     # Excesses are differences of four positions over T * window; from cycle to cycle they cancel but for the first and
     # the last. So noise of amplitude e adds up to 4 e / (T * window) at most, wherever the sum began.
     random, stream = np.random.default_rng(0), to_and_fro(0.999 * LIMITS.acceleration, 3000)
-    for noise in (random.uniform(-1.0, 1.0, stream.shape), random.choice([-1.0, 1.0], stream.shape),
-                  np.where(np.arange(3000)[:, None] // 10 % 2, 1.0, -1.0) * np.ones(7)):
+    for noise in (
+        random.uniform(-1.0, 1.0, stream.shape),
+        random.choice([-1.0, 1.0], stream.shape),
+        np.where(np.arange(3000)[:, None] // 10 % 2, 1.0, -1.0) * np.ones(7),
+    ):
         assert violation_on_the_way(Guard(LIMITS, T), stream + 2e-5 * noise) == ''
 
 
 def test_window_and_scale_are_as_set():
     stream = accelerated(0.9 * LIMITS.acceleration[0], 0, 40)
-    assert violation_on_the_way(Guard(LIMITS, T, GuardSettings(acceleration_scale=0.8)), stream) != ''
-    assert 'over 50 ms' in violation_on_the_way(Guard(LIMITS, T, GuardSettings(acceleration_window=0.05)), 2.0 * stream)
-    assert 'over 5 ms' in Guard(LIMITS, 0.005, GuardSettings(acceleration_window=0.001)).violation(ZERO, ZERO + 1.0)
+    assert (
+        violation_on_the_way(Guard(LIMITS, T, GuardSettings(acceleration_scale=0.8)), stream) != ''
+    )
+    assert 'over 50 ms' in violation_on_the_way(
+        Guard(LIMITS, T, GuardSettings(acceleration_window=0.05)), 2.0 * stream
+    )
+    assert 'over 5 ms' in Guard(LIMITS, 0.005, GuardSettings(acceleration_window=0.001)).violation(
+        ZERO, ZERO + 1.0
+    )
 
 
 def test_no_acceleration_limit_never_stops():
@@ -240,14 +285,22 @@ def test_nan_never_passes(joint, which):
     assert Guard(LIMITS, T).violation(**values) != ''
 
 
-@pytest.mark.parametrize('setting', [{'acceleration_window': 0.0}, {'position_margin': -0.1},
-                                     {'acceleration_scale': np.nan}, {'acceleration_tolerance': -1e-4}])
+@pytest.mark.parametrize(
+    'setting',
+    [
+        {'acceleration_window': 0.0},
+        {'position_margin': -0.1},
+        {'acceleration_scale': np.nan},
+        {'acceleration_tolerance': -1e-4},
+    ],
+)
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(RangeError, match=next(iter(setting))):
         GuardSettings(**setting)
 
 
 # --- follower ---------------------------------------------------------------------------------------------------------
+
 
 def follow(follower: Follower, positions: np.ndarray) -> np.ndarray:
     """References (N - 1, 7) while the stream (N, 7) is followed from its first position."""
@@ -270,7 +323,9 @@ def brake(follower: Follower) -> np.ndarray:
 
 def random_stream(seed: int, share: float, cycles: int = 400) -> np.ndarray:
     """Positions (cycles, 7) from zero at random velocities up to a share of the limits, accelerations without limit."""
-    velocities = np.random.default_rng(seed).uniform(-share, share, (cycles - 1, 7)) * LIMITS.velocity
+    velocities = (
+        np.random.default_rng(seed).uniform(-share, share, (cycles - 1, 7)) * LIMITS.velocity
+    )
     return np.vstack((ZERO, np.cumsum(velocities * T, axis=0)))
 
 
@@ -284,7 +339,9 @@ def test_the_reference_never_exceeds_the_velocity_limits(share):
     references = np.vstack((ZERO, follow(Follower(LIMITS, T, ZERO), random_stream(2, share))))
     steps = np.abs(np.diff(references, axis=0))
     assert (steps <= LIMITS.velocity * T + ROUNDING).all()
-    assert (steps.max(axis=0) >= LIMITS.velocity * T - ROUNDING).all()  # and is limited, not stopped
+    assert (
+        steps.max(axis=0) >= LIMITS.velocity * T - ROUNDING
+    ).all()  # and is limited, not stopped
 
 
 def too_fast_for_a_while() -> np.ndarray:
@@ -311,7 +368,9 @@ def test_a_stream_that_begins_elsewhere_is_reached_gently():
     references = np.vstack((ZERO, ZERO, follow(follower, np.tile(start, (200, 1)))))
     assert (references[-1] == start).all()
     assert (np.abs(references) <= np.abs(start)).all()  # no overshoot
-    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * (1 + 1e-9)).all()
+    assert (
+        np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * (1 + 1e-9)
+    ).all()
 
 
 def test_braking_keeps_the_acceleration_limits_and_uses_them():
@@ -349,7 +408,10 @@ def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign):
     speed = sign * 0.8 * LIMITS.velocity * np.eye(7)[joint]
-    guard, follower = Guard(LIMITS, T, GuardSettings(acceleration_window=1.0)), Follower(LIMITS, T, ZERO)
+    guard, follower = (
+        Guard(LIMITS, T, GuardSettings(acceleration_window=1.0)),
+        Follower(LIMITS, T, ZERO),
+    )
     position = ZERO
     while not (reason := guard.violation(position + T * speed, speed)):
         follower.follow(position + T * speed, T * speed)
@@ -366,7 +428,9 @@ def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(a
     guard, follower = Guard(LIMITS, T), Follower(LIMITS, T, ZERO)
     position, velocity, references = ZERO, ZERO, [ZERO, ZERO]
     for share in np.repeat(accelerations, hold):
-        velocity = np.clip(velocity + 0.999 * share * LIMITS.acceleration * T, -LIMITS.velocity, LIMITS.velocity)
+        velocity = np.clip(
+            velocity + 0.999 * share * LIMITS.acceleration * T, -LIMITS.velocity, LIMITS.velocity
+        )
         step = T * velocity
         if guard.violation(position + step, velocity):
             break

@@ -29,7 +29,10 @@ class Talker(Node):
 
     def __init__(self, name: str = 'talker', namespace: str = '/') -> None:
         super().__init__(name, namespace=namespace)
-        self.said = {topic: self.create_publisher(Float64, topic, PUBLISH) for topic in ('inner', 'open', 'other')}
+        self.said = {
+            topic: self.create_publisher(Float64, topic, PUBLISH)
+            for topic in ('inner', 'open', 'other')
+        }
 
 
 class Listener(Node):
@@ -38,8 +41,14 @@ class Listener(Node):
     def __init__(self, heard: list[Any], name: str = 'listener', namespace: str = '/') -> None:
         super().__init__(name, namespace=namespace)
         for topic in ('inner', 'open', 'other'):
-            self.create_subscription(Float64, topic, lambda message, topic=topic: heard.append(
-                (self.get_name(), topic, message, threading.get_ident())), NEWEST)
+            self.create_subscription(
+                Float64,
+                topic,
+                lambda message, topic=topic: heard.append(
+                    (self.get_name(), topic, message, threading.get_ident())
+                ),
+                NEWEST,
+            )
 
 
 @pytest.fixture
@@ -51,30 +60,41 @@ def intra_process() -> Iterator[IntraProcess]:
         rclpy.shutdown()
 
 
-def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(intra_process: IntraProcess) -> None:
+def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(
+    intra_process: IntraProcess,
+) -> None:
     heard: list[Any] = []
     first, second = (intra_process.node(Listener)(heard, name) for name in ('first', 'second'))
     talker = intra_process.node(Talker)()
     talker.said['inner'].publish(Float64(data=1.5))
     assert [(name, topic, message.data, thread) for name, topic, message, thread in heard] == [
-        (name, 'inner', 1.5, threading.get_ident()) for name in ('first', 'second')]
+        (name, 'inner', 1.5, threading.get_ident()) for name in ('first', 'second')
+    ]
     for node in (first, second, talker):
         node.destroy_node()
 
 
 def test_nodes_in_other_namespaces_do_not_get_it(intra_process: IntraProcess) -> None:
     heard: list[Any] = []
-    nodes = intra_process.node(Listener)(heard, namespace='/left'), intra_process.node(Talker)(namespace='/right')
+    nodes = (
+        intra_process.node(Listener)(heard, namespace='/left'),
+        intra_process.node(Talker)(namespace='/right'),
+    )
     nodes[1].said['inner'].publish(Float64(data=1.0))
     assert not heard
     for node in nodes:
         node.destroy_node()
 
 
-def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_alone(intra_process: IntraProcess) -> None:
+def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_alone(
+    intra_process: IntraProcess,
+) -> None:
     heard_inside: list[Any] = []
     heard_outside: list[Any] = []
-    inside = intra_process.node(Talker)('talker_inside'), intra_process.node(Listener)(heard_inside, 'listener_inside')
+    inside = (
+        intra_process.node(Talker)('talker_inside'),
+        intra_process.node(Listener)(heard_inside, 'listener_inside'),
+    )
     outside = Talker('talker_outside'), Listener(heard_outside, 'listener_outside')
     stopped = threading.Event()
     spinner = Spinner((*inside, *outside), stopped)
@@ -96,7 +116,9 @@ def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_al
         node.destroy_node()
 
 
-def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(intra_process: IntraProcess) -> None:
+def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(
+    intra_process: IntraProcess,
+) -> None:
     node, stopped, event = rclpy.create_node('node'), threading.Event(), threading.Event()
     spinner = Spinner([node], stopped)
     assert not spinner.wait(event, 0.05)
@@ -110,7 +132,9 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
 
 def test_task_velocities_from_another_process_move_the_composed_arm(tmp_path: Path) -> None:
     with graph(Witness) as (witness, start):
-        composed = start('composed', tmp_path / 'composed.log', patience=5.0, start=tuple(START.tolist()))
+        composed = start(
+            'composed', tmp_path / 'composed.log', patience=5.0, start=tuple(START.tolist())
+        )
         witness.await_command_mode()
         teleoperation = witness.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
 

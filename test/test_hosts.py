@@ -17,7 +17,10 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from graph_helpers import PATIENCE
 
 CUT = 1.0  # [s]
-ROS = {'ROS_DOMAIN_ID': '7', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}  # the namespaces are ours alone
+ROS = {
+    'ROS_DOMAIN_ID': '7',
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+}  # the namespaces are ours alone
 PARAMETERS = ('rate:=100.0', 'bridged_misses:=35', 'dynamics:=lwr', 'autostart:=true')
 RECOVERY = 6.0  # [s] on the robot's clock, as for a fault on one host
 
@@ -58,13 +61,28 @@ def hosts() -> Iterator[tuple[str, str]]:
             for name in names:
                 run('ip', 'netns', 'add', name)
                 stack.callback(run, 'ip', 'netns', 'delete', name)
-            run('ip', '-n', names[0], 'link', 'add', 'cable', 'type', 'veth',
-                'peer', 'name', 'cable', 'netns', names[1])
+            run(
+                'ip',
+                '-n',
+                names[0],
+                'link',
+                'add',
+                'cable',
+                'type',
+                'veth',
+                'peer',
+                'name',
+                'cable',
+                'netns',
+                names[1],
+            )
             for number, name in enumerate(names, 1):
                 run('ip', '-n', name, 'address', 'add', f'10.77.0.{number}/24', 'dev', 'cable')
                 for link in ('lo', 'cable'):
                     run('ip', '-n', name, 'link', 'set', link, 'up')
-                run('ip', '-n', name, 'route', 'add', 'default', 'dev', 'cable')  # multicast goes there too
+                run(
+                    'ip', '-n', name, 'route', 'add', 'default', 'dev', 'cable'
+                )  # multicast goes there too
         except OSError as error:
             pytest.skip(f'network namespaces are not permitted here: {error}')
         yield names
@@ -77,9 +95,14 @@ class Observer:
         paths = (str(Path(__file__).parent), os.environ.get('PYTHONPATH', ''))
         environment = {**os.environ, **ROS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))}
         self._log = log
-        self._process = subprocess.Popen(['ip', 'netns', 'exec', host, sys.executable, '-c', OBSERVER], text=True,
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log.open('w'),
-                                         env=environment)
+        self._process = subprocess.Popen(
+            ['ip', 'netns', 'exec', host, sys.executable, '-c', OBSERVER],
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log.open('w'),
+            env=environment,
+        )
 
     def ask(self, what: str) -> str:
         """Its answer."""
@@ -96,9 +119,20 @@ class Observer:
 
 def start(host: str, node: str, log: Path) -> subprocess.Popen[bytes]:
     """A node in a namespace."""
-    command = ['ip', 'netns', 'exec', host, sys.executable, '-m', f'redres_ros.nodes.{node}', '--ros-args']
+    command = [
+        'ip',
+        'netns',
+        'exec',
+        host,
+        sys.executable,
+        '-m',
+        f'redres_ros.nodes.{node}',
+        '--ros-args',
+    ]
     command += [word for parameter in PARAMETERS for word in ('-p', parameter)]
-    return subprocess.Popen(command, stdout=log.open('wb'), stderr=subprocess.STDOUT, env={**os.environ, **ROS})
+    return subprocess.Popen(
+        command, stdout=log.open('wb'), stderr=subprocess.STDOUT, env={**os.environ, **ROS}
+    )
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
@@ -106,8 +140,9 @@ def end(process: subprocess.Popen[bytes]) -> None:
     assert process.wait(PATIENCE) == 0
 
 
-def test_a_cable_cut_for_a_second_stops_the_arm_and_reset_brings_it_back(hosts: tuple[str, str],
-                                                                         tmp_path: Path) -> None:
+def test_a_cable_cut_for_a_second_stops_the_arm_and_reset_brings_it_back(
+    hosts: tuple[str, str], tmp_path: Path
+) -> None:
     robot, client = hosts
     with ExitStack() as stack:
         for host, node in ((robot, 'sim'), (client, 'controller'), (client, 'planner')):

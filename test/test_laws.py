@@ -30,9 +30,15 @@ class JointCentering(Law):
 CLASSES = {**LAWS, 'joint_centering': JointCentering}
 EVERY_LAW = pytest.mark.parametrize('cls', CLASSES.values(), ids=CLASSES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
-WITH_MEMORY = pytest.mark.parametrize('name', [
-    'minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque',
-])
+WITH_MEMORY = pytest.mark.parametrize(
+    'name',
+    [
+        'minimum_acceleration',
+        'minimum_weighted_torque',
+        'dynamically_consistent',
+        'minimum_torque',
+    ],
+)
 FORGOTTEN = 1.0 / T  # the damping that makes lambda zero
 
 
@@ -51,13 +57,16 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
 
 # --- every law --------------------------------------------------------------------------------------------------------
 
+
 @EVERY_LAW
 @EVERY_DAMPING
 def test_the_task_is_executed(cls, damping, states):
     law = cls(damping=damping)
     for state in states:
         # Rounding is relative to the fastest of the motions that add up, which gravity sets in the torque laws.
-        assert np.linalg.norm(state.J @ solve(law, state) - DX) < ROUNDING * (1.0 + np.linalg.norm(law.bias(state, T)))
+        assert np.linalg.norm(state.J @ solve(law, state) - DX) < ROUNDING * (
+            1.0 + np.linalg.norm(law.bias(state, T))
+        )
 
 
 @EVERY_LAW
@@ -89,7 +98,9 @@ def test_the_bias_is_a_joint_velocity(cls, states):
 @EVERY_LAW
 def test_a_law_is_a_pure_function_of_the_state(cls, states):
     law, state = cls(), states[0]
-    before = {name: getattr(state, name).copy() for name in ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n')}
+    before = {
+        name: getattr(state, name).copy() for name in ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n')
+    }
     first = solve(law, state)
     solve(law, states[1])
     assert (solve(law, state) == first).all()
@@ -126,11 +137,20 @@ def test_damping_outside_its_declared_range_is_refused_at_construction(cls, damp
 
 
 @EVERY_LAW
-@pytest.mark.parametrize(('damping', 'T', 'bound'), [
-    (1000.1, 0.001, '1000'), (501.0, 0.002, '500'), (2000.0, 0.001, '1000'),
-])
-def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(cls, damping, T, bound):
-    with pytest.raises(RangeError, match=f'damping is {damping}; allowed: 0 to {bound} .*1/T.*T = {T}'):
+@pytest.mark.parametrize(
+    ('damping', 'T', 'bound'),
+    [
+        (1000.1, 0.001, '1000'),
+        (501.0, 0.002, '500'),
+        (2000.0, 0.001, '1000'),
+    ],
+)
+def test_damping_beyond_one_over_the_sampling_time_is_refused_with_the_bound(
+    cls, damping, T, bound
+):
+    with pytest.raises(
+        RangeError, match=f'damping is {damping}; allowed: 0 to {bound} .*1/T.*T = {T}'
+    ):
         cls(damping=damping).check_damping(T)
 
 
@@ -152,7 +172,10 @@ def test_the_controller_runs_it_without_knowing_it(cls, model, task):
 
 
 def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(model, task):
-    controller, q = Controller(model, JointCentering(damping=4.0), 0.01), task.start  # critically damped, 2/s
+    controller, q = (
+        Controller(model, JointCentering(damping=4.0), 0.01),
+        task.start,
+    )  # critically damped, 2/s
     for _ in range(1000):
         q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
     assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-6
@@ -163,10 +186,15 @@ def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(mode
 
 # --- the table --------------------------------------------------------------------------------------------------------
 
+
 def test_the_six_laws_of_the_paper_have_their_names():
     assert set(LAWS) >= {
-        'minimum_velocity', 'minimum_acceleration', 'minimum_kinetic_energy',
-        'minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque',
+        'minimum_velocity',
+        'minimum_acceleration',
+        'minimum_kinetic_energy',
+        'minimum_weighted_torque',
+        'dynamically_consistent',
+        'minimum_torque',
     }
 
 
@@ -181,29 +209,41 @@ def test_a_law_outside_the_table_is_called_by_its_class():
 
 
 def test_an_unknown_law_is_refused_with_the_names_that_exist():
-    with pytest.raises(UnknownNameError, match="unknown law 'fastest'; allowed: dynamically_consistent, minimum_acc"):
+    with pytest.raises(
+        UnknownNameError,
+        match="unknown law 'fastest'; allowed: dynamically_consistent, minimum_acc",
+    ):
         make_law('fastest')
 
 
 def test_an_unknown_gain_is_refused_with_those_of_the_law():
-    with pytest.raises(UnknownNameError, match="unknown gain of minimum_velocity 'stiffness'; allowed: damping"):
+    with pytest.raises(
+        UnknownNameError, match="unknown gain of minimum_velocity 'stiffness'; allowed: damping"
+    ):
         make_law('minimum_velocity', stiffness=1.0)
 
 
 # --- the paper's formulas ---------------------------------------------------------------------------------------------
 
+
 def test_minimum_velocity_is_the_pseudoinverse(states):
     for state in states:
-        assert same(solve(make_law('minimum_velocity'), state), np.linalg.pinv(state.J) @ DX)  # Eq. (2)
+        assert same(
+            solve(make_law('minimum_velocity'), state), np.linalg.pinv(state.J) @ DX
+        )  # Eq. (2)
 
 
 @pytest.mark.parametrize('damping', [0.0, 10.0])
-def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_velocity(damping, states):
+def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_velocity(
+    damping, states
+):
     law = make_law('minimum_acceleration', damping=damping)
     for state in states:
         J_pinv = np.linalg.pinv(state.J)
         P = np.eye(7) - J_pinv @ state.J
-        assert same(solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev)  # Eq. (15), (23)
+        assert same(
+            solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev
+        )  # Eq. (15), (23)
 
 
 def test_the_two_forms_of_minimum_acceleration_agree(states):
@@ -215,8 +255,10 @@ def test_the_two_forms_of_minimum_acceleration_agree(states):
 
 def test_full_damping_turns_minimum_acceleration_into_minimum_velocity(states):
     for state in states:
-        assert (solve(make_law('minimum_acceleration', damping=FORGOTTEN), state)
-                == solve(make_law('minimum_velocity'), state)).all()
+        assert (
+            solve(make_law('minimum_acceleration', damping=FORGOTTEN), state)
+            == solve(make_law('minimum_velocity'), state)
+        ).all()
 
 
 def test_with_full_damping_dynamic_consistency_forgets_the_last_velocity(states):
@@ -237,6 +279,7 @@ def test_minimum_kinetic_energy_has_the_least_of_all_motions_that_execute_the_ta
 
 
 # --- the torque-level schemes, one tick with the rules (8), (9), (10) -------------------------------------------------
+
 
 @dataclass(frozen=True)
 class Tick:
@@ -260,12 +303,16 @@ def ticks(model, states) -> list[Tick]:
 
 def minimum_torque(tick: Tick, k_d: float) -> np.ndarray:
     J, M_inv = tick.state.J, np.linalg.inv(tick.state.M)
-    return np.linalg.pinv(J @ M_inv, rcond=1e-12) @ (tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n)  # Eq. (7)
+    return np.linalg.pinv(J @ M_inv, rcond=1e-12) @ (
+        tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n
+    )  # Eq. (7)
 
 
 def minimum_weighted_torque(tick: Tick, k_d: float) -> np.ndarray:
     J, M = tick.state.J, tick.state.M
-    return M @ np.linalg.pinv(J) @ (tick.ddx - tick.dJdq + J @ np.linalg.inv(M) @ tick.state.n)  # Eq. (25)
+    return (
+        M @ np.linalg.pinv(J) @ (tick.ddx - tick.dJdq + J @ np.linalg.inv(M) @ tick.state.n)
+    )  # Eq. (25)
 
 
 def dynamically_consistent(tick: Tick, k_d: float) -> np.ndarray:
@@ -273,13 +320,21 @@ def dynamically_consistent(tick: Tick, k_d: float) -> np.ndarray:
     task_inertia = np.linalg.inv(J @ M_inv @ J.T)
     tau_N = -k_d * M @ tick.state.dq_prev  # Eq. (34)
     P = np.eye(7) - J.T @ task_inertia @ J @ M_inv  # Eq. (30)
-    return J.T @ task_inertia @ (tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n) + P @ tau_N  # Eq. (29)
+    return (
+        J.T @ task_inertia @ (tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n) + P @ tau_N
+    )  # Eq. (29)
 
 
-@pytest.mark.parametrize(('scheme', 'damping'), [
-    (minimum_torque, 0.0), (minimum_weighted_torque, 0.0),
-    (dynamically_consistent, 0.0), (dynamically_consistent, 10.0), (dynamically_consistent, FORGOTTEN),
-])
+@pytest.mark.parametrize(
+    ('scheme', 'damping'),
+    [
+        (minimum_torque, 0.0),
+        (minimum_weighted_torque, 0.0),
+        (dynamically_consistent, 0.0),
+        (dynamically_consistent, 10.0),
+        (dynamically_consistent, FORGOTTEN),
+    ],
+)
 def test_a_torque_law_moves_as_its_torque_level_scheme_does(scheme, damping, ticks):
     law = make_law(scheme.__name__, damping=damping)
     for tick in ticks:
@@ -292,22 +347,35 @@ def test_minimum_acceleration_moves_as_its_acceleration_level_scheme_does(ticks)
         J_pinv = np.linalg.pinv(tick.state.J)
         P = np.eye(7) - J_pinv @ tick.state.J
         ddq = J_pinv @ (tick.ddx - tick.dJdq) - 10.0 * P @ tick.state.dq_prev  # Eq. (22)
-        assert same(solve(make_law('minimum_acceleration', damping=10.0), tick.state), tick.state.dq_prev + T * ddq)
+        assert same(
+            solve(make_law('minimum_acceleration', damping=10.0), tick.state),
+            tick.state.dq_prev + T * ddq,
+        )
 
 
-@pytest.mark.parametrize(('name', 'power'), [
-    ('minimum_weighted_torque', -2), ('dynamically_consistent', -1), ('minimum_torque', 0),
-])
+@pytest.mark.parametrize(
+    ('name', 'power'),
+    [
+        ('minimum_weighted_torque', -2),
+        ('dynamically_consistent', -1),
+        ('minimum_torque', 0),
+    ],
+)
 def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, states):
     law = make_law(name, damping=0.0)
     for state in states:
         tau = state.M @ (solve(law, state) - state.dq_prev) / T + state.n
         norm = np.linalg.matrix_power(np.linalg.inv(state.M), -power)  # M^power
-        slopes = (state.M @ null_space(state.J)).T @ norm  # of accelerations that leave the task as it is
-        assert np.linalg.norm(slopes @ tau) < 10.0 * ROUNDING * np.linalg.norm(slopes, 2) * np.linalg.norm(tau)
+        slopes = (
+            state.M @ null_space(state.J)
+        ).T @ norm  # of accelerations that leave the task as it is
+        assert np.linalg.norm(slopes @ tau) < 10.0 * ROUNDING * np.linalg.norm(
+            slopes, 2
+        ) * np.linalg.norm(tau)
 
 
 # --- Appendix B: no task, so all of the last velocity is in the null space --------------------------------------------
+
 
 class Floating:
     """In the place of a model: an arm of constant inertia that nothing accelerates."""
@@ -338,7 +406,9 @@ def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.
 def test_free_motion_ends_where_appendix_b_says(name, damping, states):
     state, forgetting = states[0], 1.0 - damping * T
     limit = state.q + T * state.dq_prev / (1.0 - forgetting)  # Eq. (B.2)
-    assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(limit, abs=1e-9)  # 0.99^2500 = 1e-11
+    assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(
+        limit, abs=1e-9
+    )  # 0.99^2500 = 1e-11
 
 
 @WITH_MEMORY

@@ -45,8 +45,12 @@ class Import(NamedTuple):
 
 def imports_of(path: Path) -> Iterator[Import]:
     tree, file = ast.parse(path.read_text(encoding='utf-8')), path.relative_to(PACKAGE).as_posix()
-    inside = {child for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
-              for child in ast.walk(node)}
+    inside = {
+        child
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+        for child in ast.walk(node)
+    }
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (Import(file, alias.name, node not in inside) for alias in node.names)
@@ -54,9 +58,13 @@ def imports_of(path: Path) -> Iterator[Import]:
             module = node.module or ''
             if node.level:  # relative: none is in use, but it would count
                 parts = ('redres_ros', *Path(file).parts)
-                module = '.'.join((*parts[:len(parts) - node.level], *filter(None, (module,))))
+                module = '.'.join((*parts[: len(parts) - node.level], *filter(None, (module,))))
             # `from redres_ros import laws` imports the module laws
-            modules = [f'{module}.{alias.name}' for alias in node.names] if module == 'redres_ros' else [module]
+            modules = (
+                [f'{module}.{alias.name}' for alias in node.names]
+                if module == 'redres_ros'
+                else [module]
+            )
             yield from (Import(file, name, node not in inside) for name in modules)
 
 
@@ -87,6 +95,7 @@ def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
 
 # --- libraries --------------------------------------------------------------------------------------------------------
 
+
 def test_all_files_were_read():
     assert len({found.file for found in IMPORTS}) > 20
     assert Import('controller.py', 'numpy', True) in IMPORTS
@@ -112,7 +121,9 @@ def test_what_is_not_required_is_imported_when_it_is_asked_for():
 
 
 def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():
-    loading = {found.file for found in IMPORTS if found.on_loading and re.fullmatch(ROS, found.library)}
+    loading = {
+        found.file for found in IMPORTS if found.on_loading and re.fullmatch(ROS, found.library)
+    }
     assert {room(file) for file in loading} == WITH_ROS
 
 
@@ -134,8 +145,13 @@ def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():
 
 # --- rooms ------------------------------------------------------------------------------------------------------------
 
+
 def test_imports_point_downward():
-    upward = [(file, target) for file, target in own_imports() if room(file) != target and level(target) >= level(file)]
+    upward = [
+        (file, target)
+        for file, target in own_imports()
+        if room(file) != target and level(target) >= level(file)
+    ]
     assert upward == []
 
 
@@ -144,15 +160,29 @@ def test_the_fake_robot_is_an_independent_witness():
 
 
 def test_laws_know_the_state_and_nothing_of_who_runs_them():
-    assert {target for _, target in own_imports('laws')} <= {'laws', 'robot_model', 'resolution', 'parameter', 'errors'}
+    assert {target for _, target in own_imports('laws')} <= {
+        'laws',
+        'robot_model',
+        'resolution',
+        'parameter',
+        'errors',
+    }
 
 
 def test_no_file_but_the_table_names_a_law():
     for path in sorted(PACKAGE.rglob('*.py')):
-        if room(path.relative_to(PACKAGE).as_posix()) in ('controller', 'nodes', 'fri') or path.stem == 'closed_loop':
+        if (
+            room(path.relative_to(PACKAGE).as_posix()) in ('controller', 'nodes', 'fri')
+            or path.stem == 'closed_loop'
+        ):
             tree = ast.parse(path.read_text(encoding='utf-8'))
             compared = [node for node in ast.walk(tree) if isinstance(node, ast.Compare)]
-            words = {child.value for node in compared for child in ast.walk(node) if isinstance(child, ast.Constant)}
+            words = {
+                child.value
+                for node in compared
+                for child in ast.walk(node)
+                if isinstance(child, ast.Constant)
+            }
             assert not words & set(redres_ros.LAWS), path
 
 
@@ -173,8 +203,14 @@ sys.meta_path.insert(0, Block())
 def run_blocked(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     paths = filter(None, (str(PACKAGE.parent), os.environ.get('PYTHONPATH')))
     environment = os.environ | {'PYTHONPATH': os.pathsep.join(paths)}
-    return subprocess.run([sys.executable, '-c', BLOCKED + code, *arguments], env=environment, check=False,
-                          capture_output=True, text=True, timeout=120)
+    return subprocess.run(
+        [sys.executable, '-c', BLOCKED + code, *arguments],
+        env=environment,
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
 
 
 def test_the_block_blocks():
@@ -183,18 +219,29 @@ def test_the_block_blocks():
 
 
 def test_the_core_loads_without_ros():
-    modules = {found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.') for found in IMPORTS
-               if room(found.file) not in (*WITH_ROS, '__init__.py')}
+    modules = {
+        found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.')
+        for found in IMPORTS
+        if room(found.file) not in (*WITH_ROS, '__init__.py')
+    }
     result = run_blocked('\n'.join(f'import redres_ros.{module}' for module in sorted(modules)))
     assert result.returncode == 0, result.stderr
 
 
 def test_a_simulation_runs_without_ros(tmp_path):
     task = tmp_path / 'short.yaml'
-    task.write_text('robot: lwr4_paper\nstart: [28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0]\n'
-                    'waypoints: [[-0.4, 0.36, 0.01], [-0.4, 0.35, 0.01]]\nsegment_time: 0.1\n')
-    result = run_blocked('from redres_ros.cli import main\nsys.exit(main(sys.argv[1:]))',
-                         'simulate', '--task', str(task), '--law', 'dynamically_consistent')
+    task.write_text(
+        'robot: lwr4_paper\nstart: [28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0]\n'
+        'waypoints: [[-0.4, 0.36, 0.01], [-0.4, 0.35, 0.01]]\nsegment_time: 0.1\n'
+    )
+    result = run_blocked(
+        'from redres_ros.cli import main\nsys.exit(main(sys.argv[1:]))',
+        'simulate',
+        '--task',
+        str(task),
+        '--law',
+        'dynamically_consistent',
+    )
     assert result.returncode == 0, result.stderr
     assert 'reached the last point' in result.stdout
 
@@ -202,21 +249,29 @@ def test_a_simulation_runs_without_ros(tmp_path):
 @pytest.mark.parametrize('command', ['demo', 'watch', 'bench'])
 def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
     out = [] if command == 'watch' else ['--out', str(tmp_path)]
-    result = run_blocked('from redres_ros.cli import main\nsys.exit(main(sys.argv[1:]))', command, *out)
+    result = run_blocked(
+        'from redres_ros.cli import main\nsys.exit(main(sys.argv[1:]))', command, *out
+    )
     assert result.returncode == 1
     assert 'pip install' in result.stderr
     assert 'Traceback' not in result.stderr
 
 
 def test_the_package_offers_what_it_names():
-    assert {name: getattr(redres_ros, name) for name in redres_ros.__all__}.keys() == set(redres_ros._HOMES)
+    assert {name: getattr(redres_ros, name) for name in redres_ros.__all__}.keys() == set(
+        redres_ros._HOMES
+    )
     with pytest.raises(AttributeError, match='no attribute'):
         redres_ros.nothing  # noqa: B018
 
 
 def test_help_loads_nothing_heavy():
-    program = ('import sys\nfrom redres_ros.cli import main\ntry:\n    main(["--help"])\nexcept SystemExit:\n    pass\n'
-               'print(*{"numpy", "pinocchio", "mujoco", "rclpy", "matplotlib"} & set(sys.modules), file=sys.stderr)')
-    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    program = (
+        'import sys\nfrom redres_ros.cli import main\ntry:\n    main(["--help"])\nexcept SystemExit:\n    pass\n'
+        'print(*{"numpy", "pinocchio", "mujoco", "rclpy", "matplotlib"} & set(sys.modules), file=sys.stderr)'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True
+    )
     assert done.stderr.strip() == ''
     assert 'COMMAND' in done.stdout

@@ -59,19 +59,38 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
 def bad_starts() -> list[subprocess.CompletedProcess[str]]:
     """All of them, some at a time."""
 
-    def run(module: str, parameter: str, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, '-m', f'redres_ros.nodes.{module}', '--ros-args', '-p', parameter]
-        return subprocess.run(command, text=True, timeout=60, capture_output=True, check=False,
-                              env={**os.environ, **environment})
+    def run(
+        module: str, parameter: str, environment: dict[str, str]
+    ) -> subprocess.CompletedProcess[str]:
+        command = [
+            sys.executable,
+            '-m',
+            f'redres_ros.nodes.{module}',
+            '--ros-args',
+            '-p',
+            parameter,
+        ]
+        return subprocess.run(
+            command,
+            text=True,
+            timeout=60,
+            capture_output=True,
+            check=False,
+            env={**os.environ, **environment},
+        )
 
     with own_domain(), ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda case: run(*case[:3]), BAD_STARTS))
 
 
-@pytest.mark.parametrize('number', range(len(BAD_STARTS)),
-                         ids=[f'{parameter} {environment}' for _, parameter, environment, _ in BAD_STARTS])
-def test_a_node_that_cannot_start_says_why_in_one_line(bad_starts: list[subprocess.CompletedProcess[str]],
-                                                       number: int) -> None:
+@pytest.mark.parametrize(
+    'number',
+    range(len(BAD_STARTS)),
+    ids=[f'{parameter} {environment}' for _, parameter, environment, _ in BAD_STARTS],
+)
+def test_a_node_that_cannot_start_says_why_in_one_line(
+    bad_starts: list[subprocess.CompletedProcess[str]], number: int
+) -> None:
     done, words = bad_starts[number], BAD_STARTS[number][3]
     assert done.returncode not in (0, -signal.SIGKILL)
     lines = done.stderr.strip().splitlines()
@@ -80,9 +99,13 @@ def test_a_node_that_cannot_start_says_why_in_one_line(bad_starts: list[subproce
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signal.Telemetry) -> None:
+def test_every_node_ends_with_status_0_on_a_signal(
+    tmp_path: Path, number: signal.Telemetry
+) -> None:
     with nodes(tmp_path, sim={}, controller={}, planner={}) as (probe, processes):
-        await_that(lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes')
+        await_that(
+            lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes'
+        )
         for process in processes.values():
             os.kill(process.pid, number)
         assert [process.wait(10.0) for process in processes.values()] == [0, 0, 0]
@@ -92,7 +115,9 @@ def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signa
 
 def test_all_nodes_in_one_process_end_with_status_0_too(tmp_path: Path) -> None:
     with nodes(tmp_path, composed={}) as (probe, processes):
-        await_that(lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes')
+        await_that(
+            lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes'
+        )
         os.kill(processes['composed'].pid, signal.SIGINT)
         assert processes['composed'].wait(10.0) == 0
     assert 'Traceback' not in (tmp_path / 'composed.log').read_text()
@@ -102,7 +127,9 @@ def test_processors_of_its_own_hold_for_every_thread_of_a_node(tmp_path: Path) -
     wanted = sorted(os.sched_getaffinity(0))[:1]
     with nodes(tmp_path, controller={'processors': wanted}) as (probe, processes):
         probe.ask(START)
-        threads = [int(path.name) for path in Path(f'/proc/{processes["controller"].pid}/task').iterdir()]
+        threads = [
+            int(path.name) for path in Path(f'/proc/{processes["controller"].pid}/task').iterdir()
+        ]
         assert len(threads) > 1
         assert all(sorted(os.sched_getaffinity(thread)) == wanted for thread in threads)
     assert sum('granted' in line for line in log_lines(tmp_path, 'controller')) == 1
@@ -132,8 +159,12 @@ def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
             np.testing.assert_array_equal(dq, expected.dq)
 
 
-def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_first_state(tmp_path: Path) -> None:
-    controller = Controller(RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), 0.002, switch_time=0.1)
+def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_first_state(
+    tmp_path: Path,
+) -> None:
+    controller = Controller(
+        RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), 0.002, switch_time=0.1
+    )
     with nodes(tmp_path, controller={'lockstep': True, 'switch_time': 0.1}) as (probe, _):
         session = probe.create_publisher(String, 'sim/session_state', LATCHED)
         await_that(lambda: session.get_subscription_count() == 1, 'a listener to the session')
@@ -158,7 +189,9 @@ def test_joints_are_matched_by_name(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope='class')
-def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Probe, Callable[[], list[str]]]]:
+def resting(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[Probe, Callable[[], list[str]]]]:
     """A probe beside a controller that only ever gets bad input, and the lines that the controller has printed."""
     directory = tmp_path_factory.mktemp('resting')
     with nodes(directory, controller={'switch_time': 0.0, 'state_timeout': 10.0}) as (probe, _):
@@ -168,18 +201,37 @@ def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Probe, C
 class TestBadInput:
     """One controller gets it all, and is none the worse for it."""
 
-    @pytest.mark.parametrize(('spoil', 'words'), [
-        (lambda message: setattr(message, 'name', ['a', *message.name[1:]]),
-         ('missing lwr_a1_joint', 'not of this arm a')),
-        (lambda message: setattr(message, 'name', message.name[:-1]), ('missing lwr_a6_joint',)),
-        (lambda message: setattr(message, 'position', message.position[:-1]), ('6 positions', '7 joints')),
-        (lambda message: message.position.__setitem__(2, float('nan')), ('nan', 'finite')),
-        (lambda message: message.position.__setitem__(2, float('inf')), ('inf', 'finite')),
-        (lambda message: setattr(message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000),
-         ('2.7 ms', 'rate 500 Hz')),
-    ])
-    def test_a_bad_state_is_not_answered_and_told_once(self, resting: tuple[Probe, Callable[[], list[str]]],
-                                                       spoil: Callable[[Any], None], words: tuple[str, ...]) -> None:
+    @pytest.mark.parametrize(
+        ('spoil', 'words'),
+        [
+            (
+                lambda message: setattr(message, 'name', ['a', *message.name[1:]]),
+                ('missing lwr_a1_joint', 'not of this arm a'),
+            ),
+            (
+                lambda message: setattr(message, 'name', message.name[:-1]),
+                ('missing lwr_a6_joint',),
+            ),
+            (
+                lambda message: setattr(message, 'position', message.position[:-1]),
+                ('6 positions', '7 joints'),
+            ),
+            (lambda message: message.position.__setitem__(2, float('nan')), ('nan', 'finite')),
+            (lambda message: message.position.__setitem__(2, float('inf')), ('inf', 'finite')),
+            (
+                lambda message: setattr(
+                    message.header.stamp, 'nanosec', message.header.stamp.nanosec + 700_000
+                ),
+                ('2.7 ms', 'rate 500 Hz'),
+            ),
+        ],
+    )
+    def test_a_bad_state_is_not_answered_and_told_once(
+        self,
+        resting: tuple[Probe, Callable[[], list[str]]],
+        spoil: Callable[[Any], None],
+        words: tuple[str, ...],
+    ) -> None:
         probe, lines = resting
         before, _ = probe.ask(START)
         last_good, told = probe.stamp, len(lines())
@@ -191,18 +243,28 @@ class TestBadInput:
         assert not any(stamp > last_good for stamp in probe.answers)
         after, _ = probe.ask(START)
         np.testing.assert_array_equal(after, before)
-        await_that(lambda: any('accepted again' in line for line in lines()[told:]), 'the line of recovery')
+        await_that(
+            lambda: any('accepted again' in line for line in lines()[told:]), 'the line of recovery'
+        )
         refusals = [line for line in lines()[told:] if 'joint_states refused' in line]
         assert len(refusals) == 1
         assert all(word in refusals[0] for word in words), refusals[0]
 
-    @pytest.mark.parametrize(('dx', 'frame', 'words'), [
-        (DX, 'tool0', ('tool0', 'world')),
-        (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
-        (DX, '', ("''", 'world')),
-    ])
-    def test_a_bad_task_velocity_does_not_move_the_arm(self, resting: tuple[Probe, Callable[[], list[str]]],
-                                                       dx: np.ndarray, frame: str, words: tuple[str, ...]) -> None:
+    @pytest.mark.parametrize(
+        ('dx', 'frame', 'words'),
+        [
+            (DX, 'tool0', ('tool0', 'world')),
+            (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
+            (DX, '', ("''", 'world')),
+        ],
+    )
+    def test_a_bad_task_velocity_does_not_move_the_arm(
+        self,
+        resting: tuple[Probe, Callable[[], list[str]]],
+        dx: np.ndarray,
+        frame: str,
+        words: tuple[str, ...],
+    ) -> None:
         probe, lines = resting
         q_ref, _ = probe.ask(START)
         told = len(lines())
@@ -210,7 +272,9 @@ class TestBadInput:
             probe.steer(dx, frame)
             q_ref, dq = probe.ask(q_ref)
             np.testing.assert_array_equal(dq, np.zeros(7))
-        await_that(lambda: any('refused' in line for line in lines()[told:]), 'the refusal in the log')
+        await_that(
+            lambda: any('refused' in line for line in lines()[told:]), 'the refusal in the log'
+        )
         refusals = [line for line in lines()[told:] if 'refused' in line]
         assert len(refusals) == 1
         assert all(word in refusals[0] for word in words), refusals[0]
@@ -218,7 +282,10 @@ class TestBadInput:
 
 def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: Path) -> None:
     T, switch_time = 0.002, 0.1
-    with nodes(tmp_path, controller={'switch_time': switch_time, 'command_timeout': 0.01}) as (probe, _):
+    with nodes(tmp_path, controller={'switch_time': switch_time, 'command_timeout': 0.01}) as (
+        probe,
+        _,
+    ):
         q_ref, _ = probe.ask(START)
         speeds = []
         for tick in range(200):
@@ -231,7 +298,10 @@ def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: P
     assert cruising > 0.01
     np.testing.assert_array_equal(speeds[-1], np.zeros(7))
     # Blending over switch_time with the quintic changes the speed by at most 15/8 of its mean rate.
-    assert np.linalg.norm(np.diff(speeds[80:], axis=0), axis=1).max() < 2.0 * cruising * T / switch_time
+    assert (
+        np.linalg.norm(np.diff(speeds[80:], axis=0), axis=1).max()
+        < 2.0 * cruising * T / switch_time
+    )
 
 
 def test_silence_of_the_states_is_told_once_and_its_end_too(tmp_path: Path) -> None:
@@ -252,11 +322,18 @@ def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Pat
         probe.ask(START)
         for name in LAWS:
             set_parameters(probe, 'controller', {'law': name, 'damping': 20.0})
-            await_that(lambda name=name: probe.ask(START) and laws and laws[-1].data == name, f'{name} in force')
-        for values, words in (({'law': 'none'}, ('none', 'minimum_torque')), ({'damping': 501.0}, ('501', '0 to 500')),
-                              ({'damping': float('nan')}, ('nan',)), ({'law': 7}, ('STRING', 'INTEGER')),
-                              ({'rate': 100.0}, ('rate',)),
-                              ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',))):
+            await_that(
+                lambda name=name: probe.ask(START) and laws and laws[-1].data == name,
+                f'{name} in force',
+            )
+        for values, words in (
+            ({'law': 'none'}, ('none', 'minimum_torque')),
+            ({'damping': 501.0}, ('501', '0 to 500')),
+            ({'damping': float('nan')}, ('nan',)),
+            ({'law': 7}, ('STRING', 'INTEGER')),
+            ({'rate': 100.0}, ('rate',)),
+            ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',)),
+        ):
             with pytest.raises(CallError) as refusal:
                 set_parameters(probe, 'controller', values)
             assert all(word in str(refusal.value) for word in words), refusal.value
@@ -270,7 +347,9 @@ def test_signals_are_published_only_while_somebody_listens(tmp_path: Path) -> No
         await_that(lambda: probe.ask(START) and bool(norms), 'joint_torque_norm')
         model = RobotModel.named('lwr4_paper')
         # Standing still, the torque is what carries the arm.
-        assert norms[-1].data == pytest.approx(np.linalg.norm(model.state(START, np.zeros(7)).n), rel=1e-12)
+        assert norms[-1].data == pytest.approx(
+            np.linalg.norm(model.state(START, np.zeros(7)).n), rel=1e-12
+        )
 
 
 def test_hold_stops_the_arm_and_lets_it_go_again(tmp_path: Path) -> None:
@@ -299,7 +378,9 @@ def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(tmp_path
         def speed() -> float:
             count = len(twists)
             state = probe.state(START)
-            await_that(lambda: probe.send(state) or len(twists) > count, 'a task velocity', every=0.05)
+            await_that(
+                lambda: probe.send(state) or len(twists) > count, 'a task velocity', every=0.05
+            )
             linear = twists[-1].twist.linear
             return float(np.linalg.norm((linear.x, linear.y, linear.z)))
 
@@ -313,11 +394,21 @@ def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(tmp_path
 
 def test_a_namespace_makes_a_second_robot(tmp_path: Path) -> None:
     with nodes(tmp_path, controller={}) as (probe, _):
-        command = [sys.executable, '-m', 'redres_ros.nodes.controller', '--ros-args', '-r', '__ns:=/left']
+        command = [
+            sys.executable,
+            '-m',
+            'redres_ros.nodes.controller',
+            '--ros-args',
+            '-r',
+            '__ns:=/left',
+        ]
         second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         try:
             expected = {'/joint_command', '/left/joint_command', '/left/controller/law'}
-            await_that(lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()}, 'topics of both')
+            await_that(
+                lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()},
+                'topics of both',
+            )
         finally:
             second.terminate()
             second.wait(10.0)
@@ -332,7 +423,10 @@ def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path:
             message = probe.state(spoiled)
             publisher.publish(message)
             time.sleep(0.05)
-        await_that(lambda: any('joint_command refused' in line for line in log_lines(tmp_path, 'sim')), 'the refusal')
+        await_that(
+            lambda: any('joint_command refused' in line for line in log_lines(tmp_path, 'sim')),
+            'the refusal',
+        )
         assert all(list(state.position) == START.tolist() for state in states)
 
 
@@ -340,7 +434,9 @@ def test_the_sim_stamps_its_states_exactly_one_period_apart(tmp_path: Path) -> N
     with nodes(tmp_path, sim={}) as (probe, _):
         states = probe.listen(JointState, 'joint_states', QoSProfile(depth=1000))
         await_that(lambda: len(states) > 500, 'states')
-    stamps = np.array([state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states])
+    stamps = np.array(
+        [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
+    )
     assert set(np.unique((stamps - stamps[0]) % PERIOD)) == {0}
     assert np.diff(stamps).min() == PERIOD
 
@@ -367,8 +463,11 @@ def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(tmp_path: Path
         assert len(states) == lost_from
         set_parameters(probe, 'sim', {'state_loss': 0.0})
         await_that(lambda: len(states) > lost_from + 10, 'states again')
-        for values, words in (({'frozen_joint': 8}, ('8', '7')), ({'state_loss': 2.0}, ('2', '1')),
-                              ({'fault_seed': 1}, ('fault_seed',))):
+        for values, words in (
+            ({'frozen_joint': 8}, ('8', '7')),
+            ({'state_loss': 2.0}, ('2', '1')),
+            ({'fault_seed': 1}, ('fault_seed',)),
+        ):
             with pytest.raises(CallError) as refusal:
                 set_parameters(probe, 'sim', values)
             assert all(word in str(refusal.value) for word in words), refusal.value
@@ -376,7 +475,10 @@ def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(tmp_path: Path
 
 def test_a_second_publisher_of_commands_is_refused_and_named(tmp_path: Path) -> None:
     with nodes(tmp_path, sim={'plant': 'ideal'}) as (probe, _):
-        one, two = (probe.create_publisher(JointState, 'joint_command', QoSProfile(depth=1)) for _ in range(2))
+        one, two = (
+            probe.create_publisher(JointState, 'joint_command', QoSProfile(depth=1))
+            for _ in range(2)
+        )
         states = probe.listen(JointState, 'joint_states')
 
         def told(*rivals: Publisher) -> bool:

@@ -15,13 +15,24 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 # All that a build reads: the rest of a checkout may be large (virtual environments, results).
-PARTS = ('setup.py', 'pyproject.toml', 'package.xml', 'resource', 'config', 'launch', 'scripts', 'redres_ros')
+PARTS = (
+    'setup.py',
+    'pyproject.toml',
+    'package.xml',
+    'resource',
+    'config',
+    'launch',
+    'scripts',
+    'redres_ros',
+)
 NODES = ('composed', 'controller', 'planner', 'sim')
 PROBE = "import sys\n\n\ndef main():\n    print('{name}', sys.executable, __file__, *sys.argv[1:], sep='\\n')\n"
 FLAGS = ['--flag', 'two words']
 NO_COLCON = importlib.util.find_spec('colcon_core') is None
 
-needs_colcon = pytest.mark.skipif(NO_COLCON, reason="no colcon in this environment: pip install '.[test]' brings it")
+needs_colcon = pytest.mark.skipif(
+    NO_COLCON, reason="no colcon in this environment: pip install '.[test]' brings it"
+)
 
 
 @pytest.fixture(scope='module')
@@ -57,7 +68,16 @@ def pip_prefix(source: Path) -> Path:
     pip = [sys.executable, '-m', 'pip']
     # Without isolation and dependencies nothing is downloaded: this takes seconds, and works offline.
     run(*pip, 'wheel', '-q', '--no-deps', '--no-build-isolation', '-w', wheels, copy)
-    run(*pip, 'install', '-q', '--no-deps', '--ignore-installed', '--prefix', prefix, *wheels.glob('*.whl'))
+    run(
+        *pip,
+        'install',
+        '-q',
+        '--no-deps',
+        '--ignore-installed',
+        '--prefix',
+        prefix,
+        *wheels.glob('*.whl'),
+    )
     return prefix
 
 
@@ -106,7 +126,10 @@ def test_pip_installs_every_robot_description(pip_prefix):
 
 
 def test_pip_puts_only_names_that_begin_with_redres_into_the_shared_bin(pip_prefix):
-    assert {path.name for path in (pip_prefix / 'bin').iterdir()} == {'redres', *(f'redres_{name}' for name in NODES)}
+    assert {path.name for path in (pip_prefix / 'bin').iterdir()} == {
+        'redres',
+        *(f'redres_{name}' for name in NODES),
+    }
 
 
 def test_every_console_script_names_a_function_that_exists(pip_prefix):
@@ -118,7 +141,11 @@ def test_every_console_script_names_a_function_that_exists(pip_prefix):
 
 def test_setup_py_and_package_xml_say_the_same(pip_prefix):
     package = ElementTree.parse(ROOT / 'package.xml').getroot()
-    wheel = dict(re.findall(r'^([A-Z][\w-]+): (.*)$', metadata(pip_prefix, 'METADATA').read_text(), re.MULTILINE))
+    wheel = dict(
+        re.findall(
+            r'^([A-Z][\w-]+): (.*)$', metadata(pip_prefix, 'METADATA').read_text(), re.MULTILINE
+        )
+    )
     assert wheel['Name'] == package.findtext('name')
     assert wheel['Version'] == package.findtext('version')
     assert wheel['Summary'] == package.findtext('description')
@@ -139,8 +166,14 @@ def assert_ran(said: str, name: str, folder: Path) -> None:
 
 
 def assert_share_files(prefix: Path) -> None:
-    assert (prefix / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'redres_ros').is_file()
-    files = [ROOT / 'package.xml', *(ROOT / 'config').rglob('*.yaml'), *(ROOT / 'launch').rglob('*.py')]
+    assert (
+        prefix / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'redres_ros'
+    ).is_file()
+    files = [
+        ROOT / 'package.xml',
+        *(ROOT / 'config').rglob('*.yaml'),
+        *(ROOT / 'launch').rglob('*.py'),
+    ]
     assert len(files) > 2
     for file in files:
         installed = prefix / 'share' / 'redres_ros' / file.relative_to(ROOT)
@@ -160,18 +193,36 @@ def metadata(prefix: Path, name: str) -> Path:
 def colcon(workspace: Path, *arguments: object) -> str:
     """What a colcon verb prints; it sees none of the user's own settings, and its logs go into the workspace."""
     code = 'import sys; from colcon_core.command import main; sys.exit(main())'
-    return run(sys.executable, '-c', code, '--log-base', workspace / 'log', *arguments, COLCON_HOME=workspace)
+    return run(
+        sys.executable,
+        '-c',
+        code,
+        '--log-base',
+        workspace / 'log',
+        *arguments,
+        COLCON_HOME=workspace,
+    )
 
 
 def run_sourced(colcon_prefix: Path, *command: object) -> str:
     """What the command prints in a shell that has sourced the package, as install/setup.bash does for a workspace."""
-    return run('bash', '-c', '. "$0/share/redres_ros/package.bash" && exec "$@"', colcon_prefix, *command)
+    return run(
+        'bash', '-c', '. "$0/share/redres_ros/package.bash" && exec "$@"', colcon_prefix, *command
+    )
 
 
 def run(*command: object, **variables: object) -> str:
     """What the command prints, with these environment variables changed. Fails, and shows all output, if it fails."""
     environment = os.environ | {name: str(value) for name, value in variables.items()}
-    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, text=True, timeout=120,
-                          check=False)
-    assert done.returncode == 0, f'{command} ended with {done.returncode}:\n{done.stdout}{done.stderr}'
+    done = subprocess.run(
+        list(map(str, command)),
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, (
+        f'{command} ended with {done.returncode}:\n{done.stdout}{done.stderr}'
+    )
     return done.stdout

@@ -26,7 +26,11 @@ def test_the_declaration_is_read_back_from_class_and_instance_alike():
         declared = {field.name: parameter for field, parameter in parameters(source).items()}
         assert list(declared) == ['gain', 'shape', 'free']
         assert declared['gain'].description == 'feedback gain [1/s]'
-        assert (declared['gain'].lower, declared['gain'].upper, declared['gain'].live) == (0.0, 10.0, True)
+        assert (declared['gain'].lower, declared['gain'].upper, declared['gain'].live) == (
+            0.0,
+            10.0,
+            True,
+        )
         assert (declared['shape'].choices, declared['shape'].live) == (('round', 'square'), False)
 
 
@@ -48,9 +52,15 @@ def test_a_value_outside_its_range_is_refused_with_the_range(gain):
 
 
 def test_a_word_that_is_no_choice_is_refused_with_the_choices():
-    with pytest.raises(UnknownNameError, match="unknown shape 'oval'; allowed: round, square") as caught:
+    with pytest.raises(
+        UnknownNameError, match="unknown shape 'oval'; allowed: round, square"
+    ) as caught:
         Settings(shape='oval')
-    assert (caught.value.kind, caught.value.got, caught.value.allowed) == ('shape', 'oval', ('round', 'square'))
+    assert (caught.value.kind, caught.value.got, caught.value.allowed) == (
+        'shape',
+        'oval',
+        ('round', 'square'),
+    )
 
 
 def test_one_value_can_be_checked_before_there_is_an_instance():
@@ -60,15 +70,21 @@ def test_one_value_can_be_checked_before_there_is_an_instance():
         check_value('gain', 11.0, declared['gain'])
 
 
-@pytest.mark.parametrize('error', [
-    RangeError('gain', float('nan'), 0.0, 1.0, 'why'), UnknownNameError('law', 'x', ('a', 'b')),
-])
+@pytest.mark.parametrize(
+    'error',
+    [
+        RangeError('gain', float('nan'), 0.0, 1.0, 'why'),
+        UnknownNameError('law', 'x', ('a', 'b')),
+    ],
+)
 def test_errors_are_one_line_and_have_one_base(error):
     assert isinstance(error, RedresError)
     assert '\n' not in str(error)
 
 
-@pytest.mark.parametrize(('limits', 'good', 'bad'), [({'lower': 0.0}, 5.0, -1.0), ({'upper': 0.0}, -5.0, 1.0)])
+@pytest.mark.parametrize(
+    ('limits', 'good', 'bad'), [({'lower': 0.0}, 5.0, -1.0), ({'upper': 0.0}, -5.0, 1.0)]
+)
 def test_a_range_may_be_open_on_one_side(limits, good, bad):
     check_value('x', good, Parameter('', **limits))
     for value in (bad, float('nan'), None):

@@ -34,6 +34,7 @@ def column(references: list[Reference], name: str) -> np.ndarray:
 
 # --- Eq. (36) ---------------------------------------------------------------------------------------------------------
 
+
 def test_the_quintic_goes_from_zero_to_one():
     assert quintic(0.0)[0] == 0.0
     assert quintic(1.0)[0] == 1.0
@@ -58,6 +59,7 @@ def test_beyond_its_ends_the_quintic_stands_still(xi, s):
 
 
 # --- one segment ------------------------------------------------------------------------------------------------------
+
 
 def test_a_segment_is_a_straight_line_between_its_points(square):
     x_d = column(follow(Planner(square), square.waypoints[0], 500), 'x_d')
@@ -84,16 +86,29 @@ def test_a_segment_begins_and_ends_at_rest(square):
 
 def test_feedback_adds_the_gain_times_the_error(square):
     x, t = square.waypoints[0] + (0.01, -0.02, 0.03), 0.2
-    with_feedback, without = (Planner(replace(square, feedback_gain=gain)).reference(x, t) for gain in (7.0, 0.0))
+    with_feedback, without = (
+        Planner(replace(square, feedback_gain=gain)).reference(x, t) for gain in (7.0, 0.0)
+    )
     assert with_feedback.error == pytest.approx(with_feedback.x_d - x, abs=0.0)
-    assert with_feedback.dx - without.dx == pytest.approx(7.0 * with_feedback.error, abs=1e-15)  # Eq. (37)
+    assert with_feedback.dx - without.dx == pytest.approx(
+        7.0 * with_feedback.error, abs=1e-15
+    )  # Eq. (37)
 
 
 # --- from one segment to the next -------------------------------------------------------------------------------------
 
+
 def test_segments_are_numbered_from_one_and_begin_when_the_last_one_is_over(square):
     references = follow(Planner(square), square.waypoints[0], 1600)
-    assert list(column(references, 'segment')[[0, 499, 500, 999, 1000, 1499, 1500]]) == [1, 1, 2, 2, 3, 3, 3]
+    assert list(column(references, 'segment')[[0, 499, 500, 999, 1000, 1499, 1500]]) == [
+        1,
+        1,
+        2,
+        2,
+        3,
+        3,
+        3,
+    ]
 
 
 def test_the_planner_finishes_with_the_last_segment(square):
@@ -107,12 +122,18 @@ def test_at_rest_waits_for_the_tip_to_arrive(square):
     assert [planner.reference(late, t).segment for t in (0.0, 0.5, 0.7)] == [1, 1, 1]
     reference = planner.reference(square.waypoints[1] + (0.0, 0.0, 0.0009), 0.8)
     assert reference.segment == 2
-    assert reference.x_d == pytest.approx(square.waypoints[1], abs=0.0)  # the second segment begins at its own time 0
+    assert reference.x_d == pytest.approx(
+        square.waypoints[1], abs=0.0
+    )  # the second segment begins at its own time 0
 
 
 def test_at_rest_waits_for_the_time_even_if_the_tip_is_there(square):
     planner = Planner(square)
-    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.3, 0.499)] == [1, 1, 1]
+    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.3, 0.499)] == [
+        1,
+        1,
+        1,
+    ]
 
 
 def test_while_it_waits_the_next_point_is_held(square):
@@ -120,11 +141,15 @@ def test_while_it_waits_the_next_point_is_held(square):
     for t in (0.5, 0.6, 5.0):
         reference = planner.reference(square.waypoints[0], t)
         assert (reference.x_d == square.waypoints[1]).all()
-        assert reference.dx == pytest.approx(10.0 * (square.waypoints[1] - square.waypoints[0]), abs=1e-15)
+        assert reference.dx == pytest.approx(
+            10.0 * (square.waypoints[1] - square.waypoints[0]), abs=1e-15
+        )
 
 
 def test_within_tolerance_goes_on_before_the_time_is_over(square):
-    references = follow(Planner(replace(square, switching='within_tolerance')), square.waypoints[0], 600)
+    references = follow(
+        Planner(replace(square, switching='within_tolerance')), square.waypoints[0], 600
+    )
     segments = column(references, 'segment')
     # 0.1 m to go and 1 mm tolerance: 1 - s(xi) = 0.01 at xi = 0.89
     assert np.argmax(segments == 2) == pytest.approx(0.89 * 500, abs=5)
@@ -133,12 +158,18 @@ def test_within_tolerance_goes_on_before_the_time_is_over(square):
 def test_within_tolerance_does_not_skip_points_in_one_tick(square):
     square = replace(square, switching='within_tolerance', waypoints=square.waypoints[[0, 1, 1, 2]])
     planner = Planner(square)
-    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.4, 0.401)] == [1, 2, 3]
+    assert [planner.reference(square.waypoints[1], t).segment for t in (0.0, 0.4, 0.401)] == [
+        1,
+        2,
+        3,
+    ]
 
 
 def test_the_tolerance_is_the_distance_at_which_a_point_counts_as_reached(square):
     for distance, segment in ((0.0101, 1), (0.0099, 2)):
-        reference = Planner(replace(square, tolerance=0.01)).reference(square.waypoints[1] + (0.0, distance, 0.0), 0.5)
+        reference = Planner(replace(square, tolerance=0.01)).reference(
+            square.waypoints[1] + (0.0, distance, 0.0), 0.5
+        )
         assert reference.segment == segment
 
 
@@ -162,6 +193,7 @@ def test_the_last_point_is_held_with_feedback(square):
 
 # --- the way to the first point ---------------------------------------------------------------------------------------
 
+
 def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point(square):
     start = square.waypoints[0] + (0.0, 0.0, 0.1)
     references = follow(Planner(square, start), start, 1100)
@@ -180,6 +212,7 @@ def test_a_tip_that_starts_at_the_first_point_has_none(square, start):
 
 # --- arrays -----------------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize('t', [0.0, 0.25, 0.6, 9.0])
 def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
     used, untouched = Planner(square), Planner(square)
@@ -189,8 +222,12 @@ def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
     reference = used.reference(square.waypoints[-1], 1.5 + t)
     for name in ('dx', 'x_d', 'error'):
         getattr(reference, name)[:] = np.nan
-    again, expected = (planner.reference(square.waypoints[-1], 1.5 + t) for planner in (used, untouched))
-    assert all((getattr(again, name) == getattr(expected, name)).all() for name in ('dx', 'x_d', 'error'))
+    again, expected = (
+        planner.reference(square.waypoints[-1], 1.5 + t) for planner in (used, untouched)
+    )
+    assert all(
+        (getattr(again, name) == getattr(expected, name)).all() for name in ('dx', 'x_d', 'error')
+    )
 
 
 def test_a_reference_is_not_overwritten_by_the_next_one(square):
@@ -206,6 +243,7 @@ def test_the_task_is_left_as_it_is(square):
 
 # --- orientation ------------------------------------------------------------------------------------------------------
 
+
 def test_the_orientation_error_is_to_first_order_the_turn_that_is_left():
     random = np.random.default_rng(0)
     for turn in 1e-4 * random.normal(size=(20, 3)):
@@ -218,9 +256,13 @@ def test_the_feedback_is_limited_in_speed_but_not_in_direction(task):
     error = np.array((0.3, -0.4, 0.0))
     held = Planner(task, feedback_limit=0.2).reference(task.waypoints[0] - error, 0.0)
     assert held.dx == pytest.approx(0.2 * error / 0.5)
-    assert Planner(task).reference(task.waypoints[0] - error, 0.0).dx == pytest.approx(task.feedback_gain * error)
+    assert Planner(task).reference(task.waypoints[0] - error, 0.0).dx == pytest.approx(
+        task.feedback_gain * error
+    )
 
 
 def test_a_limit_that_is_not_reached_changes_nothing(task):
     x = task.waypoints[0] + 0.001
-    assert (Planner(task, feedback_limit=0.2).reference(x, 0.1).dx == Planner(task).reference(x, 0.1).dx).all()
+    assert (
+        Planner(task, feedback_limit=0.2).reference(x, 0.1).dx == Planner(task).reference(x, 0.1).dx
+    ).all()

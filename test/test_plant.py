@@ -26,7 +26,9 @@ def quintic(s: np.ndarray) -> np.ndarray:
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
 
-def move(plant: MujocoPlant, way: np.ndarray, duration: float, rest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def move(
+    plant: MujocoPlant, way: np.ndarray, duration: float, rest: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """References and measured positions, both (N, 7), of a motion from rest to rest and some time after it [s]."""
     times = np.arange(1, round((duration + rest) / T) + 1) * T
     references = plant.q + quintic(times / duration)[:, None] * way
@@ -38,6 +40,7 @@ def move(plant: MujocoPlant, way: np.ndarray, duration: float, rest: float = 0.0
 
 
 # --- any plant --------------------------------------------------------------------------------------------------------
+
 
 def test_an_ideal_plant_is_where_its_reference_says():
     plant, q = IdealPlant(('a', 'b'), T, np.zeros(2)), np.zeros(2)
@@ -87,6 +90,7 @@ def test_a_start_beyond_a_limit_is_refused_by_name():
 
 # --- MuJoCo's servos --------------------------------------------------------------------------------------------------
 
+
 @BOTH
 def test_an_arm_that_is_told_to_stand_stands(name):
     arm = find_arm(name)
@@ -102,7 +106,10 @@ def test_an_arm_that_is_told_to_stand_stands(name):
 def test_no_mode_of_the_servos_is_underdamped(name):
     arm, witness = find_arm(name), Witness(find_arm(name))
     # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is positive semidefinite.
-    D = np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0]) / MujocoSettings().servo_bandwidth**2
+    D = (
+        np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0])
+        / MujocoSettings().servo_bandwidth ** 2
+    )
     for q in np.random.default_rng(6).uniform(-2.0, 2.0, (200, 7)):
         assert np.linalg.eigvalsh(D - witness.dynamics(q, q)[0])[0] >= 0.0
 
@@ -112,7 +119,10 @@ def test_the_tip_lags_less_than_half_a_millimetre_at_half_a_metre_per_second(nam
     arm = find_arm(name)
     witness = Witness(arm)
     references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
-    wanted, reached = (np.array([witness.kinematics(q)[0] for q in positions]) for positions in (references, measured))
+    wanted, reached = (
+        np.array([witness.kinematics(q)[0] for q in positions])
+        for positions in (references, measured)
+    )
     assert np.linalg.norm(np.diff(wanted, axis=0), axis=1).max() / T > 0.5
     assert np.linalg.norm(wanted - reached, axis=1).max() < 0.5e-3
 
@@ -129,8 +139,10 @@ def test_at_constant_velocity_there_is_no_lag_beyond_that_of_the_coriolis_torque
 
 @BOTH
 def test_after_a_motion_the_arm_settles_without_oscillation(name):
-    references, measured = move(MujocoPlant(find_arm(name), T, Q0), 0.5 * MOVE, duration=0.8, rest=0.5)
-    error = (measured - references)[round(0.8 / T):]  # (250, 7) from the end of the motion on
+    references, measured = move(
+        MujocoPlant(find_arm(name), T, Q0), 0.5 * MOVE, duration=0.8, rest=0.5
+    )
+    error = (measured - references)[round(0.8 / T) :]  # (250, 7) from the end of the motion on
     assert np.abs(error[150:]).max() < 1e-8
     # An underdamped servo passes its goal again and again; an overdamped one may do so once per mode of a coupled arm.
     significant = np.where(np.abs(error) > 1e-7, np.sign(error), 0.0)
@@ -160,7 +172,9 @@ def test_the_arm_stays_within_its_joint_limits(name):
     plant, upper = MujocoPlant(find_arm(name), T, np.zeros(7)), np.radians(120.0)
     for k in range(1000):
         plant.step(min(k / 500, 1.0) * (upper + 0.2) * np.eye(7)[5])
-    assert plant.q[5] == pytest.approx(upper, abs=np.radians(0.1))  # MuJoCo's limits yield a little under 38 Nm
+    assert plant.q[5] == pytest.approx(
+        upper, abs=np.radians(0.1)
+    )  # MuJoCo's limits yield a little under 38 Nm
 
 
 @BOTH
@@ -174,7 +188,9 @@ def test_steps_of_the_reference_within_effort_limits_do_not_make_it_unstable(nam
 
 
 def test_equal_references_make_equal_motions_bit_for_bit():
-    runs = [move(MujocoPlant(find_arm('lwr4'), T, Q0), 0.3 * MOVE, duration=0.3)[1] for _ in range(2)]
+    runs = [
+        move(MujocoPlant(find_arm('lwr4'), T, Q0), 0.3 * MOVE, duration=0.3)[1] for _ in range(2)
+    ]
     assert (runs[0] == runs[1]).all()
 
 
@@ -191,8 +207,14 @@ def test_any_other_cycle_is_an_error_that_names_it_and_the_step(rate):
         MujocoPlant(find_arm('lwr4'), 1.0 / rate, Q0)
 
 
-@pytest.mark.parametrize('wrong', [{'plant_step': 0.0}, {'servo_bandwidth': np.nan},
-                                   {'servo_bandwidth': 600.0, 'plant_step': 0.001}])
+@pytest.mark.parametrize(
+    'wrong',
+    [
+        {'plant_step': 0.0},
+        {'servo_bandwidth': np.nan},
+        {'servo_bandwidth': 600.0, 'plant_step': 0.001},
+    ],
+)
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(RangeError, match=next(iter(wrong))):
         MujocoSettings(**wrong)
@@ -200,13 +222,18 @@ def test_settings_out_of_range_are_refused(wrong):
 
 # --- what MuJoCo knows of the arm -------------------------------------------------------------------------------------
 
+
 @BOTH
 def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
     witness, h = Witness(find_arm(name)), 1e-6
     for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
-        changes = [witness.kinematics(q + h * e)[0] - witness.kinematics(q - h * e)[0] for e in np.eye(7)]
+        changes = [
+            witness.kinematics(q + h * e)[0] - witness.kinematics(q - h * e)[0] for e in np.eye(7)
+        ]
         # Rounding is 1e-16 / h, the remainder of the differences h^2.
-        assert witness.kinematics(q)[2][:3] == pytest.approx(np.transpose(changes) / (2.0 * h), abs=1e-9)
+        assert witness.kinematics(q)[2][:3] == pytest.approx(
+            np.transpose(changes) / (2.0 * h), abs=1e-9
+        )
 
 
 @BOTH
@@ -221,7 +248,9 @@ def test_the_bias_holds_no_friction_and_vanishes_only_with_gravity(name):
 
 def test_the_rotors_add_to_the_diagonal_of_the_inertia_matrix_and_nothing_else():
     arm = find_arm('lwr4')
-    with_rotors, without = (Witness(a).dynamics(Q0, Q0)[0] for a in (arm, replace(arm, rotor_inertia=())))
+    with_rotors, without = (
+        Witness(a).dynamics(Q0, Q0)[0] for a in (arm, replace(arm, rotor_inertia=()))
+    )
     assert with_rotors - without == pytest.approx(np.diag(arm.rotor_inertia), abs=1e-12)
 
 
@@ -238,13 +267,21 @@ ONE_LINK = """<robot name="one">
 
 def test_inertias_are_taken_as_they_are_and_shapes_are_not_needed(tmp_path):
     (tmp_path / 'one.urdf').write_text(ONE_LINK)
-    M, n = Witness(Arm(tmp_path / 'one.urdf', 'tip')).dynamics(np.array([np.pi / 2]), np.array([3.0]))
+    M, n = Witness(Arm(tmp_path / 'one.urdf', 'tip')).dynamics(
+        np.array([np.pi / 2]), np.array([3.0])
+    )
     assert M == pytest.approx(np.array([[0.2 + 2.0 * 0.5**2]]), rel=1e-12)
     assert n == pytest.approx([-2.0 * 9.81 * 0.5], rel=1e-12)
 
 
-@pytest.mark.parametrize('text', ['<robot name="r"><link name="a"/>', ONE_LINK.replace('ixx="0.3"', 'ixx="3"'),
-                                  ONE_LINK.replace('<mass value="2"/>', '<mass value="0"/>')])
+@pytest.mark.parametrize(
+    'text',
+    [
+        '<robot name="r"><link name="a"/>',
+        ONE_LINK.replace('ixx="0.3"', 'ixx="3"'),
+        ONE_LINK.replace('<mass value="2"/>', '<mass value="0"/>'),
+    ],
+)
 def test_a_urdf_that_mujoco_cannot_use_is_a_file_error(tmp_path, text):
     (tmp_path / 'bad.urdf').write_text(text)
     with pytest.raises(FileError, match=r'bad\.urdf'):
@@ -285,7 +322,9 @@ def pushed(plant: MujocoPlant, force: tuple[float, ...], cycles: int = 500) -> n
 
 
 @FORCES
-@pytest.mark.parametrize('tip_frame', ['tool0', 'link_7'])  # one without mass, one with its centre of mass elsewhere
+@pytest.mark.parametrize(
+    'tip_frame', ['tool0', 'link_7']
+)  # one without mass, one with its centre of mass elsewhere
 def test_a_push_at_the_tip_is_borne_by_the_stiffness_of_the_servos(force, tip_frame):
     arm = replace(find_arm('lwr4'), tip_frame=tip_frame)
     plant = MujocoPlant(arm, T, Q0)
@@ -293,7 +332,9 @@ def test_a_push_at_the_tip_is_borne_by_the_stiffness_of_the_servos(force, tip_fr
     J = Witness(arm).kinematics(q)[2][:3]
     stiffness = plant._model.actuator_gainprm[:7, 0]
     assert np.abs(q - Q0).max() > 1e-5
-    assert stiffness * (q - Q0) == pytest.approx(J.T @ force, abs=1e-6)  # [Nm]: gravity is compensated
+    assert stiffness * (q - Q0) == pytest.approx(
+        J.T @ force, abs=1e-6
+    )  # [Nm]: gravity is compensated
 
 
 def test_a_push_acts_at_the_tip_from_the_first_cycle_on():

@@ -38,36 +38,54 @@ RESET            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WA
 
 def pairs(profile: Profile, table: str) -> list[tuple[Profile, State, Event, State]]:
     head, *rows = [line.split() for line in table.strip().splitlines()]
-    return [(profile, State[state], Event[row[0]], State[after]) for row in rows
-            for state, after in zip(head, row[1:], strict=True)]
+    return [
+        (profile, State[state], Event[row[0]], State[after])
+        for row in rows
+        for state, after in zip(head, row[1:], strict=True)
+    ]
 
 
 EVERY_PAIR = pairs(LWR_FRI1, LWR_TABLE) + pairs(SUNRISE, SUNRISE_TABLE)
 
 
-@pytest.mark.parametrize(('profile', 'state', 'event', 'after'), EVERY_PAIR,
-                         ids=[f'{p.name}-{s.name}-{e.name}' for p, s, e, _ in EVERY_PAIR])
+@pytest.mark.parametrize(
+    ('profile', 'state', 'event', 'after'),
+    EVERY_PAIR,
+    ids=[f'{p.name}-{s.name}-{e.name}' for p, s, e, _ in EVERY_PAIR],
+)
 def test_an_event_leads_where_the_table_says(profile, state, event, after):
     assert profile.after(state, event) is after
 
 
 def test_the_tables_leave_out_no_profile_state_or_event():
-    expected = {(profile, state, event) for profile in PROFILES.values() for state in profile.states for event in Event}
+    expected = {
+        (profile, state, event)
+        for profile in PROFILES.values()
+        for state in profile.states
+        for event in Event
+    }
     assert {pair[:3] for pair in EVERY_PAIR} == expected
     assert len(EVERY_PAIR) == len(expected) == (2 + 5) * 7
 
 
 @EACH
 def test_no_transition_leads_to_or_from_a_state_of_another_profile(profile):
-    assert {state for state, _ in profile.transitions} | set(profile.transitions.values()) <= set(profile.states)
+    assert {state for state, _ in profile.transitions} | set(profile.transitions.values()) <= set(
+        profile.states
+    )
 
 
 @EACH
 def test_only_a_first_command_leads_to_commanding_and_any_fault_or_reset_away_from_it(profile):
-    into = {event for (_, event), after in profile.transitions.items() if after is profile.commanding}
+    into = {
+        event for (_, event), after in profile.transitions.items() if after is profile.commanding
+    }
     assert into == {Event.FIRST_COMMAND}
-    assert all(profile.after(state, event) is not profile.commanding
-               for state in profile.states for event in (Event.FAULT, Event.RESET, Event.SILENCE))
+    assert all(
+        profile.after(state, event) is not profile.commanding
+        for state in profile.states
+        for event in (Event.FAULT, Event.RESET, Event.SILENCE)
+    )
 
 
 @EACH
@@ -82,10 +100,15 @@ def test_every_state_can_be_reached_from_every_other(profile):
 @EACH
 def test_quality_names_and_numbers_are_those_of_the_profile(profile):
     qualities = type(profile.entry)
-    names = {'lwr_fri1': ['UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'], 'sunrise': ['POOR', 'FAIR', 'GOOD', 'EXCELLENT']}
+    names = {
+        'lwr_fri1': ['UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'],
+        'sunrise': ['POOR', 'FAIR', 'GOOD', 'EXCELLENT'],
+    }
     assert [quality.name for quality in sorted(qualities)] == names[profile.name]
     assert [int(quality) for quality in sorted(qualities)] == [0, 1, 2, 3]
-    assert list(profile.thresholds) == sorted(qualities, reverse=True)[:3]  # best first; the worst asks for nothing
+    assert (
+        list(profile.thresholds) == sorted(qualities, reverse=True)[:3]
+    )  # best first; the worst asks for nothing
 
 
 def test_an_unknown_profile_is_refused_with_those_that_exist():
@@ -94,6 +117,7 @@ def test_an_unknown_profile_is_refused_with_those_that_exist():
 
 
 # --- sessions ---------------------------------------------------------------------------------------------------------
+
 
 def session_of(profile: Profile, **settings: float) -> Session:
     return Session(T, SessionSettings(profile=profile.name, **settings))
@@ -125,22 +149,36 @@ def test_only_one_state_is_commanding(profile):
 
 
 def test_a_life_of_an_lwr():
-    assert states(session_of(LWR_FRI1, monitor_time=0.1), [0] * 60 + [None] * 200) == [State.MON, State.CMD, State.MON]
+    assert states(session_of(LWR_FRI1, monitor_time=0.1), [0] * 60 + [None] * 200) == [
+        State.MON,
+        State.CMD,
+        State.MON,
+    ]
 
 
 def test_a_life_of_a_sunrise_goes_through_every_state():
     session = session_of(SUNRISE, monitor_time=0.1, bridged_misses=5)
     # A client that answers late at first, then in time, and is no more.
     assert states(session, [3] * 50 + [0] * 300 + [None] * 200) == [
-        State.IDLE, State.MONITORING_WAIT, State.MONITORING_READY, State.COMMANDING_WAIT, State.COMMANDING_ACTIVE,
-        State.MONITORING_WAIT, State.MONITORING_READY, State.MONITORING_WAIT, State.IDLE]
+        State.IDLE,
+        State.MONITORING_WAIT,
+        State.MONITORING_READY,
+        State.COMMANDING_WAIT,
+        State.COMMANDING_ACTIVE,
+        State.MONITORING_WAIT,
+        State.MONITORING_READY,
+        State.MONITORING_WAIT,
+        State.IDLE,
+    ]
 
 
 @EACH
 @pytest.mark.parametrize('monitor_time', [0.1, 0.5])
 def test_command_mode_takes_the_monitor_time_of_good_timing(profile, monitor_time):
     session = session_of(profile, monitor_time=monitor_time)
-    steps = {'lwr_fri1': 1, 'sunrise': 2}[profile.name]  # cycles: on the way through COMMANDING_WAIT
+    steps = {'lwr_fri1': 1, 'sunrise': 2}[
+        profile.name
+    ]  # cycles: on the way through COMMANDING_WAIT
     states(session, [0] * (round(monitor_time / T) - 1))
     assert not session.commanding
     states(session, [0] * steps)
@@ -153,7 +191,9 @@ def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(p
     lowest, cycles = profile.lowest, 0
     while session.commanding:
         assert session.quality >= lowest
-        session.record(0, latency=T * (1.0 + 0.02 * cycles))  # worse and worse, yet no answer is a cycle late
+        session.record(
+            0, latency=T * (1.0 + 0.02 * cycles)
+        )  # worse and worse, yet no answer is a cycle late
         cycles += 1
     bound = profile.thresholds[lowest].latency * T * 1e3
     assert session.quality == lowest - 1
@@ -161,8 +201,12 @@ def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(p
     assert session.reason.endswith(f', allowed {bound:g} ms')
 
 
-@pytest.mark.parametrize(('profile', 'ends'), [(LWR_FRI1, Quality.UNACCEPTABLE), (SUNRISE, SunriseQuality.FAIR)])
-def test_an_lwr_commands_at_any_quality_but_unacceptable_and_a_sunrise_only_when_good(profile, ends):
+@pytest.mark.parametrize(
+    ('profile', 'ends'), [(LWR_FRI1, Quality.UNACCEPTABLE), (SUNRISE, SunriseQuality.FAIR)]
+)
+def test_an_lwr_commands_at_any_quality_but_unacceptable_and_a_sunrise_only_when_good(
+    profile, ends
+):
     session = commanding(profile)
     for k in range(WINDOW):
         session.record(None if k % 2 else 0)
@@ -197,10 +241,14 @@ def test_an_answer_after_silence_opens_a_sunrise_session_again():
     assert session.state is State.MONITORING_WAIT
 
 
-ACTIONS = st.lists(st.one_of(
-    st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 1, 7]), st.integers(1, 130)),
-    st.tuples(st.just('offer'), st.sampled_from([0.0, 0.1]), st.just(1)),
-    st.tuples(st.sampled_from(['stop', 'reset']), st.none(), st.just(1))), max_size=40)
+ACTIONS = st.lists(
+    st.one_of(
+        st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 1, 7]), st.integers(1, 130)),
+        st.tuples(st.just('offer'), st.sampled_from([0.0, 0.1]), st.just(1)),
+        st.tuples(st.sampled_from(['stop', 'reset']), st.none(), st.just(1)),
+    ),
+    max_size=40,
+)
 
 
 @given(st.sampled_from(list(PROFILES)), ACTIONS)
@@ -210,7 +258,13 @@ def test_whatever_happens_a_session_changes_state_only_as_its_table_says(name, a
         for _ in range(times):
             before = session.state
             getattr(session, action)(*{'stop': ['stopped'], 'reset': []}.get(action, [value]))
-            allowed = {'offer': {Event.FIRST_COMMAND, Event.FAULT}, 'stop': {Event.FAULT}, 'reset': {Event.RESET},
-                       'record': set(Event) - {Event.FIRST_COMMAND, Event.RESET}}[action]
-            assert session.state in {before} | {session.profile.after(before, event) for event in allowed}
+            allowed = {
+                'offer': {Event.FIRST_COMMAND, Event.FAULT},
+                'stop': {Event.FAULT},
+                'reset': {Event.RESET},
+                'record': set(Event) - {Event.FIRST_COMMAND, Event.RESET},
+            }[action]
+            assert session.state in {before} | {
+                session.profile.after(before, event) for event in allowed
+            }
             assert not (session.commanding and session.reason)

@@ -11,8 +11,10 @@ from redres_ros.planner import Reference
 from redres_ros.simulation.recording import Recording, columns, row
 
 T = 0.002  # [s]
-COLUMNS = ('t,q1,q2,q3,q4,q5,q6,q7,dq1,dq2,dq3,dq4,dq5,dq6,dq7,x,y,z,x_d,y_d,z_d,task_error,joint_velocity_norm,'
-           'joint_acceleration_norm,null_velocity_norm,joint_torque_norm,min_singular_value,segment')
+COLUMNS = (
+    't,q1,q2,q3,q4,q5,q6,q7,dq1,dq2,dq3,dq4,dq5,dq6,dq7,x,y,z,x_d,y_d,z_d,task_error,joint_velocity_norm,'
+    'joint_acceleration_norm,null_velocity_norm,joint_torque_norm,min_singular_value,segment'
+)
 
 
 @pytest.fixture
@@ -21,7 +23,9 @@ def tick(model: RobotModel) -> tuple[Command, Reference]:
     random = np.random.default_rng(0)
     state = model.state(random.normal(size=7), random.normal(size=7))
     dq, null = random.normal(size=(2, 7))
-    reference = Reference(random.normal(size=3), random.normal(size=3), random.normal(size=3), 2, False)
+    reference = Reference(
+        random.normal(size=3), random.normal(size=3), random.normal(size=3), 2, False
+    )
     return Command(dq, state.q + T * dq, lambda: null, state, T), reference
 
 
@@ -46,7 +50,12 @@ def test_a_row_holds_the_vectors_of_its_tick(tick):
     command, reference = tick
     recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
     assert recording['t'] == [0.5]
-    for name, vector in (('q1', command.state.q), ('dq1', command.dq), ('x', command.state.x), ('x_d', reference.x_d)):
+    for name, vector in (
+        ('q1', command.state.q),
+        ('dq1', command.dq),
+        ('x', command.state.x),
+        ('x_d', reference.x_d),
+    ):
         assert (recording.vectors(name)[0] == vector).all()
     assert recording['segment'] == [2]
 
@@ -56,12 +65,17 @@ def test_a_row_holds_the_norms_of_its_tick(tick):
     recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
     state, ddq = command.state, (command.dq - command.state.dq_prev) / T
     expected = {
-        'task_error': reference.error, 'joint_velocity_norm': command.dq, 'joint_acceleration_norm': ddq,
-        'null_velocity_norm': command.null, 'joint_torque_norm': state.M @ ddq + state.n,
+        'task_error': reference.error,
+        'joint_velocity_norm': command.dq,
+        'joint_acceleration_norm': ddq,
+        'null_velocity_norm': command.null,
+        'joint_torque_norm': state.M @ ddq + state.n,
     }
     for name, vector in expected.items():
         assert recording[name] == pytest.approx(np.sqrt(vector @ vector), rel=1e-14)
-    assert recording['min_singular_value'] == pytest.approx(np.linalg.svd(state.J)[1].min(), rel=1e-12)
+    assert recording['min_singular_value'] == pytest.approx(
+        np.linalg.svd(state.J)[1].min(), rel=1e-12
+    )
 
 
 def test_a_column_is_found_by_name(recording):

@@ -31,11 +31,19 @@ NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'lwr'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
-OWN = {'sim': {'bridged_misses': BRIDGED}, 'controller': {'bridged_misses': BRIDGED}, 'planner': {'autostart': True}}
-SIDE = np.array(((0.0, 0.0, 0.0), (0.0, -0.1, 0.0)))  # [m] to and fro, far from the stretched arm and joint limits
+OWN = {
+    'sim': {'bridged_misses': BRIDGED},
+    'controller': {'bridged_misses': BRIDGED},
+    'planner': {'autostart': True},
+}
+SIDE = np.array(
+    ((0.0, 0.0, 0.0), (0.0, -0.1, 0.0))
+)  # [m] to and fro, far from the stretched arm and joint limits
 
 RECOVERY = 6.0  # [s] at most from sim/reset to command mode: 100 good packets, a new word on the session, monitor_time
-STANDSTILL = 1.5  # [s] at most from the loss of a part to rest: bridging or command_timeout, then braking
+STANDSTILL = (
+    1.5  # [s] at most from the loss of a part to rest: bridging or command_timeout, then braking
+)
 
 
 class Graph(NamedTuple):
@@ -70,12 +78,22 @@ def endless_task(directory: Path) -> Path:
     """A file with ten minutes of motion."""
     task, path = load_task('rectangle'), directory / 'endless.yaml'
     waypoints = [(task.waypoints[0] + point).tolist() for _ in range(200) for point in SIDE]
-    path.write_text(yaml.safe_dump({'robot': task.robot, 'start': np.degrees(task.start).tolist(),
-                                    'segment_time': 1.5, 'waypoints': waypoints}))
+    path.write_text(
+        yaml.safe_dump(
+            {
+                'robot': task.robot,
+                'start': np.degrees(task.start).tolist(),
+                'segment_time': 1.5,
+                'waypoints': waypoints,
+            }
+        )
+    )
     return path
 
 
-UNDISTURBED = pytest.mark.parametrize('moving', [{'patience': PATIENCE}], indirect=True)  # nothing is to stop the robot
+UNDISTURBED = pytest.mark.parametrize(
+    'moving', [{'patience': PATIENCE}], indirect=True
+)  # nothing is to stop the robot
 
 
 @pytest.fixture
@@ -86,8 +104,10 @@ def moving(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Graph]:
     """
     with graph(Witness) as (witness, start):
         counts: dict[str, int] = {}
-        own = OWN | {'sim': {**OWN['sim'], **getattr(request, 'param', {})},
-                     'planner': {**OWN['planner'], 'task': str(endless_task(tmp_path))}}
+        own = OWN | {
+            'sim': {**OWN['sim'], **getattr(request, 'param', {})},
+            'planner': {**OWN['planner'], 'task': str(endless_task(tmp_path))},
+        }
 
         def start_one(name: str) -> NodeProcess:
             counts[name] = counts.get(name, 0) + 1
@@ -111,6 +131,7 @@ def goes_on(witness: Witness) -> bool:
 
 # --- parts that fail --------------------------------------------------------------------------------------------------
 
+
 def test_states_that_stop_for_a_second_stop_the_arm_and_reset_lets_it_go_on(moving: Graph) -> None:
     witness = moving.witness
     set_parameters(witness, 'sim', {'state_loss': 1.0})
@@ -122,8 +143,13 @@ def test_states_that_stop_for_a_second_stop_the_arm_and_reset_lets_it_go_on(movi
     witness.await_standstill(witness.at)
     assert witness.reset() < RECOVERY
     assert goes_on(witness)
-    for name in ('controller', 'planner'):  # the first silence is that before the sim was there; stalls may add some
-        assert moving.lines(name, 'no joint_states') == moving.lines(name, 'joint_states is back') < 10
+    for name in (
+        'controller',
+        'planner',
+    ):  # the first silence is that before the sim was there; stalls may add some
+        assert (
+            moving.lines(name, 'no joint_states') == moving.lines(name, 'joint_states is back') < 10
+        )
     assert moving.lines('sim', 'timing') == 1
 
 
@@ -192,14 +218,18 @@ def test_of_two_controllers_neither_moves_the_arm(moving: Graph) -> None:
     assert goes_on(witness)
 
 
-def test_a_clock_that_jumps_makes_the_controller_begin_anew_from_where_the_arm_is(tmp_path: Path) -> None:
+def test_a_clock_that_jumps_makes_the_controller_begin_anew_from_where_the_arm_is(
+    tmp_path: Path,
+) -> None:
     with nodes(tmp_path, controller={'switch_time': 0.1}) as (probe, _):
         q = START
         for jump in (10.0, -10.0, 0.5):  # [s]
             q = cruise(probe, q)
             probe.stamp += round(jump * 1e9)
             q_ref, dq = probe.ask(q)
-            np.testing.assert_allclose(q_ref, q, rtol=0.0, atol=1e-4)  # the first share of a blend from standing still
+            np.testing.assert_allclose(
+                q_ref, q, rtol=0.0, atol=1e-4
+            )  # the first share of a blend from standing still
             assert np.abs(dq).max() < 1e-3
     assert not any('refused' in line for line in log_lines(tmp_path, 'controller'))
 
@@ -215,13 +245,18 @@ def cruise(probe: Probe, q: np.ndarray) -> np.ndarray:
 
 def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told(tmp_path: Path) -> None:
     tolerance = 0.01  # [rad]
-    with nodes(tmp_path, controller={'switch_time': 0.02, 'following_tolerance': tolerance}) as (probe, _):
+    with nodes(tmp_path, controller={'switch_time': 0.02, 'following_tolerance': tolerance}) as (
+        probe,
+        _,
+    ):
         gaps = []
         for _ in range(150):  # some stopped it without a word
             probe.steer(np.array((0.0, 0.2, 0.0)))
             q_ref, dq = probe.ask(START)
             gaps.append(np.abs(q_ref - START).max())
-        assert tolerance / 2.0 < max(gaps) < tolerance + 0.002 * np.abs(dq).max() + 0.002  # and one more step
+        assert (
+            tolerance / 2.0 < max(gaps) < tolerance + 0.002 * np.abs(dq).max() + 0.002
+        )  # and one more step
         assert gaps.index(max(gaps)) < 140  # it began anew
     lines = sum('does not follow' in line for line in log_lines(tmp_path, 'controller'))
     assert 1 <= lines < 5  # at most one in five seconds, not one a tick
@@ -229,9 +264,23 @@ def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told(tmp_pat
 
 # --- users that misbehave ---------------------------------------------------------------------------------------------
 
-GENTLE = ('minimum_velocity', 'minimum_acceleration', 'minimum_kinetic_energy')  # those that do not let the arm sag
-BAD = ({'law': 'none'}, {'damping': -1.0}, {'damping': float('nan')}, {'damping': 1e9}, {'law': 3}, {'damping': 'x'},
-       {'switch_time': -0.1}, {'rate': 10.0}, {'no_such': 1}, {'law': 'minimum_velocity', 'damping': float('inf')})
+GENTLE = (
+    'minimum_velocity',
+    'minimum_acceleration',
+    'minimum_kinetic_energy',
+)  # those that do not let the arm sag
+BAD = (
+    {'law': 'none'},
+    {'damping': -1.0},
+    {'damping': float('nan')},
+    {'damping': 1e9},
+    {'law': 3},
+    {'damping': 'x'},
+    {'switch_time': -0.1},
+    {'rate': 10.0},
+    {'no_such': 1},
+    {'law': 'minimum_velocity', 'damping': float('inf')},
+)
 
 
 @UNDISTURBED
@@ -240,8 +289,12 @@ def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving
     refused, sets = 0, 10_000 if NIGHTLY else 1000
     for _ in range(sets):
         if random.random() < 0.5:
-            good = {'law': GENTLE[random.integers(len(GENTLE))], 'damping': float(random.uniform(5.0, 20.0)),
-                    'switch_time': float(random.uniform(0.2, 1.0)), 'command_timeout': float(random.uniform(0.2, 1.0))}
+            good = {
+                'law': GENTLE[random.integers(len(GENTLE))],
+                'damping': float(random.uniform(5.0, 20.0)),
+                'switch_time': float(random.uniform(0.2, 1.0)),
+                'command_timeout': float(random.uniform(0.2, 1.0)),
+            }
             assert witness.set_controller(**good).successful
         else:
             refused += 1
@@ -266,7 +319,11 @@ def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(moving: Gr
 
 
 def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_limits() -> None:
-    model, T, laws = RobotModel.named('lwr4_paper', dynamics='lwr'), 0.002, [make_law(name) for name in LAWS]
+    model, T, laws = (
+        RobotModel.named('lwr4_paper', dynamics='lwr'),
+        0.002,
+        [make_law(name) for name in LAWS],
+    )
     limits = JointLimits.of(find_arm('lwr4_paper'))
     controller, q, dq_prev = Controller(model, laws[0], T, switch_time=0.2), START, np.zeros(7)
     for k in range(30_000):

@@ -13,7 +13,9 @@ SHAPES = ((1, 7), (3, 7), (6, 7), (7, 7), (2, 3))
 ROUNDING = 1e-11  # 1e-16 times the condition of J and W below, which stays under 1e5
 
 
-def random_problem(m: int, n: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def random_problem(
+    m: int, n: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """J (m, n) and W (n, n), both far from singular, dx (m,) and b (n,)."""
     random = np.random.default_rng((m, n, seed))
     J = with_singular_values(random.uniform(0.3, 2.0, m), n, random)
@@ -25,7 +27,7 @@ def with_singular_values(values: np.ndarray, n: int, random: np.random.Generator
     """A random matrix with as many rows as there are singular values, and n columns."""
     U, _ = np.linalg.qr(random.normal(size=(len(values), len(values))))
     V, _ = np.linalg.qr(random.normal(size=(n, n)))
-    return (U * values) @ V[:len(values)]
+    return (U * values) @ V[: len(values)]
 
 
 PROBLEMS = [random_problem(m, n, seed) for m, n in SHAPES for seed in range(20)]
@@ -37,6 +39,7 @@ def problems(weighted: bool) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, n
 
 
 # --- far from singularities -------------------------------------------------------------------------------------------
+
 
 @WEIGHTS
 def test_the_task_is_executed(weighted):
@@ -55,7 +58,9 @@ def test_the_result_solves_the_karush_kuhn_tucker_system():
     for J, dx, b, W in problems(weighted=True):
         (m, n), dq = J.shape, resolve(J, dx, b, W)
         kkt = np.block([[W, J.T], [J, np.zeros((m, m))]])
-        assert dq == pytest.approx(np.linalg.solve(kkt, np.concatenate((W @ b, dx)))[:n], abs=ROUNDING)
+        assert dq == pytest.approx(
+            np.linalg.solve(kkt, np.concatenate((W @ b, dx)))[:n], abs=ROUNDING
+        )
 
 
 def test_without_weight_it_is_the_pseudoinverse_with_the_projected_bias():
@@ -97,6 +102,7 @@ def test_arguments_are_left_as_they_are():
 
 # --- near a singularity -----------------------------------------------------------------------------------------------
 
+
 def near_singular(ratio: float, largest: float = 1.7) -> np.ndarray:
     """J (3, 7), always in the same directions, whose smallest singular value is that share of the largest one."""
     return with_singular_values(largest * np.array((1.0, 0.6, ratio)), 7, np.random.default_rng(5))
@@ -111,11 +117,15 @@ def gain(J: np.ndarray) -> float:
 @pytest.mark.parametrize('largest', [0.01, 1.7, 100.0])
 def test_the_gain_has_a_bound(ratio, largest):
     bound = 1.0 / (SINGULAR_RATIO * largest)
-    assert gain(near_singular(ratio, largest)) <= bound * (1.0 + 1e-9)  # rounding of s^2 / max(s)^2, 1e-16 / 1e-6
+    assert gain(near_singular(ratio, largest)) <= bound * (
+        1.0 + 1e-9
+    )  # rounding of s^2 / max(s)^2, 1e-16 / 1e-6
 
 
 def test_the_gain_has_the_same_bound_in_the_norm_of_the_weight():
-    L = with_singular_values(np.random.default_rng(6).uniform(0.1, 3.0, 7), 7, np.random.default_rng(7))
+    L = with_singular_values(
+        np.random.default_rng(6).uniform(0.1, 3.0, 7), 7, np.random.default_rng(7)
+    )
     for ratio in np.logspace(-12, -1, 30):
         J = near_singular(ratio)
         speeds = [L.T @ resolve(J, dx, np.zeros(7), L @ L.T) for dx in np.eye(3)]
@@ -139,7 +149,10 @@ def test_below_the_threshold_only_the_lost_direction_suffers():
 def test_crossing_the_threshold_makes_no_jump():
     dx, b = np.array((0.1, -0.2, 0.3)), np.linspace(-1.0, 1.0, 7)
     for step in (1e-4, 1e-6, 1e-8):
-        below, above = (resolve(near_singular(SINGULAR_RATIO * (1.0 + sign * step)), dx, b) for sign in (-1.0, 1.0))
+        below, above = (
+            resolve(near_singular(SINGULAR_RATIO * (1.0 + sign * step)), dx, b)
+            for sign in (-1.0, 1.0)
+        )
         # The gain's slope is 1 / e on one side and -1 / e on the other; e = 0.0017, |dx| < 0.4.
         assert np.linalg.norm(above - below) < 2.0 * step * 0.4 / (SINGULAR_RATIO * 1.7) + 1e-6
 
@@ -170,7 +183,9 @@ def test_far_from_singular_the_damped_solution_is_the_solution():
 @given(st.lists(st.floats(-6.0, 0.0), min_size=1, max_size=6), st.integers(0, 99))
 def test_the_quick_way_gives_what_the_damped_one_gives(exponents, seed):
     """damped_solve factors where it can prove that nothing is to be damped; the eigenvectors must agree with it."""
-    A = with_singular_values(10.0 ** np.array(exponents), len(exponents), np.random.default_rng(seed))
+    A = with_singular_values(
+        10.0 ** np.array(exponents), len(exponents), np.random.default_rng(seed)
+    )
     G, r = A @ A.T, np.random.default_rng(seed).normal(size=len(A))
     squares, V = np.linalg.eigh(G)
     damped = V @ (V.T @ r / np.maximum(squares, SINGULAR_RATIO**2 * squares[-1]))
@@ -180,6 +195,7 @@ def test_the_quick_way_gives_what_the_damped_one_gives(exponents, seed):
 
 # --- what cannot be used ----------------------------------------------------------------------------------------------
 
+
 def refusal(**changes: np.ndarray) -> str:
     """The message with which resolve refuses a good problem after these changes."""
     J, dx, b, W = random_problem(3, 7, 0)
@@ -188,12 +204,21 @@ def refusal(**changes: np.ndarray) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize(('name', 'shape', 'expected'), [
-    ('dx', (4,), '(3,)'), ('dx', (3, 1), '(3,)'), ('b', (3,), '(7,)'), ('b', (7, 1), '(7,)'),
-    ('W', (3, 3), '(7, 7)'), ('W', (7,), '(7, 7)'),
-])
+@pytest.mark.parametrize(
+    ('name', 'shape', 'expected'),
+    [
+        ('dx', (4,), '(3,)'),
+        ('dx', (3, 1), '(3,)'),
+        ('b', (3,), '(7,)'),
+        ('b', (7, 1), '(7,)'),
+        ('W', (3, 3), '(7, 7)'),
+        ('W', (7,), '(7, 7)'),
+    ],
+)
 def test_a_shape_that_does_not_fit_is_named_with_what_is_expected(name, shape, expected):
-    assert refusal(**{name: np.ones(shape)}).startswith(f'{name} has shape {shape}; expected {expected}')
+    assert refusal(**{name: np.ones(shape)}).startswith(
+        f'{name} has shape {shape}; expected {expected}'
+    )
 
 
 def test_more_rows_than_columns_are_refused():

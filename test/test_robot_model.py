@@ -16,7 +16,9 @@ from redres_ros.robots.arm import DYNAMICS
 
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
 QUANTITIES = ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n', 'free_acceleration')  # of a state
-EVERY_ARM = pytest.mark.parametrize(('name', 'dynamics'), [(name, dynamics) for name in ARMS for dynamics in DYNAMICS])
+EVERY_ARM = pytest.mark.parametrize(
+    ('name', 'dynamics'), [(name, dynamics) for name in ARMS for dynamics in DYNAMICS]
+)
 
 
 def random_motion(count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -35,6 +37,7 @@ def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
 
 
 # --- the paper's geometry ---------------------------------------------------------------------------------------------
+
 
 def test_the_start_of_the_paper_is_at_its_first_point(model):
     # q(0) is given to 0.01 degrees
@@ -57,7 +60,9 @@ DIFFERENCES = 1e-9
 def test_the_linear_rows_of_the_jacobian_are_the_derivative_of_the_position(model):
     for q, dq in random_motion(100):
         J = model.state(q, dq).J
-        columns = [(model.tip(q + e)[0] - model.tip(q - e)[0]) / (2 * STEP) for e in STEP * np.eye(7)]
+        columns = [
+            (model.tip(q + e)[0] - model.tip(q - e)[0]) / (2 * STEP) for e in STEP * np.eye(7)
+        ]
         assert J == pytest.approx(np.array(columns).T, abs=DIFFERENCES)
 
 
@@ -66,7 +71,9 @@ def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation(
     for q, dq in random_motion(100):
         state = model.state(q, dq)
         for e, column in zip(STEP * np.eye(7), state.J[3:].T):
-            spin = (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)  # skew-symmetric [w]x
+            spin = (
+                (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)
+            )  # skew-symmetric [w]x
             assert column == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=DIFFERENCES)
 
 
@@ -90,10 +97,13 @@ def test_the_position_of_a_frame_is_in_the_base_frame(model):
     q, _ = random_motion(1)[0]
     assert (model.position(q, 'tool0') == model.tip(q)[0]).all()
     assert model.position(q, 'link_2') == pytest.approx((0.0, 0.0, 0.323), abs=1e-12)
-    assert np.linalg.norm(model.position(q, model.arm.elbow_frame) - (0.0, 0.0, 0.323)) == pytest.approx(0.4)
+    assert np.linalg.norm(
+        model.position(q, model.arm.elbow_frame) - (0.0, 0.0, 0.323)
+    ) == pytest.approx(0.4)
 
 
 # --- dynamics, computed three ways ------------------------------------------------------------------------------------
+
 
 @EVERY_ARM
 def test_pinocchio_and_mujoco_agree(name, dynamics):
@@ -108,11 +118,19 @@ def test_pinocchio_and_mujoco_agree(name, dynamics):
 
 def urdf_links(d: np.ndarray) -> independent.Links:
     """The LWR's inertias as its URDF states them."""
-    inertials = [ET.parse(ARMS['lwr4'].urdf).find(f"link[@name='link_{i}']/inertial") for i in range(1, 8)]
+    inertials = [
+        ET.parse(ARMS['lwr4'].urdf).find(f"link[@name='link_{i}']/inertial") for i in range(1, 8)
+    ]
     mass = np.array([float(inertial.find('mass').get('value')) for inertial in inertials])
-    com = np.array([inertial.find('origin').get('xyz').split() for inertial in inertials], dtype=float)
-    inertia = np.array([np.diag([float(inertial.find('inertia').get(axis)) for axis in ('ixx', 'iyy', 'izz')])
-                        for inertial in inertials])
+    com = np.array(
+        [inertial.find('origin').get('xyz').split() for inertial in inertials], dtype=float
+    )
+    inertia = np.array(
+        [
+            np.diag([float(inertial.find('inertia').get(axis)) for axis in ('ixx', 'iyy', 'izz')])
+            for inertial in inertials
+        ]
+    )
     return independent.Links(d, mass, com, inertia, np.array(ARMS['lwr4'].rotor_inertia))
 
 
@@ -130,7 +148,10 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
 
 # --- the paper's dynamics ---------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('name', 'd'), [('lwr4', independent.BARE), ('lwr4_paper', independent.PAPER)])
+
+@pytest.mark.parametrize(
+    ('name', 'd'), [('lwr4', independent.BARE), ('lwr4_paper', independent.PAPER)]
+)
 def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, d):
     robot = ET.fromstring(find_arm(name, dynamics='cylinders').description())
     # Link 1 begins above the raised base, which the paper's d_1 includes. It turns about its own axis: no matter.
@@ -151,18 +172,27 @@ def test_cylinders_have_no_rotors():
 
 # --- the identified dynamics ------------------------------------------------------------------------------------------
 
+
 def gravity_moment(**joints: float) -> np.ndarray:
     """Gravity torques of the bare LWR per g, (7,), that is first moments [kg m]; joints not given [deg] are at 0."""
     q = np.radians([joints.get(f'q{i}', 0.0) for i in range(1, 8)])
     return np.abs(RobotModel.named('lwr4').state(q, np.zeros(7)).n) / 9.81
 
 
-@pytest.mark.parametrize(('joint', 'moment', 'digit', 'pose'), [
-    (2, 3.37, 0.01, {'q2': 90.0, 'q4': 90.0}),  # upper arm horizontal, the rest hanging from the elbow
-    (4, 1.37, 0.01, {'q4': 90.0, 'q6': 90.0}),  # forearm horizontal, hand hanging
-    (5, 0.049, 0.001, {'q4': 90.0}),  # forearm horizontal, about its own axis
-    (6, 0.042, 0.001, {'q6': 90.0}),  # hand horizontal
-])
+@pytest.mark.parametrize(
+    ('joint', 'moment', 'digit', 'pose'),
+    [
+        (
+            2,
+            3.37,
+            0.01,
+            {'q2': 90.0, 'q4': 90.0},
+        ),  # upper arm horizontal, the rest hanging from the elbow
+        (4, 1.37, 0.01, {'q4': 90.0, 'q6': 90.0}),  # forearm horizontal, hand hanging
+        (5, 0.049, 0.001, {'q4': 90.0}),  # forearm horizontal, about its own axis
+        (6, 0.042, 0.001, {'q6': 90.0}),  # hand horizontal
+    ],
+)
 def test_first_moments_are_those_identified(joint, moment, digit, pose):
     assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, abs=digit / 2)
 
@@ -172,7 +202,9 @@ def test_without_torque_the_arm_falls(name, dynamics):
     model = RobotModel.named(name, dynamics=dynamics)
     for q, dq in random_motion(100):
         state = model.state(q, dq)
-        assert np.abs(state.M @ state.free_acceleration + state.n).max() < AGREEMENT  # Eq. (6) with tau = 0
+        assert (
+            np.abs(state.M @ state.free_acceleration + state.n).max() < AGREEMENT
+        )  # Eq. (6) with tau = 0
 
 
 def test_rotors_add_what_was_identified_and_couple_nothing():
@@ -186,10 +218,13 @@ def test_rotors_add_what_was_identified_and_couple_nothing():
 @pytest.mark.parametrize(('joint', 'inertia'), [(0, 3.20), (1, 4.46 + 0.37 + 2 * 0.4 * 1.37)])
 def test_the_inertia_of_the_upright_arm_is_the_identified_one(joint, inertia):
     # About A1: ZZ1. About A2: ZZ2, the forearm's own, and its first moment times the upper arm's length, twice.
-    assert RobotModel.named('lwr4').state(np.zeros(7), np.zeros(7)).M[joint, joint] == pytest.approx(inertia, rel=0.03)
+    assert RobotModel.named('lwr4').state(np.zeros(7), np.zeros(7)).M[
+        joint, joint
+    ] == pytest.approx(inertia, rel=0.03)
 
 
 # --- arrays -----------------------------------------------------------------------------------------------------------
+
 
 def test_no_later_call_overwrites_a_state(model):
     q, dq = random_motion(1)[0]
@@ -201,7 +236,9 @@ def test_no_later_call_overwrites_a_state(model):
         model.tip(other)
         model.position(other, 'link_4')
     assert all((array == then).all() for array, then in zip(held, before, strict=True))
-    assert all((getattr(state, name) == then).all() for name, then in zip(QUANTITIES, before, strict=True))
+    assert all(
+        (getattr(state, name) == then).all() for name, then in zip(QUANTITIES, before, strict=True)
+    )
 
 
 def test_no_later_call_overwrites_a_tip_or_a_position(model):
@@ -232,7 +269,13 @@ def test_writing_into_a_state_leaves_the_model_as_it_is(model):
 
 # --- what cannot be used ----------------------------------------------------------------------------------------------
 
-BAD_VECTORS = [np.zeros(6), np.zeros((7, 1)), np.float64(0.0), np.array([0, 0, np.nan, 0, 0, 0, 0]), np.full(7, np.inf)]
+BAD_VECTORS = [
+    np.zeros(6),
+    np.zeros((7, 1)),
+    np.float64(0.0),
+    np.array([0, 0, np.nan, 0, 0, 0, 0]),
+    np.full(7, np.inf),
+]
 
 
 @pytest.mark.parametrize('bad', BAD_VECTORS, ids=['short', 'column', 'scalar', 'nan', 'inf'])
@@ -262,7 +305,9 @@ def test_unknown_dynamics_are_refused_with_those_that_exist():
 
 
 def test_an_unknown_task_space_is_refused_with_those_that_exist():
-    with pytest.raises(UnknownNameError, match="unknown task space 'orientation'; allowed: pose, position"):
+    with pytest.raises(
+        UnknownNameError, match="unknown task space 'orientation'; allowed: pose, position"
+    ):
         RobotModel.named('lwr4', 'orientation')
 
 
@@ -294,7 +339,9 @@ def test_a_file_that_is_no_urdf_is_refused_by_path(tmp_path, text):
 
 
 def test_a_urdf_with_a_joint_without_limits_is_refused(tmp_path):
-    arm = written_arm(tmp_path, 'name="lwr_a6_joint" type="revolute"', 'name="lwr_a6_joint" type="continuous"')
+    arm = written_arm(
+        tmp_path, 'name="lwr_a6_joint" type="revolute"', 'name="lwr_a6_joint" type="continuous"'
+    )
     with pytest.raises(FileError, match='continuous'):
         RobotModel(arm)
 
@@ -307,6 +354,7 @@ def test_an_offset_that_the_urdf_has_no_joint_for_is_refused(tmp_path):
 
 # --- parameters of an arm ---------------------------------------------------------------------------------------------
 
+
 def test_the_base_offset_raises_the_tip():
     q, _ = random_motion(1)[0]
     way = RobotModel.named('lwr4', base_offset=0.2).tip(q)[0] - RobotModel.named('lwr4').tip(q)[0]
@@ -315,7 +363,10 @@ def test_the_base_offset_raises_the_tip():
 
 def test_the_tool_offset_moves_the_tip_along_its_own_axis():
     q, _ = random_motion(1)[0]
-    (x, R), (x_tool, _) = RobotModel.named('lwr4').tip(q), RobotModel.named('lwr4', tool_offset=0.1).tip(q)
+    (x, R), (x_tool, _) = (
+        RobotModel.named('lwr4').tip(q),
+        RobotModel.named('lwr4', tool_offset=0.1).tip(q),
+    )
     assert x_tool == pytest.approx(x + 0.1 * R[:, 2], abs=1e-12)
 
 
@@ -327,7 +378,9 @@ def test_an_arm_from_a_file_is_the_same_arm():
 
 
 def test_joints_come_in_the_order_of_the_arm_with_their_limits(model):
-    assert model.joint_names == tuple(f'lwr_{axis}_joint' for axis in ('a1', 'a2', 'e1', 'a3', 'a4', 'a5', 'a6'))
+    assert model.joint_names == tuple(
+        f'lwr_{axis}_joint' for axis in ('a1', 'a2', 'e1', 'a3', 'a4', 'a5', 'a6')
+    )
     assert model.q_max == pytest.approx(np.radians((170, 120, 170, 120, 170, 120, 170)))
     assert model.q_min == pytest.approx(-model.q_max)
     assert model.dq_max == pytest.approx(np.radians((120, 120, 160, 160, 250, 220, 220)))

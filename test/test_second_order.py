@@ -27,7 +27,11 @@ DX = np.array((0.2, -0.1, 0.3))  # [m/s]
 ROUNDING = 1e-8
 EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
-TORQUE_NORM = {'minimum_weighted_torque': -2, 'dynamically_consistent': -1, 'minimum_torque': 0}  # power of M
+TORQUE_NORM = {
+    'minimum_weighted_torque': -2,
+    'dynamically_consistent': -1,
+    'minimum_torque': 0,
+}  # power of M
 
 
 class Tick(NamedTuple):
@@ -50,7 +54,10 @@ class Tick(NamedTuple):
 def ticks(model: RobotModel, states: list[RobotState]) -> list[Tick]:
     """At random states, the tick before having executed its task: J_{k-1} dq_{k-1} = dx_{k-1}."""
     before = [model.state(state.q - T * state.dq_prev, state.dq_prev).J for state in states]
-    return [Tick(state, J_prev, J_prev @ state.dq_prev) for state, J_prev in zip(states, before, strict=True)]
+    return [
+        Tick(state, J_prev, J_prev @ state.dq_prev)
+        for state, J_prev in zip(states, before, strict=True)
+    ]
 
 
 def same(got: np.ndarray, expected: np.ndarray) -> bool:
@@ -59,13 +66,16 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
 
 # --- every scheme -----------------------------------------------------------------------------------------------------
 
+
 @EVERY_SCHEME
 @EVERY_DAMPING
 def test_the_task_acceleration_is_executed(name, damping, model, ticks):
     scheme = make_scheme(name, damping)
     for tick in ticks:
         ddq = scheme.acceleration(model, tick.state, tick.ddx, tick.dJ_dq)
-        assert np.linalg.norm(tick.state.J @ ddq + tick.dJ_dq - tick.ddx) < ROUNDING * np.linalg.norm(ddq)  # Eq. (4)
+        assert np.linalg.norm(
+            tick.state.J @ ddq + tick.dJ_dq - tick.ddx
+        ) < ROUNDING * np.linalg.norm(ddq)  # Eq. (4)
 
 
 @EVERY_SCHEME
@@ -132,24 +142,36 @@ def test_a_task_velocity_that_cannot_be_used_leaves_the_controller_as_it_was(nam
 
 # --- optimality and the paper's other forms ---------------------------------------------------------------------------
 
+
 @EVERY_DAMPING
 def test_no_other_acceleration_is_nearer_to_the_preferred_one(damping, model, ticks):
     scheme = make_scheme('minimum_acceleration', damping)
     for tick in ticks:
-        way = scheme.acceleration(model, tick.state, tick.ddx, tick.dJ_dq) + damping * tick.state.dq_prev
+        way = (
+            scheme.acceleration(model, tick.state, tick.ddx, tick.dJ_dq)
+            + damping * tick.state.dq_prev
+        )
         assert np.linalg.norm(null_space(tick.state.J).T @ way) < ROUNDING * np.linalg.norm(way)
 
 
 @pytest.mark.parametrize('name', TORQUE_NORM)
 @EVERY_DAMPING
-def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_scheme(name, damping, ticks):
+def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_scheme(
+    name, damping, ticks
+):
     scheme = make_scheme(name, damping)
     assert isinstance(scheme, TorqueScheme)
     for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
-        way = scheme.torque(state, ddx, dJ_dq) + damping * state.M @ state.dq_prev  # tau - tau_N, Eq. (34)
-        others = state.M @ null_space(state.J)  # torques that leave the task alone: J M^-1 tau = 0, (n, n - m)
+        way = (
+            scheme.torque(state, ddx, dJ_dq) + damping * state.M @ state.dq_prev
+        )  # tau - tau_N, Eq. (34)
+        others = state.M @ null_space(
+            state.J
+        )  # torques that leave the task alone: J M^-1 tau = 0, (n, n - m)
         gradient = np.linalg.matrix_power(np.linalg.inv(state.M), -TORQUE_NORM[name]) @ way
-        assert np.linalg.norm(others.T @ gradient) < ROUNDING * np.linalg.norm(others, 2) * np.linalg.norm(gradient)
+        assert np.linalg.norm(others.T @ gradient) < ROUNDING * np.linalg.norm(
+            others, 2
+        ) * np.linalg.norm(gradient)
 
 
 @EVERY_DAMPING
@@ -157,8 +179,13 @@ def test_the_weighted_torque_gives_the_acceleration_of_26(damping, model, ticks)
     for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
         J_pinv = np.linalg.pinv(state.J)
         P, M_inv = np.eye(7) - J_pinv @ state.J, np.linalg.inv(state.M)
-        ddq = J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev  # Eq. (26) and (21)
-        assert same(make_scheme('minimum_weighted_torque', damping).acceleration(model, state, ddx, dJ_dq), ddq)
+        ddq = (
+            J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev
+        )  # Eq. (26) and (21)
+        assert same(
+            make_scheme('minimum_weighted_torque', damping).acceleration(model, state, ddx, dJ_dq),
+            ddq,
+        )
 
 
 @EVERY_DAMPING
@@ -168,14 +195,20 @@ def test_the_dynamically_consistent_torque_gives_the_acceleration_of_31(damping,
         J_M = M_inv @ state.J.T @ np.linalg.inv(state.J @ M_inv @ state.J.T)
         P_M, tau_N = np.eye(7) - J_M @ state.J, -damping * state.M @ state.dq_prev
         ddq = J_M @ (ddx - dJ_dq) - P_M @ M_inv @ (state.n - tau_N)  # Eq. (31)
-        assert same(make_scheme('dynamically_consistent', damping).acceleration(model, state, ddx, dJ_dq), ddq)
+        assert same(
+            make_scheme('dynamically_consistent', damping).acceleration(model, state, ddx, dJ_dq),
+            ddq,
+        )
 
 
 def test_without_damping_the_least_torque_is_that_of_7(ticks):
     scheme = make_scheme('minimum_torque', 0.0)
     for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
         JM_inv = state.J @ np.linalg.inv(state.M)
-        assert same(scheme.torque(state, ddx, dJ_dq), np.linalg.pinv(JM_inv) @ (ddx - dJ_dq + JM_inv @ state.n))
+        assert same(
+            scheme.torque(state, ddx, dJ_dq),
+            np.linalg.pinv(JM_inv) @ (ddx - dJ_dq + JM_inv @ state.n),
+        )
 
 
 def test_full_damping_turns_least_acceleration_into_least_velocity(model, ticks):
@@ -210,10 +243,13 @@ def test_any_preferred_acceleration_becomes_the_bias_of_a_law(model, task):
     law = run(Controller(model, SpringLaw(), T), short)
     scheme = run(SecondOrderController(model, SpringScheme(), T), short)
     assert law.peak('null_velocity_norm')[0] > 0.1  # [rad/s]; the spring acts
-    assert np.abs(law.vectors('dq1') - scheme.vectors('dq1')).max() < 1e-11  # 1000 ticks of rounding of 1e-15
+    assert (
+        np.abs(law.vectors('dq1') - scheme.vectors('dq1')).max() < 1e-11
+    )  # 1000 ticks of rounding of 1e-15
 
 
 # --- construction -----------------------------------------------------------------------------------------------------
+
 
 def test_every_scheme_becomes_a_law_of_the_same_name_and_damping():
     assert {'minimum_acceleration', *TORQUE_NORM} <= set(SCHEMES) <= set(LAWS)
@@ -224,7 +260,9 @@ def test_every_scheme_becomes_a_law_of_the_same_name_and_damping():
 
 @pytest.mark.parametrize('name', ['minimum_velocity', 'minimum_kinetic_energy'])
 def test_a_law_of_first_order_has_no_scheme(name):
-    with pytest.raises(UnknownNameError, match=f"unknown scheme of second order '{name}'; allowed: dynamically_con"):
+    with pytest.raises(
+        UnknownNameError, match=f"unknown scheme of second order '{name}'; allowed: dynamically_con"
+    ):
         make_scheme(name)
 
 
@@ -241,6 +279,7 @@ def test_a_sampling_time_outside_its_range_is_refused(period, model):
 
 
 # --- what the schemes ask of the model --------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize('task_space', ['position', 'pose'])
 def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(task_space, states):

@@ -96,7 +96,10 @@ def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(bridged):
         assert session.state is State.CMD
     session.record(None)
     assert session.state is State.MON
-    assert session.reason == f'timing: the newest answer is {bridged + 1} cycles late, {bridged} are bridged'
+    assert (
+        session.reason
+        == f'timing: the newest answer is {bridged + 1} cycles late, {bridged} are bridged'
+    )
     assert session.counts.bridged == bridged
 
 
@@ -154,7 +157,11 @@ def test_refusals_are_counted_by_kind():
 
 @pytest.mark.parametrize('state', list(State))
 def test_a_stop_leads_to_monitor_mode_and_its_reason_blocks_command_mode_until_reset(state):
-    session = commanding() if state is State.CMD else answered(Session(T, SessionSettings(monitor_time=0.0)))
+    session = (
+        commanding()
+        if state is State.CMD
+        else answered(Session(T, SessionSettings(monitor_time=0.0)))
+    )
     session.stop('first')
     session.stop('second')
     answered(session, 100).offer(0.0)
@@ -177,9 +184,11 @@ def test_reset_in_command_mode_falls_back_without_a_reason():
     assert (session.state, session.reason) == (State.MON, '')
 
 
-ACTIONS = st.one_of(st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 0, 1, 7])),
-                    st.tuples(st.just('offer'), st.sampled_from([0.0, 0.1, math.nan])),
-                    st.tuples(st.sampled_from(['stop', 'reset']), st.none()))
+ACTIONS = st.one_of(
+    st.tuples(st.just('record'), st.sampled_from([None, 0, 0, 0, 0, 1, 7])),
+    st.tuples(st.just('offer'), st.sampled_from([0.0, 0.1, math.nan])),
+    st.tuples(st.sampled_from(['stop', 'reset']), st.none()),
+)
 
 
 @given(st.lists(ACTIONS, max_size=60))
@@ -187,8 +196,12 @@ def test_command_mode_never_goes_with_a_reason_and_begins_only_with_a_good_first
     session = Session(T, SessionSettings(monitor_time=2 * T, bridged_misses=1))
     for action, value in actions:
         before = session.state
-        {'record': lambda v: session.record(v), 'offer': lambda v: session.offer(v),
-         'stop': lambda _: session.stop('stopped'), 'reset': lambda _: session.reset()}[action](value)
+        {
+            'record': lambda v: session.record(v),
+            'offer': lambda v: session.offer(v),
+            'stop': lambda _: session.stop('stopped'),
+            'reset': lambda _: session.reset(),
+        }[action](value)
         assert session.state is State.MON or session.reason == ''
         if (before, session.state) == (State.MON, State.CMD):
             assert (action, value) == ('offer', 0.0)
@@ -210,18 +223,34 @@ def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not()
     connection = Connection(T)
     for lateness in [None] * 30 + [2] * 20 + [0] * WINDOW:
         connection.record(lateness, 0.0005 if lateness == 0 else 9.0)
-    assert connection.statistics == Statistics(1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50)
+    assert connection.statistics == Statistics(
+        1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50
+    )
     counts = connection.counts(bridged=0, refused=0)
-    assert (counts.cycles, counts.in_time, counts.late, counts.missed, counts.longest_run) == (150, 100, 20, 30, 50)
+    assert (counts.cycles, counts.in_time, counts.late, counts.missed, counts.longest_run) == (
+        150,
+        100,
+        20,
+        30,
+        50,
+    )
 
 
-@given(st.lists(st.tuples(st.sampled_from([None, 0, 0, 1, 5]), st.floats(0.0, 0.1)), min_size=1, max_size=400))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([None, 0, 0, 1, 5]), st.floats(0.0, 0.1)),
+        min_size=1,
+        max_size=400,
+    )
+)
 def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
     connection = Connection(T)
     for lateness, latency in packets:
         connection.record(lateness, latency)
     latenesses = [lateness for lateness, _ in packets][-WINDOW:]
-    latencies = [latency for lateness, latency in packets if lateness is not None][-WINDOW:] or [0.0]
+    latencies = [latency for lateness, latency in packets if lateness is not None][-WINDOW:] or [
+        0.0
+    ]
     figures, n = connection.statistics, len(latenesses)
     assert figures.answer_rate == (n - latenesses.count(None)) / n
     assert figures.miss_rate == (n - latenesses.count(0)) / n
@@ -235,10 +264,17 @@ def test_no_latency_leaves_a_trace_once_it_is_out_of_the_window():
     connection = Connection(T)
     for latency in [math.nan, math.inf, 1e9, 3000.0, -math.inf] * 20 + [0.0005] * WINDOW:
         connection.record(0, latency)
-    assert connection.statistics == Statistics(1.0, 0.0005, 0.0, 0.0, 0)  # exactly, or sums would drift for hours
+    assert connection.statistics == Statistics(
+        1.0, 0.0005, 0.0, 0.0, 0
+    )  # exactly, or sums would drift for hours
 
 
-CAUSES = {'answer_rate': (None, 0.0), 'latency': (0, 3.0 * T), 'miss_rate': (2, 0.0), 'jitter': (0, 9.0 * T)}
+CAUSES = {
+    'answer_rate': (None, 0.0),
+    'latency': (0, 3.0 * T),
+    'miss_rate': (2, 0.0),
+    'jitter': (0, 9.0 * T),
+}
 
 
 @pytest.mark.parametrize('cause', CAUSES)
@@ -246,10 +282,16 @@ def test_what_is_at_fault_is_named_as_soon_as_the_quality_falls(cause):
     connection = Connection(T)
     for _ in range(WINDOW):
         connection.record(0, 0.0)
-        assert (connection.quality, connection.at_fault, connection.complaint) == (Quality.PERFECT, '', '')
+        assert (connection.quality, connection.at_fault, connection.complaint) == (
+            Quality.PERFECT,
+            '',
+            '',
+        )
     lateness, latency = CAUSES[cause]
     for k in range(WINDOW):
-        connection.record(*((0, 0.0) if cause in ('miss_rate', 'jitter') and k % 5 else (lateness, latency)))
+        connection.record(
+            *((0, 0.0) if cause in ('miss_rate', 'jitter') and k % 5 else (lateness, latency))
+        )
         assert (connection.at_fault == '') is (connection.quality is Quality.PERFECT)
     assert connection.at_fault == cause
 
@@ -274,9 +316,18 @@ def test_before_the_first_packet_it_is_the_lack_of_answers_that_is_at_fault():
     assert Connection(T).at_fault == 'answer_rate'
 
 
-@pytest.mark.parametrize(('missed', 'quality'), [(0, Quality.PERFECT), (5, Quality.PERFECT), (6, Quality.OK),
-                                                 (15, Quality.OK), (16, Quality.BAD), (40, Quality.BAD),
-                                                 (41, Quality.UNACCEPTABLE)])
+@pytest.mark.parametrize(
+    ('missed', 'quality'),
+    [
+        (0, Quality.PERFECT),
+        (5, Quality.PERFECT),
+        (6, Quality.OK),
+        (15, Quality.OK),
+        (16, Quality.BAD),
+        (40, Quality.BAD),
+        (41, Quality.UNACCEPTABLE),
+    ],
+)
 def test_quality_falls_with_the_miss_rate(missed, quality):
     connection = Connection(T)
     for packet in range(WINDOW):
@@ -284,11 +335,23 @@ def test_quality_falls_with_the_miss_rate(missed, quality):
     assert connection.quality is quality
 
 
-@pytest.mark.parametrize(('cycles', 'quality'), [(0.9, Quality.PERFECT), (1.9, Quality.OK), (3.9, Quality.BAD),
-                                                 (4.1, Quality.UNACCEPTABLE), (math.nan, Quality.UNACCEPTABLE)])
+@pytest.mark.parametrize(
+    ('cycles', 'quality'),
+    [
+        (0.9, Quality.PERFECT),
+        (1.9, Quality.OK),
+        (3.9, Quality.BAD),
+        (4.1, Quality.UNACCEPTABLE),
+        (math.nan, Quality.UNACCEPTABLE),
+    ],
+)
 @pytest.mark.parametrize('figure', ['latency', 'jitter'])
 def test_quality_falls_with_latency_and_jitter(figure, cycles, quality):
-    connection, mean, deviation = Connection(T), cycles * (figure == 'latency'), cycles * (figure == 'jitter')
+    connection, mean, deviation = (
+        Connection(T),
+        cycles * (figure == 'latency'),
+        cycles * (figure == 'jitter'),
+    )
     for packet in range(WINDOW):
         connection.record(0, T * (mean + deviation * (-1) ** packet))
     assert connection.quality is quality
@@ -299,10 +362,16 @@ def test_thresholds_get_laxer_from_the_best_quality_down():
     assert qualities == [Quality.PERFECT, Quality.OK, Quality.BAD]
     for better, worse in pairwise(thresholds):
         assert worse.answer_rate < better.answer_rate
-        assert (worse.miss_rate, worse.latency, worse.jitter) > (better.miss_rate, better.latency, better.jitter)
+        assert (worse.miss_rate, worse.latency, worse.jitter) > (
+            better.miss_rate,
+            better.latency,
+            better.jitter,
+        )
 
 
-@pytest.mark.parametrize('settings', [{'monitor_time': -1.0}, {'bridged_misses': -1}, {'entry_tolerance': math.nan}])
+@pytest.mark.parametrize(
+    'settings', [{'monitor_time': -1.0}, {'bridged_misses': -1}, {'entry_tolerance': math.nan}]
+)
 def test_settings_out_of_range_are_refused(settings):
     with pytest.raises(RangeError, match=next(iter(settings))):
         SessionSettings(**settings)

@@ -40,6 +40,7 @@ def refusal(name_or_path: str, error: type[RedresError]) -> str:
 
 # --- good ones --------------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize('name', SHIPPED)
 def test_a_shipped_task_starts_at_its_first_point(name):
     task = load_task(name)
@@ -49,9 +50,21 @@ def test_a_shipped_task_starts_at_its_first_point(name):
 
 def test_the_rectangle_is_the_task_of_the_paper():
     task = load_task('rectangle')
-    assert task.start == pytest.approx(np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)), abs=1e-15)
-    assert task.waypoints.tolist() == [[-0.4, 0.36, 0.01], [-0.4, -0.36, 0.01], [-0.4, -0.36, 1.16], [-0.4, 0.36, 1.16]]
-    assert (task.segment_time, task.feedback_gain, task.tolerance, task.segments) == (3.0, 10.0, 0.001, 3)
+    assert task.start == pytest.approx(
+        np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)), abs=1e-15
+    )
+    assert task.waypoints.tolist() == [
+        [-0.4, 0.36, 0.01],
+        [-0.4, -0.36, 0.01],
+        [-0.4, -0.36, 1.16],
+        [-0.4, 0.36, 1.16],
+    ]
+    assert (task.segment_time, task.feedback_gain, task.tolerance, task.segments) == (
+        3.0,
+        10.0,
+        0.001,
+        3,
+    )
     assert task.switching == 'at_rest'
 
 
@@ -65,11 +78,19 @@ def test_a_file_gives_what_it_says(tmp_path):
 
 
 def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
-    task = load_task(written(tmp_path, segment_time=None, feedback_gain=None, tolerance=None, switching=None))
-    assert (task.segment_time, task.feedback_gain, task.tolerance, task.switching) == (3.0, 10.0, 0.001, 'at_rest')
+    task = load_task(
+        written(tmp_path, segment_time=None, feedback_gain=None, tolerance=None, switching=None)
+    )
+    assert (task.segment_time, task.feedback_gain, task.tolerance, task.switching) == (
+        3.0,
+        10.0,
+        0.001,
+        'at_rest',
+    )
 
 
 # --- bad ones ---------------------------------------------------------------------------------------------------------
+
 
 def test_an_unknown_name_is_refused_with_those_that_exist():
     message = refusal('circle', UnknownNameError)
@@ -83,10 +104,14 @@ def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
 
 def test_a_directory_is_refused_by_path(tmp_path):
     (tmp_path / 'folder.yaml').mkdir()
-    assert f'cannot read the task {tmp_path}/folder.yaml' in refusal(f'{tmp_path}/folder.yaml', FileError)
+    assert f'cannot read the task {tmp_path}/folder.yaml' in refusal(
+        f'{tmp_path}/folder.yaml', FileError
+    )
 
 
-@pytest.mark.parametrize('content', [b'waypoints: [[1, 2', b'a: b: c', b'\xff\xfe\x00 no text', b'\t- x'])
+@pytest.mark.parametrize(
+    'content', [b'waypoints: [[1, 2', b'a: b: c', b'\xff\xfe\x00 no text', b'\t- x']
+)
 def test_a_file_that_is_no_yaml_is_refused_by_path(tmp_path, content):
     path = tmp_path / 'task.yaml'
     path.write_bytes(content)
@@ -97,12 +122,16 @@ def test_a_file_that_is_no_yaml_is_refused_by_path(tmp_path, content):
 def test_yaml_that_is_no_task_is_refused_with_the_keys(tmp_path, content):
     path = tmp_path / 'task.yaml'
     path.write_text(content)
-    assert f'{path} is no task; expected the keys robot, start, waypoints' in refusal(str(path), FileError)
+    assert f'{path} is no task; expected the keys robot, start, waypoints' in refusal(
+        str(path), FileError
+    )
 
 
 @pytest.mark.parametrize('key', ['robot', 'start', 'waypoints'])
 def test_a_missing_key_is_refused_with_the_keys(tmp_path, key):
-    assert 'expected the keys robot, start, waypoints' in refusal(written(tmp_path, **{key: None}), FileError)
+    assert 'expected the keys robot, start, waypoints' in refusal(
+        written(tmp_path, **{key: None}), FileError
+    )
 
 
 def test_a_misspelt_key_is_refused_with_the_keys(tmp_path):
@@ -111,11 +140,20 @@ def test_a_misspelt_key_is_refused_with_the_keys(tmp_path):
     assert 'tolerance' in message
 
 
-@pytest.mark.parametrize(('key', 'value'), [
-    ('start', [0, 1, 'x']), ('start', 5), ('start', [[0, 1], [2, 3]]), ('start', [0, np.nan]), ('start', {'a1': 0}),
-    ('waypoints', [[0, 0, 0], [0, 0]]), ('waypoints', [0, 0, 0]), ('waypoints', [[0, 0, 0], [0, float('inf'), 0]]),
-    ('waypoints', 'none'),
-])
+@pytest.mark.parametrize(
+    ('key', 'value'),
+    [
+        ('start', [0, 1, 'x']),
+        ('start', 5),
+        ('start', [[0, 1], [2, 3]]),
+        ('start', [0, np.nan]),
+        ('start', {'a1': 0}),
+        ('waypoints', [[0, 0, 0], [0, 0]]),
+        ('waypoints', [0, 0, 0]),
+        ('waypoints', [[0, 0, 0], [0, float('inf'), 0]]),
+        ('waypoints', 'none'),
+    ],
+)
 def test_numbers_that_are_none_are_refused_by_key(tmp_path, key, value):
     assert f'task.yaml: {key} is ' in refusal(written(tmp_path, **{key: value}), FileError)
 
@@ -129,14 +167,25 @@ def test_waypoints_of_another_shape_are_refused(tmp_path, points):
 @pytest.mark.parametrize('key', ['segment_time', 'feedback_gain', 'tolerance'])
 @pytest.mark.parametrize('value', ['fast', True, [1.0]])
 def test_a_number_that_is_something_else_is_refused_by_key(tmp_path, key, value):
-    assert f'task.yaml: {key} is {value!r}; expected a number' in refusal(written(tmp_path, **{key: value}), FileError)
+    assert f'task.yaml: {key} is {value!r}; expected a number' in refusal(
+        written(tmp_path, **{key: value}), FileError
+    )
 
 
-@pytest.mark.parametrize(('key', 'value'), [
-    ('segment_time', 0.0), ('segment_time', np.nan), ('feedback_gain', -1.0), ('tolerance', 0.0), ('tolerance', np.inf),
-])
+@pytest.mark.parametrize(
+    ('key', 'value'),
+    [
+        ('segment_time', 0.0),
+        ('segment_time', np.nan),
+        ('feedback_gain', -1.0),
+        ('tolerance', 0.0),
+        ('tolerance', np.inf),
+    ],
+)
 def test_a_number_out_of_range_is_refused_by_key(tmp_path, key, value):
-    assert refusal(written(tmp_path, **{key: value}), RangeError).startswith(f'{key} is {value}; allowed: ')
+    assert refusal(written(tmp_path, **{key: value}), RangeError).startswith(
+        f'{key} is {value}; allowed: '
+    )
 
 
 def test_an_unknown_switching_rule_is_refused_with_those_that_exist(tmp_path):

@@ -62,13 +62,17 @@ class DriverNode(Node):
                 if not stopped.is_set():
                     exchanges[name].append(self._turn(name))
         if not stopped.is_set():
-            write_exchanges({name: Exchange.joined(parts) for name, parts in exchanges.items()},
-                            Path(self._settings.out))
+            write_exchanges(
+                {name: Exchange.joined(parts) for name, parts in exchanges.items()},
+                Path(self._settings.out),
+            )
 
     def _lane(self, name: str) -> Lane:
         if name == INSIDE:
             echo(self, f'{name}/')
-        return UdpLane(self._settings.udp_port) if name == UDP else TopicLane(self, name, self._period)
+        return (
+            UdpLane(self._settings.udp_port) if name == UDP else TopicLane(self, name, self._period)
+        )
 
     def _await(self, name: str, stopped: threading.Event) -> None:
         """Send states until one is answered. Raises DriverError if none is."""

@@ -22,7 +22,9 @@ def echo(node: Node, prefix: str = '') -> None:
     """Have the node echo, on topics whose names begin with the prefix."""
     commands = node.create_publisher(JointState, f'{prefix}joint_command', PUBLISH)
     node.create_subscription(JointState, f'{prefix}joint_states', commands.publish, NEWEST)
-    node.create_subscription(TwistStamped, f'{prefix}cartesian_velocity', lambda message: None, NEWEST)
+    node.create_subscription(
+        TwistStamped, f'{prefix}cartesian_velocity', lambda message: None, NEWEST
+    )
 
 
 if __name__ == '__main__':

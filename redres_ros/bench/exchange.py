@@ -9,7 +9,9 @@ import numpy as np
 
 from redres_ros.bench.timing import Times
 
-_TICK = 1.0 / 100.0  # [s] of /proc/<pid>/stat: Linux counts in hundredths for user space, whatever the kernel's HZ
+_TICK = (
+    1.0 / 100.0
+)  # [s] of /proc/<pid>/stat: Linux counts in hundredths for user space, whatever the kernel's HZ
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,15 @@ class Exchange:
         parts = list(parts)
         latencies = np.concatenate([part.latencies for part in parts])
         names = parts[0].processors
-        shares = {name: float(np.average([part.processors[name] for part in parts],
-                                         weights=[len(part.latencies) for part in parts])) for name in names}
+        shares = {
+            name: float(
+                np.average(
+                    [part.processors[name] for part in parts],
+                    weights=[len(part.latencies) for part in parts],
+                )
+            )
+            for name in names
+        }
         return cls(parts[0].period, latencies, shares, sum(part.skipped for part in parts))
 
     @property
@@ -59,12 +68,24 @@ class Exchange:
     def figures(self) -> dict[str, object]:
         """For the file of results."""
         times = self.times
-        quantiles = {name: 1e6 * times.quantile(share) for name, share in
-                     (('median_us', 0.5), ('p99_us', 0.99), ('p99_9_us', 0.999), ('max_us', 1.0))}
+        quantiles = {
+            name: 1e6 * times.quantile(share)
+            for name, share in (
+                ('median_us', 0.5),
+                ('p99_us', 0.99),
+                ('p99_9_us', 0.999),
+                ('max_us', 1.0),
+            )
+        }
         processors = {name: 100.0 * share for name, share in self.processors.items()}
-        return {**quantiles, 'answered_in_cycle_percent': 100.0 * (1.0 - self.late), 'lost_percent': 100.0 * self.lost,
-                'states': len(self.latencies), 'cycles_skipped': self.skipped,
-                'processor_percent_of_a_core': processors}
+        return {
+            **quantiles,
+            'answered_in_cycle_percent': 100.0 * (1.0 - self.late),
+            'lost_percent': 100.0 * self.lost,
+            'states': len(self.latencies),
+            'cycles_skipped': self.skipped,
+            'processor_percent_of_a_core': processors,
+        }
 
 
 class Stopwatch:
@@ -108,7 +129,9 @@ class ProcessorMeter:
     def shares(self) -> dict[str, float]:
         """Mean since then."""
         elapsed = time.perf_counter() - self._begun
-        return {name: (after - self._before[name]) / elapsed for name, after in self._seconds().items()}
+        return {
+            name: (after - self._before[name]) / elapsed for name, after in self._seconds().items()
+        }
 
     def _seconds(self) -> dict[str, float]:
         return {name: processor_seconds(pid) for name, pid in self._processes.items()}

@@ -20,12 +20,19 @@ class Goal:
 
     def figures(self) -> dict[str, object]:
         """For the file of results."""
-        return {'goal': self.what, 'got': self.got, 'at_most' if self.at_most else 'at_least': self.bound,
-                'held': self.held}
+        return {
+            'goal': self.what,
+            'got': self.got,
+            'at_most' if self.at_most else 'at_least': self.bound,
+            'held': self.held,
+        }
 
 
 def goals_table(goals: Sequence[Goal]) -> str:
     """One line a goal."""
     width = max((len(goal.what) for goal in goals), default=0)
-    return '\n'.join(f"{goal.what:<{width}}  {goal.got:8.3g}, {'at most' if goal.at_most else 'at least'} "
-                     f"{goal.bound:<6g} {'held' if goal.held else 'NOT held'}" for goal in goals)
+    return '\n'.join(
+        f'{goal.what:<{width}}  {goal.got:8.3g}, {"at most" if goal.at_most else "at least"} '
+        f'{goal.bound:<6g} {"held" if goal.held else "NOT held"}'
+        for goal in goals
+    )

@@ -52,7 +52,9 @@ class TopicLane:
         tick = self._clock.tick(stamp)
         self.stopwatch.back(tick)
         self._q, self._dq = np.array(message.position), np.array(message.velocity)
-        speed = _SPEED * math.sin(2.0 * math.pi * _FREQUENCY * tick * self._clock.period / NANOSECONDS)
+        speed = _SPEED * math.sin(
+            2.0 * math.pi * _FREQUENCY * tick * self._clock.period / NANOSECONDS
+        )
         if self._twists.get_subscription_count():
             self._twists.publish(to_twist(stamp, self._frame, np.array((0.0, speed, 0.0))))
 
@@ -62,7 +64,9 @@ class UdpLane:
 
     def __init__(self, port: int) -> None:
         self.stopwatch = Stopwatch(0, 0)
-        size = len(serialize_message(JointMessage(RobotModel.named('lwr4_paper').joint_names).message))
+        size = len(
+            serialize_message(JointMessage(RobotModel.named('lwr4_paper').joint_names).message)
+        )
         self._client = Client(port, size, lambda tick: self.stopwatch.back(tick))
 
     def send(self, tick: int) -> None:

@@ -36,22 +36,35 @@ class BenchError(RedresError):
     """A measurement that did not come about."""
 
 
-def measure_loop(rates: Sequence[float], duration: float, out: Path,
-                 progress: Callable[[float], None] | None = None) -> LoopResult:
+def measure_loop(
+    rates: Sequence[float],
+    duration: float,
+    out: Path,
+    progress: Callable[[float], None] | None = None,
+) -> LoopResult:
     """Every kind for `duration` [s] at every rate [Hz]; the nodes' logs go to the directory out.
 
     Raises GraphError or BenchError when a node does not run.
     """
     parts: dict[float, dict[str, list[Exchange]]] = {rate: {} for rate in rates}
-    steps = [(rate, measure) for _ in range(REPETITIONS) for rate in rates for measure in (_lanes, _graph, _composed)]
+    steps = [
+        (rate, measure)
+        for _ in range(REPETITIONS)
+        for rate in rates
+        for measure in (_lanes, _graph, _composed)
+    ]
     for number, (rate, measure) in enumerate(steps):
         with own_domain():
             for kind, exchange in measure(rate, duration / REPETITIONS, out).items():
                 parts[rate].setdefault(kind, []).append(exchange)
         if progress:
             progress((number + 1) / len(steps))
-    return LoopResult({rate: {kind: Exchange.joined(exchanges) for kind, exchanges in kinds.items()}
-                       for rate, kinds in parts.items()})
+    return LoopResult(
+        {
+            rate: {kind: Exchange.joined(exchanges) for kind, exchanges in kinds.items()}
+            for rate, kinds in parts.items()
+        }
+    )
 
 
 def _lanes(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
@@ -63,9 +76,18 @@ def _lanes(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
             parameters = {'rate': rate, 'law': law, 'state_timeout': 10.0}
             nodes[kind] = stack.enter_context(running(CONTROLLER, out, parameters, namespace=kind))
         answerers = {UDP: udp, INSIDE: 0, **{kind: node.pid for kind, node in nodes.items()}}
-        return measured('bench.driver', out, duration, {
-            'rate': rate, 'duration': duration / TURNS, 'turns': TURNS, 'answerers': to_text(answerers),
-            'udp_port': port})
+        return measured(
+            'bench.driver',
+            out,
+            duration,
+            {
+                'rate': rate,
+                'duration': duration / TURNS,
+                'turns': TURNS,
+                'answerers': to_text(answerers),
+                'udp_port': port,
+            },
+        )
 
 
 def _laws(rate: float) -> dict[str, str]:
@@ -76,33 +98,61 @@ def _laws(rate: float) -> dict[str, str]:
 
 def _graph(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
     """Robot, planner and controller as three processes."""
-    with running('controller', out, {'rate': rate}) as controller, \
-            running('planner', out, {'autostart': True}) as planner:
+    with (
+        running('controller', out, {'rate': rate}) as controller,
+        running('planner', out, {'autostart': True}) as planner,
+    ):
         processes = {'planner': planner.pid, 'controller': controller.pid}
-        exchanges = measured('bench.sim', out, duration, {
-            'rate': rate, 'duration': duration, 'settling': SETTLING, 'processes': to_text(processes), **_ROBOT})
+        exchanges = measured(
+            'bench.sim',
+            out,
+            duration,
+            {
+                'rate': rate,
+                'duration': duration,
+                'settling': SETTLING,
+                'processes': to_text(processes),
+                **_ROBOT,
+            },
+        )
     return {GRAPH: exchanges['sim']}
 
 
 def _composed(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
     """The three of them in one process."""
-    exchanges = measured('bench.composed', out, duration, {
-        'rate': rate, 'duration': duration, 'settling': SETTLING, 'own_name': COMPOSED, 'autostart': True, **_ROBOT})
+    exchanges = measured(
+        'bench.composed',
+        out,
+        duration,
+        {
+            'rate': rate,
+            'duration': duration,
+            'settling': SETTLING,
+            'own_name': COMPOSED,
+            'autostart': True,
+            **_ROBOT,
+        },
+    )
     return {COMPOSED: exchanges['sim']}
 
 
 @contextmanager
-def running(name: str, out: Path, parameters: Mapping[str, Any] | None = None,
-            namespace: str = '') -> Iterator[NodeProcess]:
+def running(
+    name: str, out: Path, parameters: Mapping[str, Any] | None = None, namespace: str = ''
+) -> Iterator[NodeProcess]:
     """A node while the block lasts."""
-    node = NodeProcess(name, out / f"{'_'.join(filter(None, (namespace, name)))}.log", parameters or {}, namespace)
+    node = NodeProcess(
+        name, out / f'{"_".join(filter(None, (namespace, name)))}.log', parameters or {}, namespace
+    )
     try:
         yield node
     finally:
         node.end()
 
 
-def measured(name: str, out: Path, duration: float, parameters: Mapping[str, Any]) -> dict[str, Exchange]:
+def measured(
+    name: str, out: Path, duration: float, parameters: Mapping[str, Any]
+) -> dict[str, Exchange]:
     """What a node that measures has written when it has ended by itself. Raises BenchError or GraphError."""
     results, until = out / f'{name}.json', time.monotonic() + 10.0 * duration + _PATIENCE
     results.unlink(missing_ok=True)

@@ -9,9 +9,12 @@ from redres_ros.bench.goals import Goal
 UDP, ECHO, INSIDE, CONTROLLER, WEIGHTED = 'udp', 'echo', 'inside', 'controller', 'weighted'
 GRAPH, COMPOSED = 'graph', 'composed'
 WORDS = {
-    UDP: 'bare UDP echo', ECHO: 'bare echo node', INSIDE: 'bare echo in one process',
+    UDP: 'bare UDP echo',
+    ECHO: 'bare echo node',
+    INSIDE: 'bare echo in one process',
     CONTROLLER: 'controller, minimum_acceleration',
-    WEIGHTED: 'controller, dynamically_consistent', GRAPH: 'sim, planner, controller',
+    WEIGHTED: 'controller, dynamically_consistent',
+    GRAPH: 'sim, planner, controller',
     COMPOSED: 'the same in one process',
 }
 NOMINAL, FAST = 500.0, 1000.0  # [Hz] rates that have goals of their own
@@ -30,8 +33,11 @@ class LoopResult:
     def table(self) -> str:
         """One line a rate and kind."""
         heads = ('median', 'p99', 'p99.9', 'max')
-        lines = [f"{'state out to command in [us]':<38}" + ''.join(f'{head:>8}' for head in heads)
-                 + f"{'in cycle':>10}{'lost':>8}{'skipped':>9}  processor [% of a core]"]
+        lines = [
+            f'{"state out to command in [us]":<38}'
+            + ''.join(f'{head:>8}' for head in heads)
+            + f'{"in cycle":>10}{"lost":>8}{"skipped":>9}  processor [% of a core]'
+        ]
         for rate, kinds in self.exchanges.items():
             lines.append(f'-- {rate:g} Hz')
             lines += [f'{WORDS[kind]:<38}{_line(exchange)}' for kind, exchange in kinds.items()]
@@ -39,8 +45,10 @@ class LoopResult:
 
     def figures(self) -> dict[str, object]:
         """For the file of results."""
-        return {f'{rate:g}_Hz': {kind: exchange.figures() for kind, exchange in kinds.items()}
-                for rate, kinds in self.exchanges.items()}
+        return {
+            f'{rate:g}_Hz': {kind: exchange.figures() for kind, exchange in kinds.items()}
+            for rate, kinds in self.exchanges.items()
+        }
 
 
 def _line(exchange: Exchange) -> str:
@@ -55,14 +63,32 @@ def _goals(rate: float, kinds: Mapping[str, Exchange]) -> list[Goal]:
     for kind in (CONTROLLER, WEIGHTED):
         if kind in kinds and echo:
             got = kinds[kind].times.median / echo.times.median
-            goals += [Goal(f"{WORDS[kind]} {at}: median by the echo's", got, 1.25),
-                      Goal(f"{WORDS[kind]} {at}: late cycles by the echo's", _ratio(kinds[kind].late, echo.late), 1.25)]
+            goals += [
+                Goal(f"{WORDS[kind]} {at}: median by the echo's", got, 1.25),
+                Goal(
+                    f"{WORDS[kind]} {at}: late cycles by the echo's",
+                    _ratio(kinds[kind].late, echo.late),
+                    1.25,
+                ),
+            ]
         if kind in kinds and rate == NOMINAL:
-            goals.append(Goal(f'{WORDS[kind]} {at}: percent of a core', 100.0 * kinds[kind].processors[kind], 20.0))
+            goals.append(
+                Goal(
+                    f'{WORDS[kind]} {at}: percent of a core',
+                    100.0 * kinds[kind].processors[kind],
+                    20.0,
+                )
+            )
     for kind in (CONTROLLER, GRAPH):
         if kind in kinds and rate == FAST:
-            goals.append(Goal(f'{WORDS[kind]} {at}: percent answered in the cycle', 100.0 * (1.0 - kinds[kind].late),
-                              95.0, at_most=False))
+            goals.append(
+                Goal(
+                    f'{WORDS[kind]} {at}: percent answered in the cycle',
+                    100.0 * (1.0 - kinds[kind].late),
+                    95.0,
+                    at_most=False,
+                )
+            )
     if COMPOSED in kinds and rate == NOMINAL:
         goals.append(Goal(f'in one process {at}: percent late', 100.0 * kinds[COMPOSED].late, 0.5))
         if echo:

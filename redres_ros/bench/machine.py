@@ -5,15 +5,32 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-_PACKAGES = ('redres_ros', 'numpy', 'scipy', 'pin', 'mujoco', 'ros-jazzy-rclpy', 'pin-pink', 'mink', 'qpsolvers',
-             'quadprog', 'daqp', 'proxsuite')
+_PACKAGES = (
+    'redres_ros',
+    'numpy',
+    'scipy',
+    'pin',
+    'mujoco',
+    'ros-jazzy-rclpy',
+    'pin-pink',
+    'mink',
+    'qpsolvers',
+    'quadprog',
+    'daqp',
+    'proxsuite',
+)
 
 
 def describe() -> dict[str, object]:
     """Processor, cores, kernel, Python and packages."""
     versions = {name: found for name in _PACKAGES if (found := _version(name))}
-    return {'processor': _processor(), 'cores': len(os.sched_getaffinity(0)), 'kernel': platform.release(),
-            'python': platform.python_version(), 'versions': versions}
+    return {
+        'processor': _processor(),
+        'cores': len(os.sched_getaffinity(0)),
+        'kernel': platform.release(),
+        'python': platform.python_version(),
+        'versions': versions,
+    }
 
 
 def _version(package: str) -> str:

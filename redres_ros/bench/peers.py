@@ -12,10 +12,20 @@ import numpy as np
 from redres_ros.robots import Arm
 
 REMEDY = "pip install 'redres_ros[bench]'"
-SOLVERS = ('quadprog', 'daqp', 'proxqp')  # quadratic programs, by the names that qpsolvers has for them
+SOLVERS = (
+    'quadprog',
+    'daqp',
+    'proxqp',
+)  # quadratic programs, by the names that qpsolvers has for them
 DAMPING = 1e-6  # of the peers' cost: small enough for the least velocity, large enough for a definite problem
 
-_PACKAGES = {'pink': 'pink', 'mink': 'mink', 'quadprog': 'quadprog', 'daqp': 'daqp', 'proxqp': 'proxsuite'}
+_PACKAGES = {
+    'pink': 'pink',
+    'mink': 'mink',
+    'quadprog': 'quadprog',
+    'daqp': 'daqp',
+    'proxqp': 'proxsuite',
+}
 
 Peer = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(q, x_d) -> dq, all in SI units: the velocity at q (n,) that leads the tip to x_d (3,) within one tick."""

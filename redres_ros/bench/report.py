@@ -37,7 +37,11 @@ def write_json(results: Mapping[str, Result], path: Path) -> None:
     Raises FileError.
     """
     goals = [goal.figures() for result in results.values() for goal in result.goals()]
-    content = {'machine': describe(), **{name: result.figures() for name, result in results.items()}, 'goals': goals}
+    content = {
+        'machine': describe(),
+        **{name: result.figures() for name, result in results.items()},
+        'goals': goals,
+    }
     try:
         path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')
     except OSError as error:

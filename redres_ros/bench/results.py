@@ -11,9 +11,15 @@ from redres_ros.bench.exchange import Exchange
 
 def write_exchanges(exchanges: Mapping[str, Exchange], path: Path) -> None:
     """Write them by name."""
-    content = {name: {'period': exchange.period, 'latencies': exchange.latencies.tolist(),
-                      'processors': dict(exchange.processors), 'skipped': exchange.skipped}
-               for name, exchange in exchanges.items()}
+    content = {
+        name: {
+            'period': exchange.period,
+            'latencies': exchange.latencies.tolist(),
+            'processors': dict(exchange.processors),
+            'skipped': exchange.skipped,
+        }
+        for name, exchange in exchanges.items()
+    }
     path.with_suffix('.part').write_text(json.dumps(content))
     path.with_suffix('.part').rename(path)  # who waits for the file finds it complete
 
@@ -21,8 +27,12 @@ def write_exchanges(exchanges: Mapping[str, Exchange], path: Path) -> None:
 def read_exchanges(path: Path) -> dict[str, Exchange]:
     """Read what was written; Python's json knows infinity."""
     content = json.loads(path.read_text())
-    return {name: Exchange(entry['period'], np.array(entry['latencies']), entry['processors'], entry['skipped'])
-            for name, entry in content.items()}
+    return {
+        name: Exchange(
+            entry['period'], np.array(entry['latencies']), entry['processors'], entry['skipped']
+        )
+        for name, entry in content.items()
+    }
 
 
 def to_text(processes: Mapping[str, int]) -> str:
@@ -32,4 +42,7 @@ def to_text(processes: Mapping[str, int]) -> str:
 
 def from_text(processes: str) -> dict[str, int]:
     """The same again."""
-    return {name: int(number) for name, _, number in (entry.partition('=') for entry in processes.split())}
+    return {
+        name: int(number)
+        for name, _, number in (entry.partition('=') for entry in processes.split())
+    }

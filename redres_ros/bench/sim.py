@@ -24,7 +24,9 @@ _STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state that
 class Window:
     """What is measured."""
 
-    settling: float = param(1.0, 'from the first answer to the first state that counts [s]', 0.0, 60.0)
+    settling: float = param(
+        1.0, 'from the first answer to the first state that counts [s]', 0.0, 60.0
+    )
     duration: float = param(2.0, 'from the first to the last state that counts [s]', 0.01, 3600.0)
     processes: str = param('', 'NAME=PROCESS ... of the others whose processor time is measured')
     own_name: str = param('sim', 'what this process is called in the results')
@@ -70,7 +72,9 @@ class MeasuredSim(SimNode):
         shares = self._meter.shares()
         self._waiting.sleep(_STRAGGLERS)
         exchange = self._stopwatch.exchange(1.0 / self._settings.rate, shares)
-        write_exchanges({'sim': exchange}, Path(self._window.out.format(arm=self.get_namespace().strip('/'))))
+        write_exchanges(
+            {'sim': exchange}, Path(self._window.out.format(arm=self.get_namespace().strip('/')))
+        )
         if not self._window.stay:
             self._over.set()
 

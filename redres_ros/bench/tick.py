@@ -60,7 +60,11 @@ class TickResult:
             if self.fastest_peer:
                 got = self.peers[self.fastest_peer].median / times.median
                 bound = WEIGHTED_PEER_GOAL if _is_weighted(name) else PEER_GOAL
-                goals.append(Goal(f'{name}: times faster than {self.fastest_peer}', got, bound, at_most=False))
+                goals.append(
+                    Goal(
+                        f'{name}: times faster than {self.fastest_peer}', got, bound, at_most=False
+                    )
+                )
             got = times.median / self.floors[FLOOR].median
             goals.append(Goal(f'{name}: times the floor, {FLOOR}', got, FLOOR_GOAL))
         return goals
@@ -69,26 +73,45 @@ class TickResult:
         """Median and p99 of everything, beside the floor and the fastest peer."""
         floor = self.floors[FLOOR].median
         peer = self.peers[self.fastest_peer].median if self.fastest_peer else float('nan')
-        lines = [f"{'one tick':<36}{'median [us]':>13}{'p99 [us]':>11}{'of the floor':>14}{'peer / it':>11}"]
+        lines = [
+            f'{"one tick":<36}{"median [us]":>13}{"p99 [us]":>11}{"of the floor":>14}{"peer / it":>11}'
+        ]
         for head, group in self._groups().items():
             lines.append(f'-- {head}')
-            lines += [f'{name:<36}{1e6 * times.median:13.1f}{1e6 * times.p99:11.1f}{times.median / floor:14.2f}'
-                      f'{_cell(peer / times.median)}{self._remark(name)}' for name, times in group.items()]
-        return '\n'.join([*lines, f"floor: {FLOOR}; peer: the fastest, {self.fastest_peer or 'none installed'}"])
+            lines += [
+                f'{name:<36}{1e6 * times.median:13.1f}{1e6 * times.p99:11.1f}{times.median / floor:14.2f}'
+                f'{_cell(peer / times.median)}{self._remark(name)}'
+                for name, times in group.items()
+            ]
+        return '\n'.join(
+            [*lines, f'floor: {FLOOR}; peer: the fastest, {self.fastest_peer or "none installed"}']
+        )
 
     def figures(self) -> dict[str, object]:
         """For the file of results."""
-        groups = {head: {name: times.figures() for name, times in group.items()}
-                  for head, group in self._groups().items()}
-        return {'T_s': T, **groups, 'fastest_peer': self.fastest_peer,
-                'peers_off_rad_per_s': self.deviations, 'missing_peers': list(self.missing)}
+        groups = {
+            head: {name: times.figures() for name, times in group.items()}
+            for head, group in self._groups().items()
+        }
+        return {
+            'T_s': T,
+            **groups,
+            'fastest_peer': self.fastest_peer,
+            'peers_off_rad_per_s': self.deviations,
+            'missing_peers': list(self.missing),
+        }
 
     def _remark(self, name: str) -> str:
         deviation = self.deviations.get(name, 0.0)
         return f'  {deviation:.2g} rad/s off, does not count' if deviation >= SAME else ''
 
     def _groups(self) -> dict[str, dict[str, Times]]:
-        return {'laws': self.laws, 'parts': self.parts, 'pinocchio': self.floors, 'peers': self.peers}
+        return {
+            'laws': self.laws,
+            'parts': self.parts,
+            'pinocchio': self.floors,
+            'peers': self.peers,
+        }
 
 
 def measure_tick(rounds: int, progress: Callable[[float], None] | None = None) -> TickResult:
@@ -103,9 +126,13 @@ def measure_tick(rounds: int, progress: Callable[[float], None] | None = None) -
         'floors': {name: _of_state(call, stretch) for name, call in floors(model.arm)},
         'peers': {name: _of_target(call, stretch) for name, call in others.items()},
     }
-    calls = {(group, name): call for group, members in groups.items() for name, call in members.items()}
+    calls = {
+        (group, name): call for group, members in groups.items() for name, call in members.items()
+    }
     times = measure(calls, rounds, progress)
-    split = {group: {name: times[group, name] for name in members} for group, members in groups.items()}
+    split = {
+        group: {name: times[group, name] for name in members} for group, members in groups.items()
+    }
     deviations = {name: _deviation(peer, model, stretch) for name, peer in others.items()}
     return TickResult(**split, deviations=deviations, missing=missing_peers())
 
@@ -113,7 +140,11 @@ def measure_tick(rounds: int, progress: Callable[[float], None] | None = None) -
 def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
     """The beginning of the paper's task under minimum acceleration."""
     task = load_task('rectangle')
-    planner, controller, q = Planner(task), Controller(model, make_law('minimum_acceleration'), T), task.start
+    planner, controller, q = (
+        Planner(task),
+        Controller(model, make_law('minimum_acceleration'), T),
+        task.start,
+    )
     rows, dq = [], np.zeros(model.n)
     for k in range(ticks):
         x = model.tip(q)[0]
@@ -148,14 +179,16 @@ def _parts(model: RobotModel, stretch: Stretch) -> dict[str, Callable[[int], obj
 
 
 def _cell(ratio: float) -> str:
-    return f"{'-':>11}" if math.isnan(ratio) else f'{ratio:11.2f}'
+    return f'{"-":>11}' if math.isnan(ratio) else f'{ratio:11.2f}'
 
 
 def _dynamics(state: RobotState) -> tuple[np.ndarray, ...]:
     return state.J, state.M, state.n
 
 
-def _of_state(call: Callable[[np.ndarray, np.ndarray], object], stretch: Stretch) -> Callable[[int], object]:
+def _of_state(
+    call: Callable[[np.ndarray, np.ndarray], object], stretch: Stretch
+) -> Callable[[int], object]:
     q, dq, N = list(stretch.q), list(stretch.dq_prev), len(stretch.q)
     return lambda k: call(q[k % N], dq[k % N])
 
@@ -167,7 +200,10 @@ def _of_target(peer: Peer, stretch: Stretch) -> Callable[[int], object]:
 
 def _deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
     """Largest distance between a peer's velocities and the least ones on the stretch [rad/s]."""
-    least = [resolve(model.state(q, dq).J, dx, np.zeros(model.n)) for q, dq, dx, _ in zip(*stretch, strict=True)]
+    least = [
+        resolve(model.state(q, dq).J, dx, np.zeros(model.n))
+        for q, dq, dx, _ in zip(*stretch, strict=True)
+    ]
     theirs = [peer(q, x_d) for q, _, _, x_d in zip(*stretch, strict=True)]
     return float(np.abs(np.array(least) - np.array(theirs)).max())
 

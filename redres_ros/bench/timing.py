@@ -31,15 +31,26 @@ class Times:
 
     def quantile(self, share: float) -> float:
         """The time that this share of the samples does not exceed [s]: one of them, the next larger; NaN if none."""
-        return float(np.quantile(self.samples, share, method='higher')) if len(self.samples) else float('nan')
+        return (
+            float(np.quantile(self.samples, share, method='higher'))
+            if len(self.samples)
+            else float('nan')
+        )
 
     def figures(self) -> dict[str, float]:
         """For the file of results, in microseconds."""
-        return {'median_us': 1e6 * self.median, 'p99_us': 1e6 * self.p99, 'samples': len(self.samples)}
+        return {
+            'median_us': 1e6 * self.median,
+            'p99_us': 1e6 * self.p99,
+            'samples': len(self.samples),
+        }
 
 
-def measure(calls: Mapping[str, Callable[[int], object]], rounds: int,
-            progress: Callable[[float], None] | None = None) -> dict[str, Times]:
+def measure(
+    calls: Mapping[str, Callable[[int], object]],
+    rounds: int,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Times]:
     """The times of the calls, each made `rounds` blocks long, block by block in turn.
 
     The order is another one in every round: none always comes after the same one, with the caches as that leaves them.
@@ -56,7 +67,9 @@ def measure(calls: Mapping[str, Callable[[int], object]], rounds: int,
                     samples[name] += times[COLD:]
             if progress:
                 progress((turn + 1) / rounds)
-    return {name: Times(1e-9 * np.array(times, dtype=np.float64)) for name, times in samples.items()}
+    return {
+        name: Times(1e-9 * np.array(times, dtype=np.float64)) for name, times in samples.items()
+    }
 
 
 def _block(call: Callable[[int], object], first: int) -> list[int]:

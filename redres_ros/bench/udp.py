@@ -18,7 +18,9 @@ _HOST = '127.0.0.1'
 def echo_process() -> Iterator[tuple[int, int]]:
     """An echo in a process of its own; yields its process number and its port."""
     command = [sys.executable, '-m', __name__]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
         try:
             yield process.pid, int(process.stdout.readline())
         finally:

@@ -18,7 +18,10 @@ def main(arguments: list[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if (error.name or '').startswith('redres_ros'):
             raise
-        print(f'redres {options.command}: the package {error.name} is not installed; {_REMEDY}', file=sys.stderr)
+        print(
+            f'redres {options.command}: the package {error.name} is not installed; {_REMEDY}',
+            file=sys.stderr,
+        )
         return 1
     except RedresError as error:
         print(f'redres {options.command}: {error}', file=sys.stderr)

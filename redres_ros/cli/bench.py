@@ -15,13 +15,27 @@ _LOGS = 'logs'  # folder for what the nodes print
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    bench = commands.add_parser('bench', help='how fast it is on this machine, beside others', formatter_class=Help)
-    bench.add_argument('--only', default=','.join(_PARTS), metavar='A,B,...', help='parts to measure')
-    bench.add_argument('--duration', type=float, default=3.0, metavar='S',
-                       help='time for which each kind of loop is measured at each rate [s]; the other parts scale')
+    bench = commands.add_parser(
+        'bench', help='how fast it is on this machine, beside others', formatter_class=Help
+    )
+    bench.add_argument(
+        '--only', default=','.join(_PARTS), metavar='A,B,...', help='parts to measure'
+    )
+    bench.add_argument(
+        '--duration',
+        type=float,
+        default=3.0,
+        metavar='S',
+        help='time for which each kind of loop is measured at each rate [s]; the other parts scale',
+    )
     bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
-    bench.add_argument('--out', type=Path, default=Path('redres_bench'), metavar='DIR',
-                       help='directory for bench.json and logs')
+    bench.add_argument(
+        '--out',
+        type=Path,
+        default=Path('redres_bench'),
+        metavar='DIR',
+        help='directory for bench.json and logs',
+    )
     bench.set_defaults(run=_bench)
 
 
@@ -37,7 +51,7 @@ def _bench(options: argparse.Namespace) -> int:
         import redres_ros.bench.loop  # noqa: F401, if there is no ROS that is to be known before the first part
     made(options.out / _LOGS)
     if 'tick' in parts and missing_peers():
-        print(f"not installed, and left out: {', '.join(missing_peers())}; {REMEDY}")
+        print(f'not installed, and left out: {", ".join(missing_peers())}; {REMEDY}')
     results = {}
     for name in parts:
         with progress_bar(name) as progress:

@@ -13,27 +13,63 @@ from redres_ros.errors import RangeError
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    demo = commands.add_parser('demo', help='planner, controller and fake arm as ROS 2 nodes, in real time',
-                               formatter_class=Help)
+    demo = commands.add_parser(
+        'demo',
+        help='planner, controller and fake arm as ROS 2 nodes, in real time',
+        formatter_class=Help,
+    )
     add_law(demo)
     demo.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
-    demo.add_argument('--task', metavar='NAME|FILE.yaml',
-                      help='points to pass; default: rectangle, with --duration side_to_side')
-    demo.add_argument('--dynamics', default='lwr', metavar='NAME',
-                      help='lwr (identified) or cylinders, of arm and controller alike')
-    demo.add_argument('--switch', action='append', default=[], metavar='LAW@SECONDS',
-                      help='switch the law on the way; may be repeated')
-    demo.add_argument('--plant', default='mujoco', choices=('mujoco', 'ideal'),
-                      help='physics, or an arm that goes exactly where it is told')
-    demo.add_argument('--lockstep', action='store_true',
-                      help='as fast as it goes and deterministic, instead of in real time')
+    demo.add_argument(
+        '--task',
+        metavar='NAME|FILE.yaml',
+        help='points to pass; default: rectangle, with --duration side_to_side',
+    )
+    demo.add_argument(
+        '--dynamics',
+        default='lwr',
+        metavar='NAME',
+        help='lwr (identified) or cylinders, of arm and controller alike',
+    )
+    demo.add_argument(
+        '--switch',
+        action='append',
+        default=[],
+        metavar='LAW@SECONDS',
+        help='switch the law on the way; may be repeated',
+    )
+    demo.add_argument(
+        '--plant',
+        default='mujoco',
+        choices=('mujoco', 'ideal'),
+        help='physics, or an arm that goes exactly where it is told',
+    )
+    demo.add_argument(
+        '--lockstep',
+        action='store_true',
+        help='as fast as it goes and deterministic, instead of in real time',
+    )
     demo.add_argument('--composed', action='store_true', help='the three nodes in one process')
-    demo.add_argument('--duration', type=float, default=0.0, metavar='S',
-                      help='repeat the task for so long; 0: once')
-    demo.add_argument('--domain', type=int, metavar='ID',
-                      help='ROS domain; default: one that nobody uses on this machine')
-    demo.add_argument('--out', type=Path, default=Path('redres_demo'), metavar='DIR',
-                      help='directory for plot, data and logs')
+    demo.add_argument(
+        '--duration',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='repeat the task for so long; 0: once',
+    )
+    demo.add_argument(
+        '--domain',
+        type=int,
+        metavar='ID',
+        help='ROS domain; default: one that nobody uses on this machine',
+    )
+    demo.add_argument(
+        '--out',
+        type=Path,
+        default=Path('redres_demo'),
+        metavar='DIR',
+        help='directory for plot, data and logs',
+    )
     demo.set_defaults(run=_demo)
 
 
@@ -50,13 +86,28 @@ def _demo(options: argparse.Namespace) -> int:
     task = load_task(name)
     gains = damping(options, 1.0 / options.rate if options.rate else math.inf)
     law = make_law(options.law, **gains)
-    wanted = DemoOptions(name, options.law, law.damping, options.rate, options.dynamics,
-                         tuple(map(_switch, options.switch)), options.lockstep, options.composed,
-                         options.duration, {'plant': options.plant})
+    wanted = DemoOptions(
+        name,
+        options.law,
+        law.damping,
+        options.rate,
+        options.dynamics,
+        tuple(map(_switch, options.switch)),
+        options.lockstep,
+        options.composed,
+        options.duration,
+        {'plant': options.plant},
+    )
     demo = Demo(wanted, task, made(options.out))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
-    with own_domain(options.domain) as domain, progress_bar(f'{options.law} at {options.rate:g} Hz') as progress:
-        print(f'ROS domain {domain}; look at it from another terminal with: redres watch --domain {domain}', flush=True)
+    with (
+        own_domain(options.domain) as domain,
+        progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
+    ):
+        print(
+            f'ROS domain {domain}; look at it from another terminal with: redres watch --domain {domain}',
+            flush=True,
+        )
         outcome = demo.run(progress)
     _write(outcome, demo, task, options.out)
     return 0 if outcome.succeeded else 1
@@ -67,7 +118,9 @@ def _switch(text: str) -> tuple[str, float]:
     try:
         return law, float(seconds)
     except ValueError:
-        raise OptionError(f'--switch {text}; expected LAW@SECONDS, as minimum_velocity@4.5') from None
+        raise OptionError(
+            f'--switch {text}; expected LAW@SECONDS, as minimum_velocity@4.5'
+        ) from None
 
 
 def _write(outcome: Any, demo: Any, task: Any, out: Path) -> None:
@@ -82,7 +135,14 @@ def _write(outcome: Any, demo: Any, task: Any, out: Path) -> None:
     shown = outcome.law == make_law('minimum_velocity', **gains)
     other = 'minimum_acceleration' if shown else 'minimum_velocity'
     ideal = run(Controller(demo.model, make_law(other, **gains), outcome.recording.T), task)
-    draw_motion(outcome.recording, demo.model, task, outcome.title, out / 'motion.png', beside={other: ideal},
-                stopped=outcome.stop_reason)
+    draw_motion(
+        outcome.recording,
+        demo.model,
+        task,
+        outcome.title,
+        out / 'motion.png',
+        beside={other: ideal},
+        stopped=outcome.stop_reason,
+    )
     print(outcome.table())
     print(f'plot {out}/motion.png, data {out}/motion.csv')

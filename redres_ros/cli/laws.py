@@ -12,7 +12,9 @@ def add(commands: Any) -> None:
     laws.set_defaults(run=_laws)
     law = commands.add_parser('law', help='switch the law of a running controller')
     law.add_argument('name', metavar='NAME', help='see `redres laws`')
-    law.add_argument('--damping', type=float, metavar='K_D', help='null-space damping [1/s]; default: as it is')
+    law.add_argument(
+        '--damping', type=float, metavar='K_D', help='null-space damping [1/s]; default: as it is'
+    )
     add_domain(law)
     law.set_defaults(run=_law)
 
@@ -39,5 +41,8 @@ def _law(options: argparse.Namespace) -> int:
     make_law(options.name, **gains)
     with joined_domain(options.domain), spun(lambda: Node('redres_law')) as node:
         set_parameters(node, 'controller', {'law': options.name, **gains})
-    print(f'controller: {options.name}' + ''.join(f', {gain} {value:g} 1/s' for gain, value in gains.items()))
+    print(
+        f'controller: {options.name}'
+        + ''.join(f', {gain} {value:g} 1/s' for gain, value in gains.items())
+    )
     return 0

@@ -19,26 +19,47 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
 
 def add_law(parser: argparse.ArgumentParser) -> None:
     """--law, and --damping or --forgetting-factor."""
-    parser.add_argument('--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`')
+    parser.add_argument(
+        '--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`'
+    )
     gain = parser.add_mutually_exclusive_group()
-    gain.add_argument('--damping', type=float, metavar='K_D',
-                      help='null-space damping k_d [1/s], 0 to 1/T; default: 10')
-    gain.add_argument('--forgetting-factor', type=float, metavar='LAMBDA',
-                      help='the same as lambda = 1 - k_d T, 0 to 1')
+    gain.add_argument(
+        '--damping',
+        type=float,
+        metavar='K_D',
+        help='null-space damping k_d [1/s], 0 to 1/T; default: 10',
+    )
+    gain.add_argument(
+        '--forgetting-factor',
+        type=float,
+        metavar='LAMBDA',
+        help='the same as lambda = 1 - k_d T, 0 to 1',
+    )
 
 
 def add_loop(parser: argparse.ArgumentParser) -> None:
     """--period, --task and --dynamics of the ideal loop."""
-    parser.add_argument('--period', type=float, default=0.001, metavar='S', help='sampling time T [s]')
-    parser.add_argument('--task', default='rectangle', metavar='NAME|FILE.yaml', help='points to pass')
-    parser.add_argument('--dynamics', metavar='NAME',
-                        help="cylinders (Section 5.2) or lwr; default: the task's robot's own")
+    parser.add_argument(
+        '--period', type=float, default=0.001, metavar='S', help='sampling time T [s]'
+    )
+    parser.add_argument(
+        '--task', default='rectangle', metavar='NAME|FILE.yaml', help='points to pass'
+    )
+    parser.add_argument(
+        '--dynamics',
+        metavar='NAME',
+        help="cylinders (Section 5.2) or lwr; default: the task's robot's own",
+    )
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
     """--domain of nodes that are running already."""
-    parser.add_argument('--domain', type=int, metavar='ID',
-                        help='ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID')
+    parser.add_argument(
+        '--domain',
+        type=int,
+        metavar='ID',
+        help='ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID',
+    )
 
 
 def damping(options: argparse.Namespace, T: float) -> dict[str, float]:

@@ -10,16 +10,31 @@ from redres_ros.errors import RangeError
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    simulate = commands.add_parser('simulate', help="the paper's ideal loop, without ROS", formatter_class=Help)
+    simulate = commands.add_parser(
+        'simulate', help="the paper's ideal loop, without ROS", formatter_class=Help
+    )
     add_law(simulate)
     add_loop(simulate)
-    simulate.add_argument('--switching', metavar='RULE',
-                          help="at_rest or within_tolerance; default: the task's own")
-    simulate.add_argument('--switch-time', type=float, default=0.0, metavar='S',
-                          help='blend the start over this time [s]')
-    simulate.add_argument('--delay', type=int, default=0, metavar='TICKS',
-                          help='the arm uses each reference this many ticks late')
-    simulate.add_argument('--out', type=Path, metavar='FILE.csv', help='write every tick at full precision')
+    simulate.add_argument(
+        '--switching', metavar='RULE', help="at_rest or within_tolerance; default: the task's own"
+    )
+    simulate.add_argument(
+        '--switch-time',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='blend the start over this time [s]',
+    )
+    simulate.add_argument(
+        '--delay',
+        type=int,
+        default=0,
+        metavar='TICKS',
+        help='the arm uses each reference this many ticks late',
+    )
+    simulate.add_argument(
+        '--out', type=Path, metavar='FILE.csv', help='write every tick at full precision'
+    )
     simulate.set_defaults(run=_simulate)
 
 
@@ -46,5 +61,8 @@ def _simulate(options: argparse.Namespace) -> int:
     if options.out:
         recording.write_csv(options.out)
     print(peaks({options.law: recording}))
-    print(f'{recording.ending}' + (f'; {len(recording.data)} rows in {options.out}' if options.out else ''))
+    print(
+        f'{recording.ending}'
+        + (f'; {len(recording.data)} rows in {options.out}' if options.out else '')
+    )
     return 0 if recording.finished else 1

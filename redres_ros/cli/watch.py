@@ -9,7 +9,9 @@ from redres_ros.cli.options import add_domain
 def add(commands: Any) -> None:
     """Declare the subcommand."""
     watch = commands.add_parser('watch', help='the live state of running nodes')
-    watch.add_argument('--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C')
+    watch.add_argument(
+        '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
+    )
     add_domain(watch)
     watch.set_defaults(run=_watch)
 

@@ -30,7 +30,9 @@ def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.
     try:
         if not client.wait_for_service(timeout_sec=timeout):
             domain = node.context.get_domain_id()
-            raise CallError(f'nobody offers the service {service}; is its node running in ROS domain {domain}?')
+            raise CallError(
+                f'nobody offers the service {service}; is its node running in ROS domain {domain}?'
+            )
         until, futures = time.monotonic() + timeout, []
         while time.monotonic() < until and rclpy.ok():
             futures.append(client.call_async(request))

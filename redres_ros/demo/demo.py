@@ -26,7 +26,9 @@ from redres_ros.waypoints import Task
 
 START_PATIENCE = 30.0  # [s] from starting the processes to command mode
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
-CLOCK_PATIENCE = 5.0  # [s] that an ordinary machine may stall; the fake arm's clock then stands still
+CLOCK_PATIENCE = (
+    5.0  # [s] that an ordinary machine may stall; the fake arm's clock then stands still
+)
 MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
@@ -81,10 +83,17 @@ class Endurance:
     @property
     def lines(self) -> list[tuple[str, str]]:
         """For the table that ends a demo."""
-        return [('rounds', f'{self.rounds} in {self.seconds:.0f} s'),
-                ('states', f'{self.states_sent} sent, {self.states_heard} heard by this listener'),
-                *((f'memory of {name}', f'{start:.1f} MB after the first round, {end:.1f} MB at the end')
-                  for name, (start, end) in self.memory.items())]
+        return [
+            ('rounds', f'{self.rounds} in {self.seconds:.0f} s'),
+            ('states', f'{self.states_sent} sent, {self.states_heard} heard by this listener'),
+            *(
+                (
+                    f'memory of {name}',
+                    f'{start:.1f} MB after the first round, {end:.1f} MB at the end',
+                )
+                for name, (start, end) in self.memory.items()
+            ),
+        ]
 
 
 @dataclass(frozen=True)
@@ -120,20 +129,34 @@ class Outcome:
         figures, recording = self.figures, self.recording
         cycles = int(figures.get('cycles', 0))
         waited = sum(int(figures.get(name, 0)) for name in ('late', 'missed', 'cycles waited for'))
-        share, stood = 1.0 - waited / max(cycles, 1), float(figures.get('clock stood still [s]', 0.0))
+        share, stood = (
+            1.0 - waited / max(cycles, 1),
+            float(figures.get('clock stood still [s]', 0.0)),
+        )
         begun, end, peak = 0, 0.0, {}
         if len(recording.data):
             begun, end = int(recording['segment'].max()), recording['t'][-1]
-            peak = {name: recording.peak(f'joint_{name}_norm') for name in ('acceleration', 'velocity', 'torque')}
+            peak = {
+                name: recording.peak(f'joint_{name}_norm')
+                for name in ('acceleration', 'velocity', 'torque')
+            }
         lines = [
             ('task', 'finished' if self.succeeded else 'NOT finished'),
             ('robot', f'stopped: {self.stop_reason}' if self.stop_reason else 'not stopped'),
             ('session states', ' > '.join(self.states)),
             ('segments begun', f'{begun} in {end:.3f} s'),
             ('error at the end', f'{1e3 * self.final_error:.3f} mm'),
-            *((f'largest joint {name}', f'{value:.3f} at {t:.3f} s') for name, (value, t) in peak.items()),
+            *(
+                (f'largest joint {name}', f'{value:.3f} at {t:.3f} s')
+                for name, (value, t) in peak.items()
+            ),
             ('cycles', f'{cycles}, of which {cycles - waited} were answered in time ({share:.1%})'),
-            ('of the others', ', '.join(f'{figures.get(name, 0)} {name}' for name in ('late', 'missed', 'bridged'))),
+            (
+                'of the others',
+                ', '.join(
+                    f'{figures.get(name, 0)} {name}' for name in ('late', 'missed', 'bridged')
+                ),
+            ),
             ("robot's clock", f'stood still for {stood:.3f} s, waiting for late answers'),
             *(self.endurance.lines if self.endurance else ()),
         ]
@@ -149,7 +172,10 @@ class Demo:
     def __init__(self, options: DemoOptions, task: Task, out: Path) -> None:
         self._options, self._task, self._out = options, task, out
         check_parameters(ControllerParameters(rate=options.rate))
-        self.model, self._T = RobotModel.named(task.robot, dynamics=options.dynamics), 1.0 / options.rate
+        self.model, self._T = (
+            RobotModel.named(task.robot, dynamics=options.dynamics),
+            1.0 / options.rate,
+        )
         self._laws = [(0, self._make_law(options.law))]  # stamp [ns] from which each is in force
         for law, _ in options.switches:
             self._make_law(law)
@@ -176,23 +202,39 @@ class Demo:
     def _processes(self) -> Iterator[None]:
         """The sim ends first: to be left alone by the controller would be a fault of its connection."""
         options = self._options
-        shared = {'lockstep': options.lockstep, 'rate': options.rate, 'robot': self._task.robot,
-                  'dynamics': options.dynamics, **options.parameters}
+        shared = {
+            'lockstep': options.lockstep,
+            'rate': options.rate,
+            'robot': self._task.robot,
+            'dynamics': options.dynamics,
+            **options.parameters,
+        }
         if options.lockstep:
             # Nobody keeps time, and the first state waits for the planner.
             shared['state_timeout'] = START_PATIENCE / 10.0
         sim = {'start': tuple(self._task.start.tolist())}
         sim |= {'monitor_time': 0.0} if options.lockstep else {'patience': CLOCK_PATIENCE}
-        own = {'sim': sim,
-               'controller': {'law': options.law, 'damping': options.damping}, 'planner': {'task': options.task}}
+        own = {
+            'sim': sim,
+            'controller': {'law': options.law, 'damping': options.damping},
+            'planner': {'task': options.task},
+        }
         if options.composed:
-            own = {'composed': {key: value for parameters in own.values() for key, value in parameters.items()}}
+            own = {
+                'composed': {
+                    key: value for parameters in own.values() for key, value in parameters.items()
+                }
+            }
         try:
             for name, parameters in own.items():
-                self._nodes.append(NodeProcess(name, self._out / f'{name}.log', {**shared, **parameters}))
+                self._nodes.append(
+                    NodeProcess(name, self._out / f'{name}.log', {**shared, **parameters})
+                )
             yield
         finally:
-            handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C must not leave a process behind
+            handler = signal.signal(
+                signal.SIGINT, signal.SIG_IGN
+            )  # a second Ctrl-C must not leave a process behind
             for node in self._nodes:
                 node.end()
             signal.signal(signal.SIGINT, handler)
@@ -202,17 +244,23 @@ class Demo:
         while not self._ready(recorder):
             self._check(recorder)
             if time.monotonic() > until:
-                raise DemoError(f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log')
+                raise DemoError(
+                    f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log'
+                )
             time.sleep(_LOOK)
 
     def _ready(self, recorder: Recorder) -> bool:
         """Whether the task may begin: the robot is in command mode, or, in lock-step, waits for its first answer."""
         if self._options.lockstep:
             topics = ('joint_states', 'joint_command', 'cartesian_velocity')
-            return bool(recorder.log.states) and all(recorder.count_publishers(topic) for topic in topics)
+            return bool(recorder.log.states) and all(
+                recorder.count_publishers(topic) for topic in topics
+            )
         # The recorder may find a node later than the nodes find each other; what it would miss is the beginning.
         heard = bool(recorder.log.states and recorder.log.commands)
-        return heard and any(state in COMMANDING for state in recorder.words['sim/session_state'][-1:])
+        return heard and any(
+            state in COMMANDING for state in recorder.words['sim/session_state'][-1:]
+        )
 
     def _follow(self, recorder: Recorder, progress: Callable[[float], None]) -> None:
         """Until the task is finished, the robot is stopped, or the task should have been finished long ago."""
@@ -240,11 +288,18 @@ class Demo:
             while len(recorder.words['planner/state']) == words:  # until it moves again
                 self._check(recorder)
                 time.sleep(_LOOK)
-            self._follow(recorder, lambda _: progress(min((recorder.newest - begun) / 1e9 / duration, 1.0)))
+            self._follow(
+                recorder, lambda _: progress(min((recorder.newest - begun) / 1e9 / duration, 1.0))
+            )
             rounds += 1
         sent = round((recorder.newest - start) / 1e9 / self._T) + 1
-        return Endurance(rounds, (recorder.newest - begun) / 1e9, sent, recorder.states_heard,
-                         {node.name: (before[node.name], node.memory) for node in self._nodes})
+        return Endurance(
+            rounds,
+            (recorder.newest - begun) / 1e9,
+            sent,
+            recorder.states_heard,
+            {node.name: (before[node.name], node.memory) for node in self._nodes},
+        )
 
     def _await_stamp(self, recorder: Recorder) -> None:
         """Until the robot has said when it stopped, which it does with its next diagnostics."""
@@ -261,11 +316,22 @@ class Demo:
         for node in self._nodes:
             node.check()
         if recorder.newest and time.monotonic() - recorder.heard > SILENCE:
-            raise DemoError(f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log')
+            raise DemoError(
+                f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
+            )
 
-    def _outcome(self, recorder: Recorder, log: Log, begun: int, endurance: Endurance | None) -> Outcome:
+    def _outcome(
+        self, recorder: Recorder, log: Log, begun: int, endurance: Endurance | None
+    ) -> Outcome:
         reason = recorder.words['sim/stop_reason'][-1] if recorder.stopped else ''
         log = log.until(recorder.stopped_at or None)
         recording = replay(log, begun, self.model, self._task, self._laws, self._T, reason)
-        return Outcome(recording, self._laws[0][1], reason, tuple(recorder.words['sim/session_state']),
-                       recorder.final_error(self.model, self._task), recorder.figures, endurance)
+        return Outcome(
+            recording,
+            self._laws[0][1],
+            reason,
+            tuple(recorder.words['sim/session_state']),
+            recorder.final_error(self.model, self._task),
+            recorder.figures,
+            endurance,
+        )

@@ -17,7 +17,12 @@ from typing import IO, Any
 from redres_ros.errors import RedresError
 from redres_ros.nodes.runtime import PARENT
 
-_ELSEWHERE = ('ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY', 'ROS_DISCOVERY_SERVER', 'FASTRTPS_DEFAULT_PROFILES_FILE')
+_ELSEWHERE = (
+    'ROS_STATIC_PEERS',
+    'ROS_LOCALHOST_ONLY',
+    'ROS_DISCOVERY_SERVER',
+    'FASTRTPS_DEFAULT_PROFILES_FILE',
+)
 _DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 
@@ -61,7 +66,9 @@ def _free_domain() -> tuple[IO[bytes], int]:
         lock = _claim(domain)
         if lock and not _in_use(domain):
             return lock, domain
-    raise GraphError(f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine')
+    raise GraphError(
+        f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine'
+    )
 
 
 def _claim(domain: int) -> IO[bytes] | None:
@@ -90,15 +97,31 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: whoever started it ends it. What it prints goes to the file log.
     """
 
-    def __init__(self, name: str, log: Path, parameters: Mapping[str, Any], namespace: str = '') -> None:
+    def __init__(
+        self, name: str, log: Path, parameters: Mapping[str, Any], namespace: str = ''
+    ) -> None:
         self.name, self._log = name, log
-        arguments = [argument for key, value in parameters.items() for argument in ('-p', f'{key}:={_yaml(value)}')]
+        arguments = [
+            argument
+            for key, value in parameters.items()
+            for argument in ('-p', f'{key}:={_yaml(value)}')
+        ]
         arguments += ['-r', f'__ns:=/{namespace}'] if namespace else []
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}', '--ros-args', *arguments],
-                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
-                env={**os.environ, PARENT: str(os.getpid())})
+                [
+                    sys.executable,
+                    '-m',
+                    f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}',
+                    '--ros-args',
+                    *arguments,
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env={**os.environ, PARENT: str(os.getpid())},
+            )
 
     @property
     def pid(self) -> int:
@@ -109,7 +132,11 @@ class NodeProcess:
     def memory(self) -> float:
         """Memory in use, [MB], that is resident; NaN once it has ended."""
         try:
-            return int(Path(f'/proc/{self.pid}/statm').read_text().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 1e6
+            return (
+                int(Path(f'/proc/{self.pid}/statm').read_text().split()[1])
+                * os.sysconf('SC_PAGE_SIZE')
+                / 1e6
+            )
         except (OSError, IndexError):
             return math.nan
 
@@ -149,5 +176,5 @@ def _yaml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_yaml, value))}]"
+        return f'[{", ".join(map(_yaml, value))}]'
     return repr(float(value)) if isinstance(value, float) else str(value)

@@ -29,7 +29,11 @@ class Recorder(Node):
         self.states_heard = 0
         self.newest = 0  # stamp [ns] of the newest state
         self.heard = time.monotonic()  # when that came
-        self.words: dict[str, list[str]] = {'sim/session_state': [], 'sim/stop_reason': [], 'planner/state': []}
+        self.words: dict[str, list[str]] = {
+            'sim/session_state': [],
+            'sim/stop_reason': [],
+            'planner/state': [],
+        }
         self.figures: dict[str, str] = {}  # the sim's newest diagnostics
         self._planner_figures: dict[str, str] = {}
         self._first_twist = 0  # stamp [ns] of the first one heard
@@ -38,7 +42,9 @@ class Recorder(Node):
         self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, EVERYTHING)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, EVERYTHING)
         for topic, heard in self.words.items():
-            self.create_subscription(String, topic, lambda message, heard=heard: heard.append(message.data), LATCHED)
+            self.create_subscription(
+                String, topic, lambda message, heard=heard: heard.append(message.data), LATCHED
+            )
 
     @property
     def stopped(self) -> bool:
@@ -62,7 +68,9 @@ class Recorder(Node):
 
     def final_error(self, model: RobotModel, task: Task) -> float:
         """Distance from the tip to the last point at the newest state [m]."""
-        return float(np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1]))
+        return float(
+            np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1])
+        )
 
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)

@@ -26,12 +26,21 @@ class Log:
         """What was before a stamp [ns]; all of it for None."""
         if stamp is None:
             return self
-        return Log({at: q for at, q in self.states.items() if at < stamp},
-                   {at: c for at, c in self.commands.items() if at < stamp})
+        return Log(
+            {at: q for at, q in self.states.items() if at < stamp},
+            {at: c for at, c in self.commands.items() if at < stamp},
+        )
 
 
-def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[tuple[int, Law]], T: float,
-           ending: str) -> Recording:
+def replay(
+    log: Log,
+    begun: int,
+    model: RobotModel,
+    task: Task,
+    laws: Sequence[tuple[int, Law]],
+    T: float,
+    ending: str,
+) -> Recording:
     """The table from the stamp `begun` [ns], at which the planner began, until the last point was reached.
 
     laws: (stamp from which it was in force, law), oldest first. Figures of a state that was recorded without its
@@ -47,8 +56,14 @@ def replay(log: Log, begun: int, model: RobotModel, task: Task, laws: Sequence[t
             finished = reference.finished
             law = next(law for since, law in reversed(laws) if since <= stamp or law is laws[0][1])
             if not finished:
-                elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T  # more than T where a cycle was missed
-                null = partial(project, state.J, dq, law.weight(state))  # P_W dq = P_W b, because P_W J_W^# = 0
-                rows.append(row((stamp - begun) / 1e9, Command(dq, q_ref, null, state, elapsed), reference))
+                elapsed = (
+                    (stamp - stamp_prev) / 1e9 if stamp_prev else T
+                )  # more than T where a cycle was missed
+                null = partial(
+                    project, state.J, dq, law.weight(state)
+                )  # P_W dq = P_W b, because P_W J_W^# = 0
+                rows.append(
+                    row((stamp - begun) / 1e9, Command(dq, q_ref, null, state, elapsed), reference)
+                )
         dq_prev, stamp_prev = dq, stamp
     return Recording.of(rows, model.n, T, finished, ending)

@@ -40,9 +40,16 @@ class Watch(Node):
         super().__init__('watch')
         self._values: dict[str, Any] = {}
         topics = [(kind, topic, NEWEST) for topic, (kind, *_) in _NUMBERS.items()]
-        for kind, topic, quality in (*topics, *((String, topic, LATCHED) for topic in _LATCHED_WORDS)):
-            self.create_subscription(kind, topic, lambda message, topic=topic: self._keep(topic, message.data), quality)
-        self.create_subscription(String, 'controller/law', lambda message: self._keep('law', message.data), NEWEST)
+        for kind, topic, quality in (
+            *topics,
+            *((String, topic, LATCHED) for topic in _LATCHED_WORDS),
+        ):
+            self.create_subscription(
+                kind, topic, lambda message, topic=topic: self._keep(topic, message.data), quality
+            )
+        self.create_subscription(
+            String, 'controller/law', lambda message: self._keep('law', message.data), NEWEST
+        )
         self.create_subscription(PoseStamped, 'controller/tip_pose', self._on_pose, NEWEST)
 
     @property
@@ -57,8 +64,10 @@ class Watch(Node):
             table.add_row(escape(label), escape(str(self._values.get(topic, '-'))))
         for topic, (_, label, unit, factor) in _NUMBERS.items():
             value = self._values.get(topic)
-            table.add_row(escape(f'{label} [{unit}]' if unit else label),
-                          '-' if value is None else f'{value * factor:.4g}')
+            table.add_row(
+                escape(f'{label} [{unit}]' if unit else label),
+                '-' if value is None else f'{value * factor:.4g}',
+            )
         return table
 
     def _keep(self, name: str, value: Any) -> None:

@@ -43,7 +43,9 @@ class Follower:
         """Move on to `command` (n,) [rad], which is `step` (n,) [rad] beyond the command before."""
         change = CATCH_UP * self._max_change  # (n,)
         # A lag d is closed at sqrt(a d), a braking curve at half of the a that the ramp allows: so it is not overshot.
-        wanted = np.copysign(np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag))), self._lag)
+        wanted = np.copysign(
+            np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag))), self._lag
+        )
         closing = self._closing + _bounded(wanted - self._closing, change)
         self._move(command - (self._lag - closing))
         self._closing = self._step - step

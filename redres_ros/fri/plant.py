@@ -47,15 +47,26 @@ class IdealPlant:
 class MujocoSettings:
     """The simulated arm below the level of the reference."""
 
-    plant_step: float = param(0.0005, 'simulation step, of which the cycle must be a whole multiple [s]', 1e-5, 0.01)
-    servo_bandwidth: float = param(100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0)
-    joint_friction: bool = param(False, 'leave joint friction to the servos, as if no joint torque loop took it out')
+    plant_step: float = param(
+        0.0005, 'simulation step, of which the cycle must be a whole multiple [s]', 1e-5, 0.01
+    )
+    servo_bandwidth: float = param(
+        100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0
+    )
+    joint_friction: bool = param(
+        False, 'leave joint friction to the servos, as if no joint torque loop took it out'
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)
         if not self.servo_bandwidth * self.plant_step <= 0.5:
-            raise RangeError('servo_bandwidth', self.servo_bandwidth, 1.0, 0.5 / self.plant_step,
-                             f'rad/s at a step of {self.plant_step:g} s')
+            raise RangeError(
+                'servo_bandwidth',
+                self.servo_bandwidth,
+                1.0,
+                0.5 / self.plant_step,
+                f'rad/s at a step of {self.plant_step:g} s',
+            )
 
 
 class MujocoPlant:
@@ -78,7 +89,9 @@ class MujocoPlant:
     UnknownNameError if it lacks the tip frame, ArrayError or RangeError for q0.
     """
 
-    def __init__(self, arm: Arm, period: float, q0: np.ndarray, settings: MujocoSettings | None = None) -> None:
+    def __init__(
+        self, arm: Arm, period: float, q0: np.ndarray, settings: MujocoSettings | None = None
+    ) -> None:
         settings = settings or MujocoSettings()
         self._substeps = _whole_steps(period, settings.plant_step)
         self._model = _servo_model(arm, settings)
@@ -109,13 +122,17 @@ class MujocoPlant:
     def push(self, force: np.ndarray) -> None:
         """Push the tip, where it is now, with a force (3,) [N] in the base frame until the next call or `reset`."""
         data, tip = self._data, self._tip
-        data.xfrc_applied[tip, :3] = force  # at the body's centre of mass: it takes a torque to have it at the tip
+        data.xfrc_applied[tip, :3] = (
+            force  # at the body's centre of mass: it takes a torque to have it at the tip
+        )
         data.xfrc_applied[tip, 3:] = np.cross(data.xpos[tip] - data.xipos[tip], force)
 
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the joint limits."""
         q = _finite_vector(q, self._model.nq, 'q')
-        for name, value, lower, upper in zip(self.joint_names, q, *_joint_range(self._model, np.inf), strict=True):
+        for name, value, lower, upper in zip(
+            self.joint_names, q, *_joint_range(self._model, np.inf), strict=True
+        ):
             if not lower <= value <= upper:
                 raise RangeError(name, value, lower, upper, 'rad')
         mujoco.mj_resetData(self._model, self._data)
@@ -163,7 +180,12 @@ def _load(arm: Arm) -> mujoco.MjSpec:
     for shape in (*spec.geoms, *spec.meshes):
         spec.delete(shape)
     compiler = spec.compiler
-    compiler.fusestatic, compiler.balanceinertia, compiler.boundmass, compiler.boundinertia = False, False, 0.0, 0.0
+    compiler.fusestatic, compiler.balanceinertia, compiler.boundmass, compiler.boundinertia = (
+        False,
+        False,
+        0.0,
+        0.0,
+    )
     if arm.armature:
         for joint, armature in zip(spec.joints, arm.armature, strict=True):
             joint.armature = armature
@@ -174,13 +196,15 @@ def _compile(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
     try:
         return spec.compile()
     except ValueError as error:
-        raise FileError(f"MuJoCo cannot use {arm.urdf}: {' '.join(str(error).split())}") from None
+        raise FileError(f'MuJoCo cannot use {arm.urdf}: {" ".join(str(error).split())}') from None
 
 
 def _tip_body(model: mujoco.MjModel, arm: Arm) -> int:
     tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, arm.tip_frame)
     if tip < 0:
-        raise UnknownNameError('frame', arm.tip_frame, [model.body(b).name for b in range(model.nbody)])
+        raise UnknownNameError(
+            'frame', arm.tip_frame, [model.body(b).name for b in range(model.nbody)]
+        )
     return tip
 
 
@@ -190,17 +214,29 @@ def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
     ctrl is dq_r for both; the position actuators integrate it to q_r, their activation, so a cycle is one call into C.
     """
     spec = _load(arm)
-    spec.option.timestep, spec.option.integrator = settings.plant_step, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # whatever goes wrong, an arm cannot jump to zero
+    spec.option.timestep, spec.option.integrator = (
+        settings.plant_step,
+        mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    )
+    spec.option.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    )  # whatever goes wrong, an arm cannot jump to zero
     for body in spec.bodies:
         body.gravcomp = 1.0
     for joint in spec.joints:
         joint.actgravcomp = True  # counts as the motor's, towards the effort limit
-        joint.solref_limit = 4.0 * settings.plant_step, 1.0  # a hard stop: by default a light arm gets degrees past it
+        joint.solref_limit = (
+            4.0 * settings.plant_step,
+            1.0,
+        )  # a hard stop: by default a light arm gets degrees past it
     for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
         for joint in spec.joints:
-            spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, dyntype=dynamics,
-                              biastype=mujoco.mjtBias.mjBIAS_AFFINE)
+            spec.add_actuator(
+                target=joint.name,
+                trntype=mujoco.mjtTrn.mjTRN_JOINT,
+                dyntype=dynamics,
+                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            )
     model = _compile(spec, arm)
     if not settings.joint_friction:
         model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
@@ -242,8 +278,10 @@ def _inertia(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 def _whole_steps(period: float, step: float) -> int:
     steps = round(period / step)
     if not (steps >= 1 and abs(period / step - steps) < 1e-6 * steps):
-        raise RedresError(f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not a whole '
-                          f'number of plant steps of {1e3 * step:g} ms')
+        raise RedresError(
+            f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not a whole '
+            f'number of plant steps of {1e3 * step:g} ms'
+        )
     return steps
 
 

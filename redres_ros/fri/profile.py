@@ -68,35 +68,50 @@ LWR_FRI1 = Profile(
     name='lwr_fri1',
     states=(State.MON, State.CMD),
     commanding=State.CMD,
-    transitions=MappingProxyType({
-        (State.MON, Event.FIRST_COMMAND): State.CMD,
-        (State.CMD, Event.SILENCE): State.MON,
-        (State.CMD, Event.FAULT): State.MON,
-        (State.CMD, Event.RESET): State.MON,
-    }),
+    transitions=MappingProxyType(
+        {
+            (State.MON, Event.FIRST_COMMAND): State.CMD,
+            (State.CMD, Event.SILENCE): State.MON,
+            (State.CMD, Event.FAULT): State.MON,
+            (State.CMD, Event.RESET): State.MON,
+        }
+    ),
     thresholds=MappingProxyType(THRESHOLDS),
     entry=Quality.PERFECT,
     lowest=Quality.BAD,
 )
 
-_OPEN = (State.MONITORING_WAIT, State.MONITORING_READY, State.COMMANDING_WAIT, State.COMMANDING_ACTIVE)
+_OPEN = (
+    State.MONITORING_WAIT,
+    State.MONITORING_READY,
+    State.COMMANDING_WAIT,
+    State.COMMANDING_ACTIVE,
+)
 
 SUNRISE = Profile(
     name='sunrise',
     states=(State.IDLE, *_OPEN),
     commanding=State.COMMANDING_ACTIVE,
-    transitions=MappingProxyType({
-        (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,  # any answer opens the session
-        (State.IDLE, Event.GOOD_TIMING): State.MONITORING_WAIT,
-        (State.IDLE, Event.LONG_GOOD_TIMING): State.MONITORING_WAIT,
-        (State.MONITORING_WAIT, Event.GOOD_TIMING): State.MONITORING_READY,
-        (State.MONITORING_WAIT, Event.LONG_GOOD_TIMING): State.MONITORING_READY,
-        (State.MONITORING_READY, Event.LONG_GOOD_TIMING): State.COMMANDING_WAIT,  # the robot's program wants commands
-        (State.COMMANDING_WAIT, Event.FIRST_COMMAND): State.COMMANDING_ACTIVE,
-        **{(state, Event.SILENCE): State.IDLE for state in _OPEN},
-        **{(state, event): State.MONITORING_WAIT for state in _OPEN
-           for event in (Event.POOR_TIMING, Event.FAULT, Event.RESET)},
-    }),
+    transitions=MappingProxyType(
+        {
+            (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,  # any answer opens the session
+            (State.IDLE, Event.GOOD_TIMING): State.MONITORING_WAIT,
+            (State.IDLE, Event.LONG_GOOD_TIMING): State.MONITORING_WAIT,
+            (State.MONITORING_WAIT, Event.GOOD_TIMING): State.MONITORING_READY,
+            (State.MONITORING_WAIT, Event.LONG_GOOD_TIMING): State.MONITORING_READY,
+            (
+                State.MONITORING_READY,
+                Event.LONG_GOOD_TIMING,
+            ): State.COMMANDING_WAIT,  # the robot's program wants commands
+            (State.COMMANDING_WAIT, Event.FIRST_COMMAND): State.COMMANDING_ACTIVE,
+            **{(state, Event.SILENCE): State.IDLE for state in _OPEN},
+            **{
+                (state, event): State.MONITORING_WAIT
+                for state in _OPEN
+                for event in (Event.POOR_TIMING, Event.FAULT, Event.RESET)
+            },
+        }
+    ),
     thresholds=MappingProxyType(SUNRISE_THRESHOLDS),
     entry=SunriseQuality.GOOD,
     lowest=SunriseQuality.GOOD,

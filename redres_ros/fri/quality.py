@@ -69,12 +69,22 @@ class Threshold:
         bound = getattr(self, name)
         if name in ('latency', 'jitter'):
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
-        return f"{name.replace('_', ' ')} {value:.0%}, {'needed' if name == 'answer_rate' else 'allowed'} {bound:.0%}"
+        return f'{name.replace("_", " ")} {value:.0%}, {"needed" if name == "answer_rate" else "allowed"} {bound:.0%}'
 
 
-PERFECT = Threshold(answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0)  # ours: KUKA's are not public
+PERFECT = Threshold(
+    answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0
+)  # ours: KUKA's are not public
 OK = Threshold(answer_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
 BAD = Threshold(answer_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
 
-THRESHOLDS = {Quality.PERFECT: PERFECT, Quality.OK: OK, Quality.BAD: BAD}  # best first; the worst asks for nothing
-SUNRISE_THRESHOLDS = {SunriseQuality.EXCELLENT: PERFECT, SunriseQuality.GOOD: OK, SunriseQuality.FAIR: BAD}
+THRESHOLDS = {
+    Quality.PERFECT: PERFECT,
+    Quality.OK: OK,
+    Quality.BAD: BAD,
+}  # best first; the worst asks for nothing
+SUNRISE_THRESHOLDS = {
+    SunriseQuality.EXCELLENT: PERFECT,
+    SunriseQuality.GOOD: OK,
+    SunriseQuality.FAIR: BAD,
+}

@@ -19,13 +19,21 @@ import numpy as np
 from redres_ros.errors import RedresError
 from redres_ros.robots import Arm
 
-BACKENDS = ('egl', 'osmesa')  # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
+BACKENDS = (
+    'egl',
+    'osmesa',
+)  # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
 TIME_LIMIT = 120.0  # [s] for all pictures of a film
-AZIMUTH, ELEVATION = 28.0, -14.0  # [deg] where the camera looks: from the base frame's x towards y, from the horizontal
+AZIMUTH, ELEVATION = (
+    28.0,
+    -14.0,
+)  # [deg] where the camera looks: from the base frame's x towards y, from the horizontal
 
 _SIZE = 480, 600  # width and height [pixels]
 _LOOK_AT, _DISTANCE = (-0.2, 0.0, 0.49), 2.12  # [m]
-_FLOOR = -0.3  # [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
+_FLOOR = (
+    -0.3
+)  # [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
 _SPARE = 100  # shapes that MuJoCo may add of its own, such as lights and frames
 _BLACK, _BLUE, _RED = (0.05, 0.05, 0.05, 1.0), (0.12, 0.47, 0.71, 1.0), (0.84, 0.15, 0.16, 1.0)
 _LINE, _POINT = 0.007, 0.022  # radii [m]
@@ -55,24 +63,39 @@ def render(arm: Arm, film: Film) -> np.ndarray:
     failures = []
     with tempfile.TemporaryDirectory() as directory:
         job, pictures = Path(directory, 'job.npz'), Path(directory, 'pictures.npy')
-        np.savez(job, urdf=np.array(arm.description()), tip_frame=np.array(arm.tip_frame), **vars(film))
+        np.savez(
+            job, urdf=np.array(arm.description()), tip_frame=np.array(arm.tip_frame), **vars(film)
+        )
         for backend in (os.environ['MUJOCO_GL'],) if os.environ.get('MUJOCO_GL') else BACKENDS:
             failure = _draw_elsewhere(backend, job, pictures)
             if not failure:
                 return np.load(pictures)
             failures.append(f'{backend}: {failure}')
-    raise RenderError(f"MuJoCo cannot draw off screen here ({'; '.join(failures)}); "
-                      'it needs a GL library such as libegl1 or libosmesa6')
+    raise RenderError(
+        f'MuJoCo cannot draw off screen here ({"; ".join(failures)}); '
+        'it needs a GL library such as libegl1 or libosmesa6'
+    )
 
 
 def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
     """Draw in another process; why that failed, empty if it did not."""
-    environment = {**os.environ, 'MUJOCO_GL': backend, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
+    environment = {
+        **os.environ,
+        'MUJOCO_GL': backend,
+        'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
+    }
     environment.pop('PYOPENGL_PLATFORM', None)  # MuJoCo sets it to go with MUJOCO_GL
     try:
-        done = subprocess.run([sys.executable, '-m', __spec__.name, job, pictures], env=environment, check=False,
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, errors='replace',
-                              timeout=TIME_LIMIT)
+        done = subprocess.run(
+            [sys.executable, '-m', __spec__.name, job, pictures],
+            env=environment,
+            check=False,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors='replace',
+            timeout=TIME_LIMIT,
+        )
     except subprocess.TimeoutExpired:
         return f'took longer than {TIME_LIMIT:g} s'
     except OSError as error:
@@ -99,7 +122,7 @@ def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int
     mujoco.mj_forward(renderer.model, data)
     renderer.update_scene(data, _camera())
     for path, colour in ((film.tip, _BLACK), (film.elbow, _BLUE)):
-        traced = path[:round(film.traced[frame] * len(path))]
+        traced = path[: round(film.traced[frame] * len(path))]
         for start, end in pairwise(traced):
             line = _add_shape(renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, _LINE, start, colour)
             mujoco.mjv_connector(line, line.type, _LINE, start, end)
@@ -108,11 +131,23 @@ def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int
     return renderer.render().copy()
 
 
-def _add_shape(scene: mujoco.MjvScene, shape: mujoco.mjtGeom, radius: float, place: np.ndarray,
-               colour: Iterable[float]) -> mujoco.MjvGeom:
+def _add_shape(
+    scene: mujoco.MjvScene,
+    shape: mujoco.mjtGeom,
+    radius: float,
+    place: np.ndarray,
+    colour: Iterable[float],
+) -> mujoco.MjvGeom:
     """A shape of this picture alone, without a shadow."""
     geom = scene.geoms[scene.ngeom]
-    mujoco.mjv_initGeom(geom, shape, np.full(3, radius), place, np.eye(3).ravel(), np.array(colour, dtype=np.float32))
+    mujoco.mjv_initGeom(
+        geom,
+        shape,
+        np.full(3, radius),
+        place,
+        np.eye(3).ravel(),
+        np.array(colour, dtype=np.float32),
+    )
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
     scene.ngeom += 1
     return geom
@@ -120,7 +155,12 @@ def _add_shape(scene: mujoco.MjvScene, shape: mujoco.mjtGeom, radius: float, pla
 
 def _camera() -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = _LOOK_AT, _DISTANCE, AZIMUTH, ELEVATION
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (
+        _LOOK_AT,
+        _DISTANCE,
+        AZIMUTH,
+        ELEVATION,
+    )
     return camera
 
 
@@ -137,23 +177,54 @@ def _scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
 
 def _add_tool(tip: mujoco.MjsBody) -> None:
     if np.linalg.norm(tip.pos) > 1e-3:
-        tip.parent.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=(0.0, 0.0, 0.0, *tip.pos),
-                            size=(0.011, 0.0, 0.0), rgba=(0.25, 0.26, 0.28, 1.0), material='paint')
+        tip.parent.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=(0.0, 0.0, 0.0, *tip.pos),
+            size=(0.011, 0.0, 0.0),
+            rgba=(0.25, 0.26, 0.28, 1.0),
+            material='paint',
+        )
 
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
     world, shape = spec.worldbody, mujoco.mjtGeom
-    spec.add_texture(name='sky', type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-                     rgb1=(1.0, 1.0, 1.0), rgb2=(0.86, 0.91, 0.96), width=64, height=64)
-    spec.add_texture(name='tiles', type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-                     rgb1=(0.93, 0.94, 0.95), rgb2=(0.88, 0.89, 0.91), width=256, height=256)
+    spec.add_texture(
+        name='sky',
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(1.0, 1.0, 1.0),
+        rgb2=(0.86, 0.91, 0.96),
+        width=64,
+        height=64,
+    )
+    spec.add_texture(
+        name='tiles',
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=(0.93, 0.94, 0.95),
+        rgb2=(0.88, 0.89, 0.91),
+        width=256,
+        height=256,
+    )
     tiles = spec.add_material(name='tiles', reflectance=0.0, texrepeat=(2.0, 2.0), texuniform=True)
     tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = 'tiles'
-    world.add_geom(type=shape.mjGEOM_PLANE, pos=(0.0, 0.0, _FLOOR), size=(0.0, 0.0, 0.1), material='tiles')
-    world.add_geom(type=shape.mjGEOM_CYLINDER, fromto=(0.0, 0.0, _FLOOR, 0.0, 0.0, 0.0), size=(0.1, 0.0, 0.0),
-                   rgba=(0.6, 0.62, 0.65, 1.0))
-    world.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(-1.8, 0.6, 3.0), dir=(0.5, -0.17, -0.85),
-                    diffuse=(0.6, 0.6, 0.6), specular=(0.4, 0.4, 0.4), castshadow=True)
+    world.add_geom(
+        type=shape.mjGEOM_PLANE, pos=(0.0, 0.0, _FLOOR), size=(0.0, 0.0, 0.1), material='tiles'
+    )
+    world.add_geom(
+        type=shape.mjGEOM_CYLINDER,
+        fromto=(0.0, 0.0, _FLOOR, 0.0, 0.0, 0.0),
+        size=(0.1, 0.0, 0.0),
+        rgba=(0.6, 0.62, 0.65, 1.0),
+    )
+    world.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=(-1.8, 0.6, 3.0),
+        dir=(0.5, -0.17, -0.85),
+        diffuse=(0.6, 0.6, 0.6),
+        specular=(0.4, 0.4, 0.4),
+        castshadow=True,
+    )
     spec.stat.extent, spec.stat.center = 1.4, _LOOK_AT
     visual = spec.visual
     visual.headlight.ambient[:], visual.headlight.diffuse[:] = 0.4, 0.3

@@ -71,8 +71,10 @@ class FriRobot:
 
     def __init__(self, plant: Plant, guard: Guard, session: Session) -> None:
         if not plant.period == guard.period == session.period:
-            raise RedresError(f'plant, guard and session have cycles of {plant.period:g}, {guard.period:g} and '
-                              f'{session.period:g} s; they must be the same')
+            raise RedresError(
+                f'plant, guard and session have cycles of {plant.period:g}, {guard.period:g} and '
+                f'{session.period:g} s; they must be the same'
+            )
         if plant.joint_names != guard.limits.joint_names:
             raise JointNamesError(plant.joint_names, guard.limits.joint_names)
         self.session = session
@@ -150,11 +152,15 @@ class FriRobot:
 
     def _refusal(self, answer: Answer) -> Refused | None:
         if not 0 <= answer.tick < self._tick:
-            return self._refuse(Refusal.NO_STATE, answer, f'expected one from 0 to {self._tick - 1}')
+            return self._refuse(
+                Refusal.NO_STATE, answer, f'expected one from 0 to {self._tick - 1}'
+            )
         if answer.tick < self._tick - 1 - WINDOW:
             return self._refuse(Refusal.OUT_OF_DATE, answer, f'more than {WINDOW} cycles late')
         if answer.tick < self._course.tick:
-            return self._refuse(Refusal.OUT_OF_ORDER, answer, f'after one to tick {self._course.tick}')
+            return self._refuse(
+                Refusal.OUT_OF_ORDER, answer, f'after one to tick {self._course.tick}'
+            )
         return self._guard.refusal(np.asarray(answer.q))
 
     def _refuse(self, kind: Refusal, answer: Answer, why: str) -> Refused:
@@ -165,7 +171,10 @@ class FriRobot:
         command = self._course.q
         self.session.offer(float(np.abs(command - self._follower.reference).max()))
         if self.session.commanding:
-            self._course, self._command = _Course(self._course.tick, command, np.zeros_like(command)), command
+            self._course, self._command = (
+                _Course(self._course.tick, command, np.zeros_like(command)),
+                command,
+            )
             self._follower.begin(command)
             self._guard.begin()
 

@@ -15,10 +15,18 @@ from redres_ros.parameter import check_parameters, param
 class SessionSettings:
     """When command mode is given and when it is taken away. KUKA's figures are not public: the defaults are ours."""
 
-    profile: str = param(LWR_FRI1.name, "kind of FRI session: the LWR's, or that of Sunrise", choices=tuple(PROFILES))
-    monitor_time: float = param(0.5, 'good timing needed before command mode; 0: as soon as possible [s]', 0.0, 60.0)
-    bridged_misses: int = param(5, 'cycles in a row without an answer that are bridged by extrapolation', 0, 100)
-    entry_tolerance: float = param(0.01, 'how far the first command may be from the mirrored position [rad]', 0.0, 1.0)
+    profile: str = param(
+        LWR_FRI1.name, "kind of FRI session: the LWR's, or that of Sunrise", choices=tuple(PROFILES)
+    )
+    monitor_time: float = param(
+        0.5, 'good timing needed before command mode; 0: as soon as possible [s]', 0.0, 60.0
+    )
+    bridged_misses: int = param(
+        5, 'cycles in a row without an answer that are bridged by extrapolation', 0, 100
+    )
+    entry_tolerance: float = param(
+        0.01, 'how far the first command may be from the mirrored position [rad]', 0.0, 1.0
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -38,7 +46,10 @@ class Session:
         self._connection = Connection(period, self._profile.thresholds)
         self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
         self._good_cycles, self._bridged = 0, 0
-        self._refusals, self._refused = Counter[Refusal](), ''  # and the last one in words, if no answer came since
+        self._refusals, self._refused = (
+            Counter[Refusal](),
+            '',
+        )  # and the last one in words, if no answer came since
         self._state, self._reason = self._profile.states[0], ''
 
     @property
@@ -89,8 +100,12 @@ class Session:
     @property
     def ready(self) -> bool:
         """Whether a command of this cycle could be the first: good timing for long enough, nothing against it."""
-        return (self._profile.awaits_command(self._state) and not self._reason and self._connection.age == 0
-                and self._good_cycles >= self._cycles_needed)
+        return (
+            self._profile.awaits_command(self._state)
+            and not self._reason
+            and self._connection.age == 0
+            and self._good_cycles >= self._cycles_needed
+        )
 
     def record(self, lateness: int | None, latency: float = 0.0) -> None:
         """Enter one cycle by its answer's lateness in cycles: 0 in time, None if there was no valid one.
@@ -123,8 +138,10 @@ class Session:
         if gap <= self._settings.entry_tolerance:
             self._take(Event.FIRST_COMMAND)
         else:
-            self.stop(f'interpolation error: the first command is {gap:.3g} rad from the mirrored position, '
-                      f'allowed {self._settings.entry_tolerance:g}')
+            self.stop(
+                f'interpolation error: the first command is {gap:.3g} rad from the mirrored position, '
+                f'allowed {self._settings.entry_tolerance:g}'
+            )
 
     def stop(self, reason: str) -> None:
         """End command mode. The first reason is kept: what follows from it is not the cause."""

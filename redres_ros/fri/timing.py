@@ -42,7 +42,9 @@ class Connection:
     """
 
     def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold] = THRESHOLDS) -> None:
-        self._thresholds = {quality: threshold.seconds(period) for quality, threshold in thresholds.items()}
+        self._thresholds = {
+            quality: threshold.seconds(period) for quality, threshold in thresholds.items()
+        }
         self._worst = min(type(next(iter(thresholds))))
         self._latenesses: deque[int | None] = deque([None] * WINDOW)  # of the last packets
         self._latencies = _Latencies()
@@ -97,12 +99,16 @@ class Connection:
         _, quality, at_fault = self._judge()
         if not at_fault:
             return ''
-        return self._thresholds[type(quality)(quality + 1)].describe(at_fault, getattr(self.statistics, at_fault))
+        return self._thresholds[type(quality)(quality + 1)].describe(
+            at_fault, getattr(self.statistics, at_fault)
+        )
 
     def counts(self, bridged: int, refused: int) -> Counts:
         """What became of every cycle so far; bridged and refused are known to others."""
         cycles = self._in_time + self._late + self._missed
-        return Counts(cycles, self._in_time, self._late, self._missed, self._longest_run, bridged, refused)
+        return Counts(
+            cycles, self._in_time, self._late, self._missed, self._longest_run, bridged, refused
+        )
 
     def _enter(self, lateness: int | None) -> None:
         oldest = self._latenesses.popleft()
@@ -130,8 +136,11 @@ class Connection:
         packets = min(self._in_time + self._late + self._missed, WINDOW)
         if not packets:
             return 0.0, 0.0, 0.0, 0.0
-        return (self._newly_answered / packets, *self._latencies.mean_and_deviation(),
-                (packets - self._newly_in_time) / packets)
+        return (
+            self._newly_answered / packets,
+            *self._latencies.mean_and_deviation(),
+            (packets - self._newly_in_time) / packets,
+        )
 
 
 class _Verdict(NamedTuple):

@@ -24,7 +24,9 @@ class _TorqueLaw(Law):
     """The bias that the torque laws share: the velocity after one tick of zero torque and null-space damping."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev + T * state.free_acceleration  # lambda dq_{k-1} - T M^-1 n
+        return (
+            self.forgetting(T) * state.dq_prev + T * state.free_acceleration
+        )  # lambda dq_{k-1} - T M^-1 n
 
 
 @dataclass(frozen=True)

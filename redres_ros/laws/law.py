@@ -38,4 +38,10 @@ class Law(ABC):
     def check_damping(self, T: float) -> None:
         """Raise RangeError unless 0 <= k_d <= 1/T: beyond it null-space motion oscillates or diverges (Appendix B)."""
         if not 0.0 <= self.damping * T <= 1.0 + 1e-12:
-            raise RangeError('damping', self.damping, 0.0, 1.0 / T, f'0 <= k_d <= 1/T by Appendix B, with T = {T:g} s')
+            raise RangeError(
+                'damping',
+                self.damping,
+                0.0,
+                1.0 / T,
+                f'0 <= k_d <= 1/T by Appendix B, with T = {T:g} s',
+            )

@@ -17,8 +17,14 @@ from redres_ros.nodes.sim import SimNode
 
 def run_composed(sim: type[Node] = SimNode, arguments: list[str] | None = None) -> int:
     """The exit status of the three; a state is answered by the controller before the planner gets it."""
-    intra_process = IntraProcess(('joint_states', 'joint_command'), open_topics=('cartesian_velocity',))
-    return run_nodes(*map(intra_process.node, (sim, ControllerNode, PlannerNode)), arguments=arguments, one_thread=True)
+    intra_process = IntraProcess(
+        ('joint_states', 'joint_command'), open_topics=('cartesian_velocity',)
+    )
+    return run_nodes(
+        *map(intra_process.node, (sim, ControllerNode, PlannerNode)),
+        arguments=arguments,
+        one_thread=True,
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:

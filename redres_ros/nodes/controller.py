@@ -29,10 +29,15 @@ from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
 
-COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states of the two profiles in which the robot takes commands
+COMMANDING = (
+    'CMD',
+    'COMMANDING_ACTIVE',
+)  # session states of the two profiles in which the robot takes commands
 
 _NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
-_SESSION_PATIENCE = 5 * NANOSECONDS  # for such a robot to tell its session: DDS may take 3 s to bring a latched word
+_SESSION_PATIENCE = (
+    5 * NANOSECONDS
+)  # for such a robot to tell its session: DDS may take 3 s to bring a latched word
 
 
 @dataclass(frozen=True)
@@ -40,18 +45,40 @@ class ControllerParameters:
     """Parameters of the node beside those of the arm and the law."""
 
     rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
-    base_frame: str = param('', "frame of cartesian_velocity; empty: the root link of the arm's URDF")
-    switch_time: float = param(0.2, 'time over which a change of law, starting and stopping are blended [s]', 0.0, 10.0,
-                               live=True)
-    integrate_from: str = param('command', 'what a reference is integrated from', choices=INTEGRATE_FROM)
-    command_timeout: float = param(0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True)
+    base_frame: str = param(
+        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
+    )
+    switch_time: float = param(
+        0.2,
+        'time over which a change of law, starting and stopping are blended [s]',
+        0.0,
+        10.0,
+        live=True,
+    )
+    integrate_from: str = param(
+        'command', 'what a reference is integrated from', choices=INTEGRATE_FROM
+    )
+    command_timeout: float = param(
+        0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True
+    )
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
-    bridged_misses: int = param(5, 'cycles without a state after which the controller starts anew from the measurement',
-                                0, 1000)
-    following_tolerance: float = param(0.1, 'lag of a joint at which the arm counts as stopped, and the controller '
-                                       'starts anew from the measurement [rad]', 0.001, 10.0)
+    bridged_misses: int = param(
+        5,
+        'cycles without a state after which the controller starts anew from the measurement',
+        0,
+        1000,
+    )
+    following_tolerance: float = param(
+        0.1,
+        'lag of a joint at which the arm counts as stopped, and the controller '
+        'starts anew from the measurement [rad]',
+        0.001,
+        10.0,
+    )
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
-    lockstep: bool = param(False, 'answer a state only together with the cartesian_velocity of the same stamp')
+    lockstep: bool = param(
+        False, 'answer a state only together with the cartesian_velocity of the same stamp'
+    )
 
 
 class StampError(RedresError):
@@ -73,16 +100,26 @@ class ControllerNode(Node):
         self._robot, self._settings = declare_robot(self), declare(self, ControllerParameters())
         self._law_parameters = LawParameters(self)
         model, rate = self._robot.model, self._settings.rate
-        self._controller = Controller(model, self._law_parameters.law, 1.0 / rate,
-                                      switch_time=self._settings.switch_time,
-                                      integrate_from=self._settings.integrate_from)
+        self._controller = Controller(
+            model,
+            self._law_parameters.law,
+            1.0 / rate,
+            switch_time=self._settings.switch_time,
+            integrate_from=self._settings.integrate_from,
+        )
         self._frame = self._settings.base_frame or model.base_frame
         self._joints, self._period = JointOrder(model.joint_names), round(NANOSECONDS / rate)
         self._held = self._has_commanded = False
         self._commanding = True  # a robot without a session always lets itself be commanded
-        self._has_session, self._silent_until = False, 0  # stamp [ns] until which a new robot may tell of its session
+        self._has_session, self._silent_until = (
+            False,
+            0,
+        )  # stamp [ns] until which a new robot may tell of its session
         self._twist = _Twist(0, np.zeros(model.m))
-        self._stamp, self._answer = 0, JointMessage(model.joint_names)  # of the state answered last, and the answer
+        self._stamp, self._answer = (
+            0,
+            JointMessage(model.joint_names),
+        )  # of the state answered last, and the answer
         self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step
         self._answered = self._skipped = 0
         self._create_interfaces()
@@ -90,12 +127,27 @@ class ControllerNode(Node):
 
     def _create_interfaces(self) -> None:
         self._command = self.create_publisher(JointState, 'joint_command', PUBLISH)
-        self._forward = (self.create_publisher(Float64MultiArray, 'forward_position_controller/commands', PUBLISH)
-                         if self._settings.forward_commands else None)
-        numbers = ('joint_velocity_norm', 'joint_acceleration_norm', 'null_velocity_norm', 'joint_torque_norm',
-                   'min_singular_value')
-        self._telemetry = Telemetry(self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String})
-        self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
+        self._forward = (
+            self.create_publisher(
+                Float64MultiArray, 'forward_position_controller/commands', PUBLISH
+            )
+            if self._settings.forward_commands
+            else None
+        )
+        numbers = (
+            'joint_velocity_norm',
+            'joint_acceleration_norm',
+            'null_velocity_norm',
+            'joint_torque_norm',
+            'min_singular_value',
+        )
+        self._telemetry = Telemetry(
+            self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String}
+        )
+        self._refusals, self._watchdog = (
+            Refusals(self),
+            Watchdog(self, 'joint_states', self._settings.state_timeout),
+        )
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, NEWEST)
@@ -106,7 +158,9 @@ class ControllerNode(Node):
         self._watchdog.feed()
         stamp = to_nanoseconds(message.header.stamp)
         if stamp == self._stamp:
-            self._command.publish(self._answer.message)  # asked again, as in lock-step: the same answer
+            self._command.publish(
+                self._answer.message
+            )  # asked again, as in lock-step: the same answer
         elif self._settings.lockstep and self._twist.stamp != stamp:
             self._waiting = message
         else:
@@ -119,7 +173,9 @@ class ControllerNode(Node):
             self._refusals.refuse('cartesian_velocity', error)
             return
         self._refusals.accept('cartesian_velocity')
-        self._twist = _Twist(to_nanoseconds(message.header.stamp) or self._stamp, dx)  # a zero stamp means now
+        self._twist = _Twist(
+            to_nanoseconds(message.header.stamp) or self._stamp, dx
+        )  # a zero stamp means now
         if self._waiting and to_nanoseconds(self._waiting.header.stamp) == self._twist.stamp:
             waiting, self._waiting = self._waiting, None
             self._reply(self._twist.stamp, waiting)
@@ -154,8 +210,11 @@ class ControllerNode(Node):
         """Whether the arm goes where it is told; a robot may stop it without a word, or the word may get lost."""
         lag, allowed = self._controller.lag(q), self._settings.following_tolerance
         if lag > allowed:
-            self.get_logger().warning(f'the arm does not follow: a joint is {lag:.3g} rad from its reference, allowed '
-                                      f'{allowed:g}; starting anew from the measurement', throttle_duration_sec=5.0)
+            self.get_logger().warning(
+                f'the arm does not follow: a joint is {lag:.3g} rad from its reference, allowed '
+                f'{allowed:g}; starting anew from the measurement',
+                throttle_duration_sec=5.0,
+            )
         return lag <= allowed
 
     def _cycles_since_last(self, stamp: int) -> int:
@@ -163,12 +222,16 @@ class ControllerNode(Node):
         elapsed = stamp - self._stamp
         if not self._stamp or abs(elapsed) > _NEW_CLOCK:
             self._controller.reset()
-            self._silent_until = stamp + _SESSION_PATIENCE if self._stamp and self._has_session else 0
+            self._silent_until = (
+                stamp + _SESSION_PATIENCE if self._stamp and self._has_session else 0
+            )
             return 1
         cycles = round(elapsed / self._period)
         if cycles < 1 or abs(elapsed - cycles * self._period) > self._period / 10:
-            raise StampError(f'stamped {elapsed / 1e6:g} ms after the last; expected a multiple of '
-                             f'{self._period / 1e6:g} ms (rate {self._settings.rate:g} Hz)')
+            raise StampError(
+                f'stamped {elapsed / 1e6:g} ms after the last; expected a multiple of '
+                f'{self._period / 1e6:g} ms (rate {self._settings.rate:g} Hz)'
+            )
         return cycles
 
     def _publish_rest(self, stamp: int, command: Command) -> None:
@@ -189,11 +252,16 @@ class ControllerNode(Node):
         self._has_session, self._silent_until = True, 0
         self._has_commanded |= message.data in COMMANDING
         # In lock-step the first answer begins command mode; the tick in which the news of that arrives must not matter.
-        self._commanding = message.data in COMMANDING or (self._settings.lockstep and not self._has_commanded)
+        self._commanding = message.data in COMMANDING or (
+            self._settings.lockstep and not self._has_commanded
+        )
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._held = request.data
-        response.success, response.message = True, 'holding' if request.data else 'following cartesian_velocity'
+        response.success, response.message = (
+            True,
+            'holding' if request.data else 'following cartesian_velocity',
+        )
         return response
 
     def _check(self, changes: dict[str, Any]) -> None:
@@ -207,14 +275,23 @@ class ControllerNode(Node):
 
     def _health(self) -> Health:
         law = self._controller.law
-        figures = {'law': law_name(law), 'damping [1/s]': law.damping,
-                   'forgetting factor': law.forgetting(self._controller.T), 'states answered': self._answered,
-                   'states skipped': self._skipped, 'messages refused': self._refusals.count}
+        figures = {
+            'law': law_name(law),
+            'damping [1/s]': law.damping,
+            'forgetting factor': law.forgetting(self._controller.T),
+            'states answered': self._answered,
+            'states skipped': self._skipped,
+            'messages refused': self._refusals.count,
+        }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
         if self._refusals.reasons:
             return Health(WARN, self._refusals.reasons, figures)
-        return Health(OK, 'commanding' if self._commanding else 'mirroring: the robot takes no commands', figures)
+        return Health(
+            OK,
+            'commanding' if self._commanding else 'mirroring: the robot takes no commands',
+            figures,
+        )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -38,7 +38,9 @@ class JointOrder:
             got, joints = len(message.position), len(self.names)
             raise LengthError(f'{got} positions for {joints} joints; expected one value per joint')
         q = np.frombuffer(message.position)  # a view of the message's array of doubles
-        if not math.isfinite(sum(message.position)) and not np.isfinite(q).all():  # the second alone takes longer
+        if (
+            not math.isfinite(sum(message.position)) and not np.isfinite(q).all()
+        ):  # the second alone takes longer
             raise ArrayError(f'positions {q.tolist()}; every value must be finite')
         return q.copy() if self._order is None else q[self._order]
 
@@ -46,13 +48,19 @@ class JointOrder:
         names = list(names)
         if sorted(names) != sorted(self.names):
             raise JointNamesError(names, self.names)
-        self._order = None if names == list(self.names) else np.array([names.index(name) for name in self.names])
+        self._order = (
+            None
+            if names == list(self.names)
+            else np.array([names.index(name) for name in self.names])
+        )
         self._seen = names
 
 
 def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
     """Positions [rad] and velocities [rad/s] with a stamp [ns]; a state of the robot or a command for it."""
-    message = JointState(name=list(names), position=array('d', q.tobytes()), velocity=array('d', dq.tobytes()))
+    message = JointState(
+        name=list(names), position=array('d', q.tobytes()), velocity=array('d', dq.tobytes())
+    )
     message.header.stamp = to_time(stamp)
     return message
 
@@ -65,7 +73,10 @@ class JointMessage:
 
     def __init__(self, names: Sequence[str]) -> None:
         self.message = to_joint_state(0, names, *np.zeros((2, len(names))))
-        self._q, self._dq = np.frombuffer(self.message.position), np.frombuffer(self.message.velocity)
+        self._q, self._dq = (
+            np.frombuffer(self.message.position),
+            np.frombuffer(self.message.velocity),
+        )
 
     def filled(self, stamp: int, q: np.ndarray, dq: np.ndarray) -> JointState:
         """The message with positions [rad], velocities [rad/s] and a stamp [ns]."""
@@ -89,7 +100,9 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
 def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
     """The first rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN or infinity."""
     if message.header.frame_id != frame:
-        raise FrameError(f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}')
+        raise FrameError(
+            f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}'
+        )
     linear, angular = message.twist.linear, message.twist.angular
     dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
     if not np.isfinite(dx).all():

@@ -31,10 +31,17 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish now."""
         level, summary, figures = self._health()
-        values = [KeyValue(key=key, value=f'{value:g}' if isinstance(value, float) else str(value))
-                  for key, value in figures.items()]
-        status = DiagnosticStatus(level=level, name=self._node.get_fully_qualified_name(), message=summary,
-                                  values=values, hardware_id=self._hardware)
+        values = [
+            KeyValue(key=key, value=f'{value:g}' if isinstance(value, float) else str(value))
+            for key, value in figures.items()
+        ]
+        status = DiagnosticStatus(
+            level=level,
+            name=self._node.get_fully_qualified_name(),
+            message=summary,
+            values=values,
+            hardware_id=self._hardware,
+        )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

@@ -54,8 +54,16 @@ class Inbox:
     counted by the session.
     """
 
-    def __init__(self, joints: JointOrder, clock: RobotClock, session: Session, refusals: Refusals, link: Link,
-                 seed: int, timed: bool) -> None:
+    def __init__(
+        self,
+        joints: JointOrder,
+        clock: RobotClock,
+        session: Session,
+        refusals: Refusals,
+        link: Link,
+        seed: int,
+        timed: bool,
+    ) -> None:
         self._joints, self._clock, self._session, self._refusals = joints, clock, session, refusals
         self._under_way: Channel[_Arrival] = Channel(f'{seed} commands', link)
         self._arrivals: deque[_Arrival] = deque()
@@ -99,12 +107,16 @@ class Inbox:
         self._refusals.accept('joint_command')
         if not self._timed:
             return Answer(tick, arrival.q)
-        delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS  # [s] by faults, after it had come
+        delayed = (
+            (now - arrival.tick) * self._clock.period / NANOSECONDS
+        )  # [s] by faults, after it had come
         return Answer(tick, arrival.q, self._clock.latency(tick, arrival.time + delayed))
 
     def _tick(self, stamp: int, now: int) -> int:
         if self.publishers > 1 and time.monotonic() - self._contested < _CONTEST:
-            raise PublisherError(f'joint_command has {self.publishers} publishers that answer; allowed: 1')
+            raise PublisherError(
+                f'joint_command has {self.publishers} publishers that answer; allowed: 1'
+            )
         tick = self._clock.tick(stamp)
         if tick >= now:
             raise StampError(f'stamp {stamp} ns is that of no state sent so far')

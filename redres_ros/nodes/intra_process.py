@@ -47,8 +47,14 @@ class _Handing(Node):
         receivers = self.intra_process.receivers(self, topic)
         return publisher if receivers is None else _Publisher(publisher, receivers)
 
-    def create_subscription(self, kind: type, topic: str, callback: Callable[[Any], None], *arguments: Any,
-                            **options: Any) -> Any:
+    def create_subscription(
+        self,
+        kind: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        *arguments: Any,
+        **options: Any,
+    ) -> Any:
         receivers = self.intra_process.receivers(self, topic)
         if receivers is not None:
             receivers.append(callback)

@@ -50,12 +50,15 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
         value = node.declare_parameter(name, initial, _descriptor(default, parameter)).value
     except ParameterException as error:
         reason = ' '.join(str(error).split())
-        raise ParameterError(f'{reason}; allowed for {name}: {_allowed(default, parameter)}') from None
+        raise ParameterError(
+            f'{reason}; allowed for {name}: {_allowed(default, parameter)}'
+        ) from None
     return tuple(value) if isinstance(default, tuple) else value
 
 
-def on_live_change(node: Node, check: Callable[[dict[str, Any]], None],
-                   apply: Callable[[dict[str, Any]], None]) -> None:
+def on_live_change(
+    node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]
+) -> None:
     """Have changes of parameters checked before they are set and applied after; a RedresError refuses them all."""
 
     def before(changed: list[RosParameter]) -> SetParametersResult:
@@ -74,17 +77,30 @@ class RobotParameters:
     """Which arm, with what tool, standing where."""
 
     robot: str = param('lwr4_paper', 'arm: geometry, limits, dynamics', choices=tuple(ARMS))
-    dynamics: str = param(_PAPER.dynamics, 'inertias: identified arm or uniform cylinders', choices=DYNAMICS)
-    base_offset: float = param(_PAPER.base_offset, "height of the arm's base above the base frame [m]", -2.0, 2.0)
-    tool_offset: float = param(_PAPER.tool_offset, 'from the flange to the tip along z [m]', -2.0, 2.0)
+    dynamics: str = param(
+        _PAPER.dynamics, 'inertias: identified arm or uniform cylinders', choices=DYNAMICS
+    )
+    base_offset: float = param(
+        _PAPER.base_offset, "height of the arm's base above the base frame [m]", -2.0, 2.0
+    )
+    tool_offset: float = param(
+        _PAPER.tool_offset, 'from the flange to the tip along z [m]', -2.0, 2.0
+    )
     tip_frame: str = param(_PAPER.tip_frame, 'frame that carries out the task')
-    task_space: str = param('position', 'rows of the task: position 3, pose 6', choices=tuple(TASK_SPACES))
+    task_space: str = param(
+        'position', 'rows of the task: position 3, pose 6', choices=tuple(TASK_SPACES)
+    )
 
     @property
     def arm(self) -> Arm:
         """The arm so described."""
-        return find_arm(self.robot, dynamics=self.dynamics, base_offset=self.base_offset, tool_offset=self.tool_offset,
-                        tip_frame=self.tip_frame)
+        return find_arm(
+            self.robot,
+            dynamics=self.dynamics,
+            base_offset=self.base_offset,
+            tool_offset=self.tool_offset,
+            tip_frame=self.tip_frame,
+        )
 
     @property
     def model(self) -> RobotModel:
@@ -94,11 +110,18 @@ class RobotParameters:
 
 def declare_robot(node: Node, **preferred: Any) -> RobotParameters:
     """Declare the parameters of the arm; the other defaults follow from `robot`, unless the node prefers its own."""
-    field, parameter = next((f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot')
+    field, parameter = next(
+        (f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot'
+    )
     arm = find_arm(declare_one(node, field.name, field.default, parameter))
-    defaults = {f.name: getattr(arm, f.name) for f in fields(RobotParameters) if hasattr(arm, f.name)} | preferred
-    values = {f.name: declare_one(node, f.name, defaults.get(f.name, f.default), p)
-              for f, p in parameters(RobotParameters).items() if f is not field}
+    defaults = {
+        f.name: getattr(arm, f.name) for f in fields(RobotParameters) if hasattr(arm, f.name)
+    } | preferred
+    values = {
+        f.name: declare_one(node, f.name, defaults.get(f.name, f.default), p)
+        for f, p in parameters(RobotParameters).items()
+        if f is not field
+    }
     robot = RobotParameters(node.get_parameter(field.name).value, **values)
     check_parameters(robot)
     return robot
@@ -114,14 +137,23 @@ class LawParameters:
             for field, parameter in parameters(cls).items():
                 key = self._key(name, field.name)
                 if key not in self._values:
-                    self._values[key] = declare_one(node, key, field.default, replace(parameter, live=True))
+                    self._values[key] = declare_one(
+                        node, key, field.default, replace(parameter, live=True)
+                    )
         self.law = self.changed({})
 
     def changed(self, changes: dict[str, Any]) -> Law:
         """The law after changes of parameters, without making them; other parameters among them do not matter."""
-        values = {**self._values, **{key: value for key, value in changes.items() if key in self._values}}
+        values = {
+            **self._values,
+            **{key: value for key, value in changes.items() if key in self._values},
+        }
         name = values['law']
-        gains = {f.name: values[self._key(name, f.name)] for f in parameters(LAWS[name])} if name in LAWS else {}
+        gains = (
+            {f.name: values[self._key(name, f.name)] for f in parameters(LAWS[name])}
+            if name in LAWS
+            else {}
+        )
         return make_law(name, **gains)
 
     def apply(self, changes: dict[str, Any]) -> Law:
@@ -136,7 +168,9 @@ class LawParameters:
 
 
 def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=parameter.description, read_only=not parameter.live)
+    descriptor = ParameterDescriptor(
+        description=parameter.description, read_only=not parameter.live
+    )
     if parameter.choices:
         descriptor.additional_constraints = 'one of: ' + ', '.join(parameter.choices)
     if parameter.lower is not None and isinstance(default, float):
@@ -152,7 +186,12 @@ def _allowed(default: Any, parameter: Parameter) -> str:
     if parameter.choices:
         return ', '.join(parameter.choices)
     whole = isinstance(default, tuple) and isinstance(default[0], int)
-    kinds = {bool: 'true or false', int: 'a whole number', float: 'a number with a decimal point', str: 'a text',
-             tuple: 'an array of whole numbers' if whole else 'an array of numbers with decimal points'}
+    kinds = {
+        bool: 'true or false',
+        int: 'a whole number',
+        float: 'a number with a decimal point',
+        str: 'a text',
+        tuple: 'an array of whole numbers' if whole else 'an array of numbers with decimal points',
+    }
     limits = '' if parameter.lower is None else f' from {parameter.lower:g} to {parameter.upper:g}'
     return f'{kinds[type(default)]}{limits}, for example {list(default) if isinstance(default, tuple) else default!r}'

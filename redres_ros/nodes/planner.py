@@ -27,8 +27,12 @@ class PlannerParameters:
     """Parameters of the node beside those of the arm."""
 
     task: str = param('rectangle', 'name of a task in config/tasks, or a path ending in .yaml')
-    base_frame: str = param('', "frame of cartesian_velocity; empty: the root link of the arm's URDF")
-    autostart: bool = param(False, 'begin with the first state instead of waiting for planner/start')
+    base_frame: str = param(
+        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
+    )
+    autostart: bool = param(
+        False, 'begin with the first state instead of waiting for planner/start'
+    )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
 
@@ -49,7 +53,10 @@ class PlannerNode(Node):
         self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._state, self._state_name = self.create_publisher(String, 'planner/state', LATCHED), ''
         self._telemetry = Telemetry(self, {'task_error': Float64, 'segment': Int32})
-        self._refusals, self._watchdog = Refusals(self), Watchdog(self, 'joint_states', self._settings.state_timeout)
+        self._refusals, self._watchdog = (
+            Refusals(self),
+            Watchdog(self, 'joint_states', self._settings.state_timeout),
+        )
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self.create_service(Trigger, 'planner/start', self._on_start)
@@ -86,7 +93,9 @@ class PlannerNode(Node):
     def _velocity(self, reference: Reference, R: np.ndarray) -> np.ndarray:
         if self._model.task_space == 'position':
             return reference.dx
-        return np.concatenate((reference.dx, self._task.feedback_gain * orientation_error(self._R, R)))
+        return np.concatenate(
+            (reference.dx, self._task.feedback_gain * orientation_error(self._R, R))
+        )
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, task = True, self._settings.task
@@ -109,8 +118,12 @@ class PlannerNode(Node):
             self._state.publish(String(data=state))
 
     def _health(self) -> Health:
-        figures = {'task': self._settings.task, 'state': self._state_name, 'begun at [ns]': self._begun,
-                   'messages refused': self._refusals.count}
+        figures = {
+            'task': self._settings.task,
+            'state': self._state_name,
+            'begun at [ns]': self._begun,
+            'messages refused': self._refusals.count,
+        }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
         if self._refusals.reasons:

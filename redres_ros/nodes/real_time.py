@@ -20,7 +20,9 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2  # Linux, see mlockall(2)
 class RealTime:
     """Parameters of every node; they act on its whole process. By default nothing is asked of the kernel."""
 
-    realtime_priority: int = param(0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99)
+    realtime_priority: int = param(
+        0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99
+    )
     lock_memory: bool = param(False, 'keep all memory from being paged out')
     processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
 
@@ -29,13 +31,23 @@ def ask_kernel(node: Node) -> None:
     """Ask for what the node's parameters want; what is not permitted gets one warning, and the node runs without it."""
     wanted = declare(node, RealTime())
     if wanted.realtime_priority:
-        _try(node, f'realtime_priority {wanted.realtime_priority}', 'ordinary scheduling', 'ulimit -r',
-             lambda: _set_priority(wanted.realtime_priority))
+        _try(
+            node,
+            f'realtime_priority {wanted.realtime_priority}',
+            'ordinary scheduling',
+            'ulimit -r',
+            lambda: _set_priority(wanted.realtime_priority),
+        )
     if wanted.lock_memory:
         _try(node, 'lock_memory', 'memory that can be paged out', 'ulimit -l', _lock_memory)
     if wanted.processors != ANY:
-        _try(node, f'processors {list(wanted.processors)}', 'any', f'there are 0 to {(os.cpu_count() or 1) - 1}',
-             lambda: _set_processors(wanted.processors))
+        _try(
+            node,
+            f'processors {list(wanted.processors)}',
+            'any',
+            f'there are 0 to {(os.cpu_count() or 1) - 1}',
+            lambda: _set_processors(wanted.processors),
+        )
 
 
 def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:

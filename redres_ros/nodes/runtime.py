@@ -102,7 +102,9 @@ def start(arguments: list[str] | None = None) -> None:
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
-        raise StartError(f"ROS 2 does not start ({type(error).__name__}): {' '.join(str(error).split())}") from None
+        raise StartError(
+            f'ROS 2 does not start ({type(error).__name__}): {" ".join(str(error).split())}'
+        ) from None
 
 
 @contextmanager
@@ -134,7 +136,9 @@ def _spinning(spinner: Spinner, stopped: threading.Event) -> Iterator[None]:
         thread.join()
 
 
-def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None, one_thread: bool = False) -> int:
+def run_nodes(
+    *makes: Callable[[], Node], arguments: list[str] | None = None, one_thread: bool = False
+) -> int:
     """The exit status of nodes that are made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1 after an error.
 
     One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set; all are then spun
@@ -142,7 +146,9 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None, on
     still publish.
     """
     stopped = threading.Event()
-    np.seterr(over='ignore', invalid='ignore')  # results are looked at; numpy's warning would be a second line
+    np.seterr(
+        over='ignore', invalid='ignore'
+    )  # results are looked at; numpy's warning would be a second line
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
     _end_with_parent(stopped)
@@ -152,7 +158,9 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None, on
     except (RedresError, RCLError) as error:
         if isinstance(error, RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
-        print(f"{Path(sys.argv[0]).stem}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
+        print(
+            f'{Path(sys.argv[0]).stem}: {" ".join(str(error).split())}', file=sys.stderr, flush=True
+        )
         return 1
     finally:
         rclpy.try_shutdown()

@@ -32,7 +32,9 @@ from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.waypoints import load_task
 
-LOCKSTEP_EPOCH = NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
+LOCKSTEP_EPOCH = (
+    NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
+)
 
 _HEADSTART = 0.5  # of a cycle for the answer to come before the arm moves on: its way would cross that computation's
 _ASK_AGAIN = 0.05  # [s] a state whose answer is waited for is published again after that long: it may have got lost
@@ -43,10 +45,17 @@ class SimParameters:
     """Parameters of the node beside those of the arm, its physics, the session and the guard."""
 
     rate: float = param(500.0, 'cycles per second [Hz]', 10.0, 2000.0)
-    plant: str = param('mujoco', 'mujoco: physics behind position servos; ideal: goes exactly where it is told',
-                       choices=('mujoco', 'ideal'))
-    start: tuple[float, ...] = param(tuple(load_task('rectangle').start.tolist()), 'joint positions at the start [rad]')
-    patience: float = param(0.0, 'how long the clock stands still for a late answer; 0 as a real robot [s]', 0.0, 60.0)
+    plant: str = param(
+        'mujoco',
+        'mujoco: physics behind position servos; ideal: goes exactly where it is told',
+        choices=('mujoco', 'ideal'),
+    )
+    start: tuple[float, ...] = param(
+        tuple(load_task('rectangle').start.tolist()), 'joint positions at the start [rad]'
+    )
+    patience: float = param(
+        0.0, 'how long the clock stands still for a late answer; 0 as a real robot [s]', 0.0, 60.0
+    )
     lockstep: bool = param(False, 'wait for the answer to each state instead of keeping time')
     fault_seed: int = param(0, 'seed of the random faults', 0, 2**31 - 1)
 
@@ -56,7 +65,10 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__('sim')
-        self._description, self._settings = declare_robot(self, dynamics='lwr'), declare(self, SimParameters())
+        self._description, self._settings = (
+            declare_robot(self, dynamics='lwr'),
+            declare(self, SimParameters()),
+        )
         arm, period = self._description.arm, 1.0 / self._settings.rate
         faults, seed = declare(self, Faults()), self._settings.fault_seed
         self._plant = FaultyPlant(self._make_plant(arm, period), faults, seed)
@@ -67,10 +79,20 @@ class SimNode(Node):
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else self.get_clock().now().nanoseconds
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         self._under_way: Channel[JointState] = Channel(f'{seed} states', faults.states)
-        self._inbox = Inbox(self._joints, self._robot_clock, self._session, self._refusals, faults.commands, seed,
-                            timed=not self._settings.lockstep)
+        self._inbox = Inbox(
+            self._joints,
+            self._robot_clock,
+            self._session,
+            self._refusals,
+            faults.commands,
+            seed,
+            timed=not self._settings.lockstep,
+        )
         self._arrival, self._client_lives, self._cycles_waited = threading.Event(), False, 0
-        self._reset_wanted, self._stopped_at = False, 0  # stamp [ns] of the tick after the last stop
+        self._reset_wanted, self._stopped_at = (
+            False,
+            0,
+        )  # stamp [ns] of the tick after the last stop
         self._create_interfaces(arm)
 
     def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
@@ -81,7 +103,12 @@ class SimNode(Node):
 
     def _create_interfaces(self, arm: Arm) -> None:
         self._states = self.create_publisher(JointState, 'joint_states', PUBLISH)
-        topics = ('sim/session_state', 'sim/connection_quality', 'sim/stop_reason', 'robot_description')
+        topics = (
+            'sim/session_state',
+            'sim/connection_quality',
+            'sim/stop_reason',
+            'robot_description',
+        )
         self._latched = {topic: self.create_publisher(String, topic, LATCHED) for topic in topics}
         self._told = dict.fromkeys(topics)
         self._tell('robot_description', arm.description())
@@ -90,7 +117,9 @@ class SimNode(Node):
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         self.create_timer(0.1, self._count_commanders)
-        on_live_change(self, lambda changes: self._plant.check(self._with(changes)), self._set_faults)
+        on_live_change(
+            self, lambda changes: self._plant.check(self._with(changes)), self._set_faults
+        )
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Cycle after cycle until the event is set; callbacks are answered while it waits, or in another thread.
@@ -102,7 +131,9 @@ class SimNode(Node):
         wait = self._wait_for_answer if self._settings.lockstep else self._wait_for_tick
         self._robot_clock.restart()
         while not stopped.is_set():
-            answers = self._inbox.take(self._robot.tick)  # before the next state is out, which a later one may answer
+            answers = self._inbox.take(
+                self._robot.tick
+            )  # before the next state is out, which a later one may answer
             self._publish_state()
             if not self._settings.lockstep:
                 waiting.wait(self._arrival, _HEADSTART / self._settings.rate)
@@ -119,7 +150,9 @@ class SimNode(Node):
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
-        self._state = to_joint_state(self._robot_clock.stamp(tick), self._joints.names, self._robot.q, self._robot.dq)
+        self._state = to_joint_state(
+            self._robot_clock.stamp(tick), self._joints.names, self._robot.q, self._robot.dq
+        )
         self._arrival.clear()
         self._robot_clock.send(tick)
         self._under_way.send(self._state, tick)
@@ -134,7 +167,9 @@ class SimNode(Node):
             self._cycles_waited += 1
             self._robot_clock.stand_still()
 
-    def _wait_for_answer(self, stopped: threading.Event, waiting: Waiting, patience: float = math.inf) -> None:
+    def _wait_for_answer(
+        self, stopped: threading.Event, waiting: Waiting, patience: float = math.inf
+    ) -> None:
         until = time.monotonic() + patience
         while self._unanswered() and not stopped.is_set() and time.monotonic() < until:
             if not waiting.wait(self._arrival, _ASK_AGAIN):
@@ -162,7 +197,9 @@ class SimNode(Node):
     def _with(self, changes: dict[str, Any]) -> Faults:
         """The faults after changes of parameters; other parameters among them do not matter."""
         names = {field.name for field in fields(Faults)}
-        return replace(self._plant.faults, **{name: value for name, value in changes.items() if name in names})
+        return replace(
+            self._plant.faults, **{name: value for name, value in changes.items() if name in names}
+        )
 
     def _set_faults(self, changes: dict[str, Any]) -> None:
         faults = self._with(changes)
@@ -186,16 +223,24 @@ class SimNode(Node):
     def _health(self) -> Health:
         session = self._session
         refused = {f'refused: {kind.value}': count for kind, count in session.refusals.items()}
-        figures = {**asdict(session.statistics), 'session state': session.state.value, 'quality': session.quality.name,
-                   'at fault': session.at_fault, **asdict(session.counts), **refused,
-                   'cycles waited for': self._cycles_waited, 'clock stood still [s]': self._robot_clock.stood_still,
-                   'stopped at [ns]': self._stopped_at}
+        figures = {
+            **asdict(session.statistics),
+            'session state': session.state.value,
+            'quality': session.quality.name,
+            'at fault': session.at_fault,
+            **asdict(session.counts),
+            **refused,
+            'cycles waited for': self._cycles_waited,
+            'clock stood still [s]': self._robot_clock.stood_still,
+            'stopped at [ns]': self._stopped_at,
+        }
         if session.reason:
             return Health(ERROR, session.reason, figures)
         if session.at_fault or self._refusals.reasons:
             connection = f'connection {session.quality.name}: {session.at_fault}'
             return Health(WARN, self._refusals.reasons or connection, figures)
         return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""

@@ -8,15 +8,19 @@ from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.nodes.qos import PUBLISH
 
-LOOK_PERIOD = 0.2  # [s] how often it is seen who listens; asking in every cycle would cost more than the rest
+LOOK_PERIOD = (
+    0.2  # [s] how often it is seen who listens; asking in every cycle would cost more than the rest
+)
 
 
 class Telemetry:
     """Publishers by topic, each with whether it has a listener at present."""
 
     def __init__(self, node: Node, types: dict[str, type]) -> None:
-        self._publishers = {name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH)
-                            for name, kind in types.items()}
+        self._publishers = {
+            name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH)
+            for name, kind in types.items()
+        }
         self._heard: list[str] = []
         node.create_timer(LOOK_PERIOD, self._look)
 
@@ -31,7 +35,11 @@ class Telemetry:
         return bool(self._heard)
 
     def _look(self) -> None:
-        self._heard = [name for name, publisher in self._publishers.items() if publisher.get_subscription_count()]
+        self._heard = [
+            name
+            for name, publisher in self._publishers.items()
+            if publisher.get_subscription_count()
+        ]
 
 
 def _to_message(value: Any) -> Any:

@@ -13,7 +13,10 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import SPEED_LIMIT
 from redres_ros.waypoints import Task
 
-RTOL, ATOL = 1e-10, 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
+RTOL, ATOL = (
+    1e-10,
+    1e-12,
+)  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
 
 
 class DivergenceError(RedresError):
@@ -46,9 +49,13 @@ def integrate(scheme: Scheme, model: RobotModel, task: Task, t: np.ndarray) -> M
     for segment in range(segment_of[-1] + 1):
         span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
         flow = _flow(scheme, model, task, segment)
-        solution = solve_ivp(flow, span, y, method='DOP853', rtol=RTOL, atol=ATOL, dense_output=True)
+        solution = solve_ivp(
+            flow, span, y, method='DOP853', rtol=RTOL, atol=ATOL, dense_output=True
+        )
         if not solution.success:
-            raise DivergenceError(f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}')
+            raise DivergenceError(
+                f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}'
+            )
         *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
         rows += within
     q, dq = np.split(np.array(rows), 2, axis=1)
@@ -62,20 +69,26 @@ def _start(scheme: Scheme, model: RobotModel, task: Task) -> np.ndarray:
     return np.concatenate((state.q, scheme.pseudoinverse(state) @ dx))
 
 
-def _flow(scheme: Scheme, model: RobotModel, task: Task, segment: int) -> Callable[[float, np.ndarray], np.ndarray]:
+def _flow(
+    scheme: Scheme, model: RobotModel, task: Task, segment: int
+) -> Callable[[float, np.ndarray], np.ndarray]:
     """The right side of (q, dq)' = (dq, ddq), (2n,), on one segment."""
     A, B, T_AB = task.waypoints[segment], task.waypoints[segment + 1], task.segment_time
 
     def flow(t: float, y: np.ndarray) -> np.ndarray:
         q, dq = np.split(y, 2)
         if np.abs(dq).max() > SPEED_LIMIT:
-            raise DivergenceError(f'no continuous motion beyond {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s')
+            raise DivergenceError(
+                f'no continuous motion beyond {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
+            )
         xi = t / T_AB - segment
         state = model.state(q, dq)
         dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)
         ddx_d = (B - A) / T_AB**2 * _ddquintic(xi)
         ddx = ddx_d + task.feedback_gain * (dx_d - state.J @ dq)  # derivative of Eq. (37)
-        return np.concatenate((dq, scheme.acceleration(model, state, ddx, model.velocity_product(q, dq))))
+        return np.concatenate(
+            (dq, scheme.acceleration(model, state, ddx, model.velocity_product(q, dq)))
+        )
 
     return flow
 

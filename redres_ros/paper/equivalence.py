@@ -38,10 +38,14 @@ class Difference:
     @property
     def holds_until(self) -> float:
         """First time [s] at which the closed loops differ by more than ZERO; infinity if they never do."""
-        return next((float(t) for t, norm in zip(self.t, self.norm, strict=True) if norm > ZERO), np.inf)
+        return next(
+            (float(t) for t, norm in zip(self.t, self.norm, strict=True) if norm > ZERO), np.inf
+        )
 
 
-def difference(law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None) -> Difference:
+def difference(
+    law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None
+) -> Difference:
     """The task executed by a law and by its yardstick, each in its own closed loop. model: None for the task's arm.
 
     Raises UnknownNameError for a law without a yardstick, RangeError for damping or T.
@@ -79,8 +83,16 @@ class Amplification:
         return float(self.gain.max())
 
 
-def amplification(law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None,
-                  displacement: float = 1e-10, seed: int = 0) -> Amplification:
+def amplification(
+    law_name: str,
+    damping: float,
+    T: float,
+    task: Task,
+    *,
+    model: RobotModel | None = None,
+    displacement: float = 1e-10,
+    seed: int = 0,
+) -> Amplification:
     """What a law's closed loop makes of a small self-motion displacement [rad] of the start, in a random direction.
 
     A gain g turns rounding errors of 1e-15 rad into differences of g 1e-15 rad/s: no closed loop shows an equivalence
@@ -120,8 +132,15 @@ class Convergence:
         return _slope(self.periods, self.dq_errors)
 
 
-def convergence(law_name: str, damping: float, task: Task, periods: tuple[float, ...] = PERIODS, *,
-                stretch: float = 3.0, model: RobotModel | None = None) -> Convergence:
+def convergence(
+    law_name: str,
+    damping: float,
+    task: Task,
+    periods: tuple[float, ...] = PERIODS,
+    *,
+    stretch: float = 3.0,
+    model: RobotModel | None = None,
+) -> Convergence:
     """A law at several sampling times beside its scheme in continuous time, for a stretch [s] of the task, k_d fixed.
 
     The stretch begins with the task. Its segments have to be over in time at every sampling time.
@@ -131,12 +150,16 @@ def convergence(law_name: str, damping: float, task: Task, periods: tuple[float,
         raise RangeError('stretch', stretch, 0.0, task.segments * task.segment_time, 's')
     model = model or RobotModel.named(task.robot)
     scheme, law, errors = make_scheme(law_name, damping), make_law(law_name, damping=damping), []
-    part = replace(task, waypoints=task.waypoints[:int(np.ceil(stretch / task.segment_time)) + 1])
+    part = replace(task, waypoints=task.waypoints[: int(np.ceil(stretch / task.segment_time)) + 1])
     for T in periods:
         sampled = run(Controller(model, law, T), part)
-        q, dq = (sampled.vectors(first)[sampled['t'] <= stretch] for first in ('q1', 'dq1'))  # (ticks, n)
-        exact = integrate(scheme, model, part, sampled['t'][:len(q)])
-        errors.append([np.linalg.norm(q - exact.q, axis=1).max(), np.linalg.norm(dq - exact.dq, axis=1).max()])
+        q, dq = (
+            sampled.vectors(first)[sampled['t'] <= stretch] for first in ('q1', 'dq1')
+        )  # (ticks, n)
+        exact = integrate(scheme, model, part, sampled['t'][: len(q)])
+        errors.append(
+            [np.linalg.norm(q - exact.q, axis=1).max(), np.linalg.norm(dq - exact.dq, axis=1).max()]
+        )
     return Convergence(np.array(periods), *np.transpose(errors))
 
 

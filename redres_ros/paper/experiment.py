@@ -18,7 +18,9 @@ from redres_ros.simulation.closed_loop import PATIENCE, Client
 from redres_ros.simulation.recording import Recording, row
 from redres_ros.waypoints import Task
 
-AFTERMATH = 1.0  # [s] for which the arm is still watched once the task is over or the robot has stopped
+AFTERMATH = (
+    1.0  # [s] for which the arm is still watched once the task is over or the robot has stopped
+)
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,11 @@ def experiment(client: Client, task: Task, arm: Arm) -> Experiment:
     In monitor mode the client mirrors the measured position; the task begins in command mode. What is computed from
     the state of tick k is used from tick k + 1. The robot limits speeds and stops as it does for the nodes.
     """
-    robot = FriRobot(MujocoPlant(arm, client.T, task.start), Guard(JointLimits.of(arm), client.T), Session(client.T))
+    robot = FriRobot(
+        MujocoPlant(arm, client.T, task.start),
+        Guard(JointLimits.of(arm), client.T),
+        Session(client.T),
+    )
     return _Run(client, task, robot).result()
 
 
@@ -77,7 +83,11 @@ class _Run:
     def _follow(self) -> Recording:
         """Until the task is finished, the robot has stopped, or too much time is over."""
         rows: list[list[float]] = []
-        n, T, limit = self._client.model.n, self._client.T, PATIENCE * self._task.segments * self._task.segment_time
+        n, T, limit = (
+            self._client.model.n,
+            self._client.T,
+            PATIENCE * self._task.segments * self._task.segment_time,
+        )
         while (t := self._t) < limit:
             reference = self._reference()
             if reason := self._robot.session.reason:

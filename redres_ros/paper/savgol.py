@@ -30,7 +30,12 @@ def differentiate(q: np.ndarray, T: float) -> Motion:
     Polynomials up to the fifth degree are differentiated exactly. Raises ArrayError for fewer than W + 1 samples.
     """
     if len(q) <= WINDOW:
-        raise ArrayError(f'{len(q)} positions; expected at least {WINDOW + 1} for the Savitzky-Golay filter')
+        raise ArrayError(
+            f'{len(q)} positions; expected at least {WINDOW + 1} for the Savitzky-Golay filter'
+        )
     inner = slice(LEFT_OUT, len(q) - LEFT_OUT)
-    dq, ddq = (savgol_filter(q, WINDOW + 1, DEGREE, deriv=order, delta=T, axis=0)[inner] for order in (1, 2))
+    dq, ddq = (
+        savgol_filter(q, WINDOW + 1, DEGREE, deriv=order, delta=T, axis=0)[inner]
+        for order in (1, 2)
+    )
     return Motion(T * np.arange(len(q))[inner], q[inner], dq, ddq)

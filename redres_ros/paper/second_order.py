@@ -30,7 +30,9 @@ class Scheme(ABC):
         check_parameters(self)
 
     @abstractmethod
-    def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+    def acceleration(
+        self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
+    ) -> np.ndarray:
         """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq (m,)."""
 
     @abstractmethod
@@ -46,7 +48,9 @@ class Scheme(ABC):
 class MinimumAcceleration(Scheme):
     """Least joint acceleration: Eq. (22), which is Eq. (16) for damping = 0 and Eq. (18) for another ddq_N."""
 
-    def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+    def acceleration(
+        self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
+    ) -> np.ndarray:
         J_pinv, ddq_N = self.pseudoinverse(state), self.preferred(state)
         return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J @ ddq_N)  # Eq. (18)
 
@@ -62,7 +66,9 @@ class TorqueScheme(Scheme):
     opposes the generalized momentum M dq.
     """
 
-    def acceleration(self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
+    def acceleration(
+        self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
+    ) -> np.ndarray:
         return model.acceleration(state.q, state.dq_prev, self.torque(state, ddx, dJ_dq))
 
     @abstractmethod
@@ -111,10 +117,14 @@ class MinimumTorque(TorqueScheme):
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
         A = np.linalg.solve(state.M, state.J.T).T  # J M^-1, (m, n)
         A_pinv, tau_N = _pseudoinverse(A), state.M @ self.preferred(state)
-        return A_pinv @ (ddx - dJ_dq + A @ state.n) + tau_N - A_pinv @ (A @ tau_N)  # Eq. (7) for tau_N = 0
+        return (
+            A_pinv @ (ddx - dJ_dq + A @ state.n) + tau_N - A_pinv @ (A @ tau_N)
+        )  # Eq. (7) for tau_N = 0
 
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        return np.linalg.solve(state.M, _pseudoinverse(np.linalg.solve(state.M, state.J.T).T))  # M^-1 (J M^-1)^#
+        return np.linalg.solve(
+            state.M, _pseudoinverse(np.linalg.solve(state.M, state.J.T).T)
+        )  # M^-1 (J M^-1)^#
 
 
 SCHEMES: dict[str, type[Scheme]] = {
@@ -158,8 +168,15 @@ class SecondOrderController:
         return self._last
 
 
-def step(model: RobotModel, scheme: Scheme, T: float, state: RobotState, J_prev: np.ndarray, dx: np.ndarray,
-         dx_prev: np.ndarray) -> np.ndarray:
+def step(
+    model: RobotModel,
+    scheme: Scheme,
+    T: float,
+    state: RobotState,
+    J_prev: np.ndarray,
+    dx: np.ndarray,
+    dx_prev: np.ndarray,
+) -> np.ndarray:
     """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and the last J_{k-1} (m, n) and dx_{k-1} (m,)."""
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J - J_prev) / T  # Eq. (9)
@@ -176,4 +193,6 @@ def _solve(G: np.ndarray, B: np.ndarray) -> np.ndarray:
     try:
         return np.linalg.solve(G, B)
     except np.linalg.LinAlgError:
-        raise ArrayError('J has lost rank, which the schemes of second order do not allow') from None
+        raise ArrayError(
+            'J has lost rank, which the schemes of second order do not allow'
+        ) from None

@@ -92,23 +92,30 @@ def _length_along_z(robot: ET.Element, link: str) -> float:
         if joint.find('parent').get('link') == link:
             z = float(joint.find('origin').get('xyz').split()[2])
             is_fixed = joint.get('type') == 'fixed'
-            return z + (_length_along_z(robot, joint.find('child').get('link')) if is_fixed else 0.0)
+            return z + (
+                _length_along_z(robot, joint.find('child').get('link')) if is_fixed else 0.0
+            )
     return 0.0
 
 
 _LWR4 = Arm(
     urdf=Path(str(resources.files(__package__) / 'lwr4.urdf')),
-    tip_frame='tool0', elbow_frame='link_4',
+    tip_frame='tool0',
+    elbow_frame='link_4',
     # Ia3..Ia7 as identified by Jubien, Gautier and Janot (2014); Ia1 and Ia2 are their ZZ1 and ZZ2 less the links'
     # share.
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
     # From the KRC2 file.
-    acceleration_limit=tuple(np.radians((1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0)).tolist()),
+    acceleration_limit=tuple(
+        np.radians((1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0)).tolist()
+    ),
 )
 
 ARMS: dict[str, Arm] = {
     'lwr4': _LWR4,  # the bare arm
-    'lwr4_paper': replace(_LWR4, base_offset=0.0125, tool_offset=0.135, dynamics='cylinders'),  # Section 5
+    'lwr4_paper': replace(
+        _LWR4, base_offset=0.0125, tool_offset=0.135, dynamics='cylinders'
+    ),  # Section 5
 }
 
 
@@ -116,4 +123,6 @@ def find_arm(name: str, **changes: object) -> Arm:
     """The arm of that name, with the given fields changed unless None. Raises UnknownNameError, RangeError."""
     if name not in ARMS:
         raise UnknownNameError('robot', name, ARMS)
-    return replace(ARMS[name], **{field: value for field, value in changes.items() if value is not None})
+    return replace(
+        ARMS[name], **{field: value for field, value in changes.items() if value is not None}
+    )

@@ -33,13 +33,19 @@ class JointLimits:
         joints = _moving_joints(ET.fromstring(arm.description()))
         acceleration = np.array(arm.acceleration_limit or [np.inf] * len(joints))  # (n,)
         if acceleration.shape != (len(joints),) or not (acceleration > 0.0).all():
-            raise ArrayError(f'acceleration_limit is {arm.acceleration_limit}; expected {len(joints)} positive values')
+            raise ArrayError(
+                f'acceleration_limit is {arm.acceleration_limit}; expected {len(joints)} positive values'
+            )
         names = tuple(joint.get('name', '') for joint in joints)
-        lower, upper, velocity = (np.array([_limit(joint, attribute) for joint in joints])  # each (n,)
-                                  for attribute in ('lower', 'upper', 'velocity'))
+        lower, upper, velocity = (
+            np.array([_limit(joint, attribute) for joint in joints])  # each (n,)
+            for attribute in ('lower', 'upper', 'velocity')
+        )
         for name, allowed in zip(names, velocity, strict=True):
             if not 0.0 < allowed < np.inf:
-                raise FileError(f'{arm.urdf}: joint {name} has no velocity limit above zero, which the guard needs')
+                raise FileError(
+                    f'{arm.urdf}: joint {name} has no velocity limit above zero, which the guard needs'
+                )
         return cls(names, lower, upper, velocity, acceleration)
 
 
@@ -47,7 +53,9 @@ def _moving_joints(robot: ET.Element) -> list[ET.Element]:
     """Joints that move, from the root link outwards: a URDF may list them in any order."""
     joints = robot.findall('joint')
     children = {_link(joint, 'child') for joint in joints}
-    root = next(link.get('name', '') for link in robot.findall('link') if link.get('name') not in children)
+    root = next(
+        link.get('name', '') for link in robot.findall('link') if link.get('name') not in children
+    )
 
     def beyond(link: str) -> Iterator[ET.Element]:
         for joint in joints:

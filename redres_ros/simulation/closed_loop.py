@@ -26,8 +26,14 @@ class Client(Protocol):
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command: ...
 
 
-def run(controller: Client, task: Task, *, delay: int = 0, switches: Mapping[int, Law] | None = None,
-        progress: Callable[[float], None] | None = None) -> Recording:
+def run(
+    controller: Client,
+    task: Task,
+    *,
+    delay: int = 0,
+    switches: Mapping[int, Law] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recording:
     """The task from its start until the last point is reached, which gives no row of its own.
 
     delay: ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a robot that takes up at tick
@@ -55,4 +61,6 @@ def run(controller: Client, task: Task, *, delay: int = 0, switches: Mapping[int
         q = on_the_way.popleft()
         if progress and k % 100 == 0:
             progress(t / nominal)
-    return Recording.of(rows, len(q), T, False, f'did not reach the last point within {PATIENCE * nominal:g} s')
+    return Recording.of(
+        rows, len(q), T, False, f'did not reach the last point within {PATIENCE * nominal:g} s'
+    )

@@ -37,10 +37,17 @@ class Effort:
     def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
         """From a recording of at least one tick."""
         T, q, dq = recording.T, recording.vectors('q1'), recording.vectors('dq1')
-        M = np.array([model.state(position, velocity).M for position, velocity in zip(q, dq, strict=True)])  # (N, n, n)
-        elbow = np.array([model.position(position, model.arm.elbow_frame) for position in q])  # (N, 3)
+        M = np.array(
+            [model.state(position, velocity).M for position, velocity in zip(q, dq, strict=True)]
+        )  # (N, n, n)
+        elbow = np.array(
+            [model.position(position, model.arm.elbow_frame) for position in q]
+        )  # (N, 3)
         return cls(
-            *(recording.peak(f'joint_{name}_norm')[0] for name in ('acceleration', 'velocity', 'torque')),
+            *(
+                recording.peak(f'joint_{name}_norm')[0]
+                for name in ('acceleration', 'velocity', 'torque')
+            ),
             squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
             squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
             kinetic_energy=T * float(np.einsum('ti,tij,tj->', dq, M, dq)) / 2.0,
@@ -51,16 +58,31 @@ class Effort:
 
 def table(efforts: Mapping[str, Effort]) -> str:
     """One line a law; the smallest value of each column is marked."""
-    heads = ('max |ddq|', 'max |dq|', 'max |tau|', 'int ddq^2', 'int tau^2', 'int energy', 'elbow path')
+    heads = (
+        'max |ddq|',
+        'max |dq|',
+        'max |tau|',
+        'int ddq^2',
+        'int tau^2',
+        'int energy',
+        'elbow path',
+    )
     units = ('rad/s^2', 'rad/s', 'Nm', 'rad^2/s^3', 'Nm^2 s', 'J s', 'm')
-    names = list(Effort.__dataclass_fields__)[:len(heads)]
+    names = list(Effort.__dataclass_fields__)[: len(heads)]
     values = {law: [getattr(effort, name) for name in names] for law, effort in efforts.items()}
     least = [min(column) for column in zip(*values.values(), strict=True)]
-    lines = [f"{'law':<40}" + ''.join(f'{head:>13}' for head in heads),
-             f"{'':<40}" + ''.join(f"{f'[{unit}]':>13}" for unit in units)]
+    lines = [
+        f'{"law":<40}' + ''.join(f'{head:>13}' for head in heads),
+        f'{"":<40}' + ''.join(f'{f"[{unit}]":>13}' for unit in units),
+    ]
     for law, row in values.items():
-        cells = (f"{value:.4g}{'*' if value == best else ' '}" for value, best in zip(row, least, strict=True))
-        lines.append(f'{law:<40}' + ''.join(f'{cell:>13}' for cell in cells) + f'  {efforts[law].ending}')
+        cells = (
+            f'{value:.4g}{"*" if value == best else " "}'
+            for value, best in zip(row, least, strict=True)
+        )
+        lines.append(
+            f'{law:<40}' + ''.join(f'{cell:>13}' for cell in cells) + f'  {efforts[law].ending}'
+        )
     return '\n'.join([*lines, '* least of its column'])
 
 

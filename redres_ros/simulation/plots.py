@@ -24,8 +24,16 @@ _BESIDE = 0.06  # [m] from a point to its label, away from the middle of all poi
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
 
 
-def draw_motion(recording: Recording, model: RobotModel, task: Task, title: str, path: Path, *,
-                beside: Mapping[str, Recording] | None = None, stopped: str = '') -> None:
+def draw_motion(
+    recording: Recording,
+    model: RobotModel,
+    task: Task,
+    title: str,
+    path: Path,
+    *,
+    beside: Mapping[str, Recording] | None = None,
+    stopped: str = '',
+) -> None:
     """One page: the way of tip and elbow on the left, norms over time on the right.
 
     beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the robot was stopped,
@@ -36,7 +44,9 @@ def draw_motion(recording: Recording, model: RobotModel, task: Task, title: str,
     grid = figure.add_gridspec(3, 2, width_ratios=(1.0, 1.5))
     draw_paths(figure.add_subplot(grid[:, 0], projection='3d'), recording, model, task)
     axes: list[Axes] = []
-    for place, norm in enumerate(('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')):
+    for place, norm in enumerate(
+        ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
+    ):
         axes.append(figure.add_subplot(grid[place, 1], sharex=axes[0] if axes else None))
         draw_norm(axes[-1], norm, recording, beside or {})
         if stopped and len(recording.data):
@@ -48,13 +58,17 @@ def draw_motion(recording: Recording, model: RobotModel, task: Task, title: str,
 
 def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: Task) -> None:
     """The tip in black and the elbow in blue, with the task's points, as the paper's figures show them."""
-    elbow = np.array([model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]])
+    elbow = np.array(
+        [model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]]
+    )
     ax.plot(*recording.vectors('x').T, color='black', label='tip')
     if len(elbow):
         ax.plot(*elbow.T, color='tab:blue', label='elbow')
     ax.plot(*task.waypoints.T, 'o', color='tab:red', ms=4, label='points of the task')
     outwards = task.waypoints - task.waypoints.mean(axis=0)  # (N, 3)
-    labels = task.waypoints + _BESIDE * outwards / np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE)
+    labels = task.waypoints + _BESIDE * outwards / np.maximum(
+        np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE
+    )
     for number, label in enumerate(labels):
         ax.text(*label, f'$x_{number}$', color='tab:red', ha='center', va='center')
     for axis, name in ((ax.xaxis, 'x'), (ax.yaxis, 'y'), (ax.zaxis, 'z')):

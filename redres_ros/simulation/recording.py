@@ -14,17 +14,43 @@ from redres_ros.planner import Reference
 def columns(n: int) -> tuple[str, ...]:
     """Column names for an arm of n joints; positions [rad], velocities [rad/s], lengths [m], torque [Nm], time [s]."""
     joints = range(1, n + 1)
-    return ('t', *(f'q{i}' for i in joints), *(f'dq{i}' for i in joints), 'x', 'y', 'z', 'x_d', 'y_d', 'z_d',
-            'task_error', 'joint_velocity_norm', 'joint_acceleration_norm',
-            'null_velocity_norm', 'joint_torque_norm', 'min_singular_value', 'segment')
+    return (
+        't',
+        *(f'q{i}' for i in joints),
+        *(f'dq{i}' for i in joints),
+        'x',
+        'y',
+        'z',
+        'x_d',
+        'y_d',
+        'z_d',
+        'task_error',
+        'joint_velocity_norm',
+        'joint_acceleration_norm',
+        'null_velocity_norm',
+        'joint_torque_norm',
+        'min_singular_value',
+        'segment',
+    )
 
 
 def row(t: float, command: Command, reference: Reference) -> list[float]:
     """One tick in the order of `columns`; all norms are Euclidean."""
     norm, state = np.linalg.norm, command.state
-    return [t, *state.q, *command.dq, *state.x, *reference.x_d,
-            norm(reference.error), norm(command.dq), norm(command.ddq),
-            norm(command.null), norm(command.tau), command.min_singular_value, reference.segment]
+    return [
+        t,
+        *state.q,
+        *command.dq,
+        *state.x,
+        *reference.x_d,
+        norm(reference.error),
+        norm(command.dq),
+        norm(command.ddq),
+        norm(command.null),
+        norm(command.tau),
+        command.min_singular_value,
+        reference.segment,
+    ]
 
 
 @dataclass(frozen=True)
@@ -38,9 +64,17 @@ class Recording:
     ending: str
 
     @classmethod
-    def of(cls, rows: Iterable[list[float]], n: int, T: float, finished: bool, ending: str) -> 'Recording':
+    def of(
+        cls, rows: Iterable[list[float]], n: int, T: float, finished: bool, ending: str
+    ) -> 'Recording':
         """From rows as `row` makes them."""
-        return cls(np.array(list(rows), dtype=np.float64).reshape(-1, len(columns(n))), n, T, finished, ending)
+        return cls(
+            np.array(list(rows), dtype=np.float64).reshape(-1, len(columns(n))),
+            n,
+            T,
+            finished,
+            ending,
+        )
 
     def __getitem__(self, name: str) -> np.ndarray:
         """One column, (ticks,)."""
@@ -49,7 +83,7 @@ class Recording:
     def vectors(self, first: str) -> np.ndarray:
         """The columns of a vector by its first one: 'q1' and 'dq1' give (ticks, n), 'x' and 'x_d' give (ticks, 3)."""
         start = columns(self.n).index(first)
-        return self.data[:, start:start + (3 if first in ('x', 'x_d') else self.n)]
+        return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
     def peak(self, name: str) -> tuple[float, float]:
         """Largest value of a column and the time [s] at which it occurs."""
@@ -60,6 +94,13 @@ class Recording:
         """All rows with a heading, at full precision: reading them back gives the same bits. Raises FileError."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            np.savetxt(path, self.data, fmt='%.17g', delimiter=',', header=','.join(columns(self.n)), comments='')
+            np.savetxt(
+                path,
+                self.data,
+                fmt='%.17g',
+                delimiter=',',
+                header=','.join(columns(self.n)),
+                comments='',
+            )
         except OSError as error:
             raise FileError(f'cannot write {path}: {error.strerror}') from None

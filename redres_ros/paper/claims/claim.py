@@ -32,8 +32,9 @@ class Claim:
     measure: Callable[[Runs], Finding]
 
 
-def check_all(claims: Iterable[Claim], runs: Runs,
-              progress: Callable[[float], None] | None = None) -> dict[Claim, Finding]:
+def check_all(
+    claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None] | None = None
+) -> dict[Claim, Finding]:
     """The findings in the order of the claims. progress is told the share that is done."""
     claims, findings = list(claims), {}
     for done, claim in enumerate(claims, start=1):
@@ -48,9 +49,13 @@ def table(findings: Mapping[Claim, Finding]) -> str:
     lines = []
     for claim, finding in findings.items():
         verdict = 'held' if finding.held else 'NOT HELD'
-        lines += textwrap.wrap(f'{claim.section:<10}{verdict:<10}{claim.says}', _WIDTH, subsequent_indent=' ' * 20)
+        lines += textwrap.wrap(
+            f'{claim.section:<10}{verdict:<10}{claim.says}', _WIDTH, subsequent_indent=' ' * 20
+        )
         for text in (finding.measured, finding.remark):
-            lines += textwrap.wrap(text, _WIDTH, initial_indent=' ' * 20, subsequent_indent=' ' * 20)
+            lines += textwrap.wrap(
+                text, _WIDTH, initial_indent=' ' * 20, subsequent_indent=' ' * 20
+            )
     held = sum(finding.held for finding in findings.values())
     return '\n'.join([*lines, f'{held} of {len(findings)} claims held'])
 

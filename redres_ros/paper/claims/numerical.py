@@ -21,10 +21,14 @@ from redres_ros.simulation.closed_loop import run
 def drift(runs: Runs) -> Finding:
     """Null-space velocity where the tip is at rest between two segments, without and with damping."""
     tick = round(runs.task.segment_time / SIMULATION_T) - 1
-    without, damped = (float(run['null_velocity_norm'][tick]) for run in (runs.ideal_undamped, runs.ideal_damped))
-    return Finding(without > 10.0 * damped,
-                   f'with the tip at rest after {runs.task.segment_time:g} s the joints float at {without:.3g} rad/s, '
-                   f'with damping at {damped:.2g} rad/s')
+    without, damped = (
+        float(run['null_velocity_norm'][tick]) for run in (runs.ideal_undamped, runs.ideal_damped)
+    )
+    return Finding(
+        without > 10.0 * damped,
+        f'with the tip at rest after {runs.task.segment_time:g} s the joints float at {without:.3g} rad/s, '
+        f'with damping at {damped:.2g} rad/s',
+    )
 
 
 def peaks(runs: Runs) -> Finding:
@@ -32,11 +36,13 @@ def peaks(runs: Runs) -> Finding:
     without, at = runs.ideal_undamped.peak('joint_acceleration_norm')
     damped, _ = runs.ideal_damped.peak('joint_acceleration_norm')
     ratio, slower = without / damped, _peak(runs, 0.0) / _peak(runs, EXPERIMENT_DAMPING)
-    return Finding(min(ratio, slower) > 10.0,
-                   f'{without:.1f} rad/s^2 at {at:.2f} s against {damped:.2f} rad/s^2: {ratio:.0f} times at 1 ms; '
-                   f'{slower:.0f} times at 2 ms',
-                   'the paper says 40; held means by more than ten times, since the undamped motion depends on every '
-                   'detail of the arm, and the paper does not give its link lengths')
+    return Finding(
+        min(ratio, slower) > 10.0,
+        f'{without:.1f} rad/s^2 at {at:.2f} s against {damped:.2f} rad/s^2: {ratio:.0f} times at 1 ms; '
+        f'{slower:.0f} times at 2 ms',
+        'the paper says 40; held means by more than ten times, since the undamped motion depends on every '
+        'detail of the arm, and the paper does not give its link lengths',
+    )
 
 
 def equivalence_damped(runs: Runs) -> Finding:
@@ -52,20 +58,30 @@ def equivalence_35(runs: Runs) -> Finding:
 def equivalence_undamped(runs: Runs) -> Finding:
     """The same without damping, where the loop itself amplifies rounding."""
     found = difference('minimum_acceleration', 0.0, SIMULATION_T, runs.task)
-    return Finding(found.max <= ROUNDING,
-                   f'in closed loops of their own at most {found.max:.0e} rad/s apart, '
-                   f'given the same past {found.same_past.max():.0e} rad/s',
-                   'the undamped loop amplifies rounding')
+    return Finding(
+        found.max <= ROUNDING,
+        f'in closed loops of their own at most {found.max:.0e} rad/s apart, '
+        f'given the same past {found.same_past.max():.0e} rad/s',
+        'the undamped loop amplifies rounding',
+    )
 
 
 def equivalence_others(runs: Runs) -> Finding:
     """The torque laws that the paper converts but does not draw."""
-    found = {name: difference(name, SIMULATION_DAMPING, SIMULATION_T, runs.task, model=runs.experiment_model)
-             for name in ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')}
-    apart = ', '.join(f'{name} {d.max:.0e} / {d.same_past.max():.0e} rad/s' for name, d in found.items())
-    return Finding(all(d.same_past.max() <= ROUNDING for d in found.values()),
-                   f'largest difference in closed loops of their own / given the same past: {apart}',
-                   'with the identified dynamics and k_d = 10 1/s')
+    found = {
+        name: difference(
+            name, SIMULATION_DAMPING, SIMULATION_T, runs.task, model=runs.experiment_model
+        )
+        for name in ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')
+    }
+    apart = ', '.join(
+        f'{name} {d.max:.0e} / {d.same_past.max():.0e} rad/s' for name, d in found.items()
+    )
+    return Finding(
+        all(d.same_past.max() <= ROUNDING for d in found.values()),
+        f'largest difference in closed loops of their own / given the same past: {apart}',
+        'with the identified dynamics and k_d = 10 1/s',
+    )
 
 
 def bounded(runs: Runs) -> Finding:
@@ -77,42 +93,76 @@ def bounded(runs: Runs) -> Finding:
             for damping in (0.0, SIMULATION_DAMPING):
                 controller = Controller(model, make_law(name, damping=damping), SIMULATION_T)
                 found[arm, name, damping], _ = run(controller, twice).peak('joint_velocity_norm')
-    weighted = [peak for (arm, name, damping), peak in found.items() if name == 'minimum_weighted_torque']
+    weighted = [
+        peak for (arm, name, damping), peak in found.items() if name == 'minimum_weighted_torque'
+    ]
     plain = [peak for (arm, name, damping), peak in found.items() if name == 'minimum_torque']
-    listed = '; '.join(f'{arm}, {name}, k_d = {damping:g}: {peak:.3g}' for (arm, name, damping), peak in found.items())
-    return Finding(all(one < two for one, two in zip(weighted, plain, strict=True)) and max(weighted) < 100.0,
-                   f'largest |dq| over two rounds of the rectangle [rad/s]: {listed}',
-                   'bounded where the model is the identified one; '
-                   'with the cylinder model and no damping either norm diverges')
+    listed = '; '.join(
+        f'{arm}, {name}, k_d = {damping:g}: {peak:.3g}'
+        for (arm, name, damping), peak in found.items()
+    )
+    return Finding(
+        all(one < two for one, two in zip(weighted, plain, strict=True)) and max(weighted) < 100.0,
+        f'largest |dq| over two rounds of the rectangle [rad/s]: {listed}',
+        'bounded where the model is the identified one; '
+        'with the cylinder model and no damping either norm diverges',
+    )
 
 
 def faster(runs: Runs) -> Finding:
     """Peaks of |dq| in Figs. 4 and 7."""
-    (damped, _), (law_35, _) = (run.peak('joint_velocity_norm') for run in (runs.ideal_damped, runs.ideal_35))
-    return Finding(law_35 > damped, f'largest |dq| {law_35:.2f} rad/s with (35), {damped:.2f} rad/s with (23)')
+    (damped, _), (law_35, _) = (
+        run.peak('joint_velocity_norm') for run in (runs.ideal_damped, runs.ideal_35)
+    )
+    return Finding(
+        law_35 > damped, f'largest |dq| {law_35:.2f} rad/s with (35), {damped:.2f} rad/s with (23)'
+    )
 
 
 def _peak(runs: Runs, damping: float) -> float:
     """Largest |ddq| of law (23) at the sampling time of the experiments [rad/s^2]."""
     law = make_law('minimum_acceleration', damping=damping)
-    return run(Controller(runs.model, law, EXPERIMENT_T), runs.task).peak('joint_acceleration_norm')[0]
+    return run(Controller(runs.model, law, EXPERIMENT_T), runs.task).peak(
+        'joint_acceleration_norm'
+    )[0]
 
 
 def _equivalence(runs: Runs, law: str, damping: float) -> Finding:
     found = difference(law, damping, SIMULATION_T, runs.task)
-    return Finding(found.max <= ROUNDING, f'largest |dq_I - dq_II| {found.max:.1e} rad/s over the whole task')
+    return Finding(
+        found.max <= ROUNDING, f'largest |dq_I - dq_II| {found.max:.1e} rad/s over the whole task'
+    )
 
 
 NUMERICAL = (
-    Claim('3.2', 'Without damping the joints float on the self-motion manifold; null-space damping removes that',
-          drift),
-    Claim('4.1', 'With the norm weighted by M^-2 the motion stays bounded in longer tasks, '
-          'unlike with the plain torque norm', bounded),
-    Claim('5.1', 'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)', equivalence_damped),
-    Claim('5.1', 'Without damping the arm drifts to a singular configuration, '
-          'and the acceleration peaks rise 40 times', peaks),
+    Claim(
+        '3.2',
+        'Without damping the joints float on the self-motion manifold; null-space damping removes that',
+        drift,
+    ),
+    Claim(
+        '4.1',
+        'With the norm weighted by M^-2 the motion stays bounded in longer tasks, '
+        'unlike with the plain torque norm',
+        bounded,
+    ),
+    Claim(
+        '5.1',
+        'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)',
+        equivalence_damped,
+    ),
+    Claim(
+        '5.1',
+        'Without damping the arm drifts to a singular configuration, '
+        'and the acceleration peaks rise 40 times',
+        peaks,
+    ),
     Claim('5.1', 'Law and scheme still behave alike without damping', equivalence_undamped),
     Claim('5.2', 'Law (35) moves the joints faster than law (23) (Figs. 4, 7)', faster),
-    Claim('5.2', 'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)', equivalence_35),
+    Claim(
+        '5.2',
+        'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)',
+        equivalence_35,
+    ),
     Claim('4, A', 'So do the other torque laws and their schemes', equivalence_others),
 )

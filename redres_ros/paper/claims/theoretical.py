@@ -19,7 +19,9 @@ _EVERY = 50  # ticks between the states of a run at which something is checked
 _REPETITIONS = 3000  # of a tick when it is timed
 
 
-def states(recording: Recording, model: RobotModel, every: int = _EVERY) -> Iterator[tuple[RobotState, np.ndarray]]:
+def states(
+    recording: Recording, model: RobotModel, every: int = _EVERY
+) -> Iterator[tuple[RobotState, np.ndarray]]:
     """States along a recording and the velocities commanded there."""
     q, dq = recording.vectors('q1'), recording.vectors('dq1')
     for k in range(every, len(q), every):
@@ -35,9 +37,13 @@ def square_task(runs: Runs) -> Finding:
         J = model.state(q[k], np.zeros(7)).J[:, :6]
         dx, dx_prev = J @ dq[k], J_prev @ dq_prev
         ddq = np.linalg.solve(J, (dx - dx_prev) / T - (J - J_prev) / T @ dq_prev)  # Eq. (12)
-        worst = max(worst, float(np.linalg.norm(dq_prev + T * ddq - np.linalg.solve(J, dx))))  # Eq. (13) against (14)
+        worst = max(
+            worst, float(np.linalg.norm(dq_prev + T * ddq - np.linalg.solve(J, dx)))
+        )  # Eq. (13) against (14)
         J_prev, dq_prev = J, dq[k]
-    return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s over the first third of the task')
+    return Finding(
+        worst <= ROUNDING, f'largest difference {worst:.1e} rad/s over the first third of the task'
+    )
 
 
 def two_forms(runs: Runs) -> Finding:
@@ -74,10 +80,14 @@ def optimality(runs: Runs) -> Finding:
             b, W, Z = law.bias(state, SIMULATION_T), law.weight(state), null_space(state.J)
             W = np.eye(len(b)) if W is None else W
             dq = resolve(state.J, state.J @ moved, b, W)
-            residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b)))
+            residuals.append(
+                np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b))
+            )
         worst[name] = max(residuals)
-    return Finding(bool(max(worst.values()) <= 1e-9),
-                   'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()))
+    return Finding(
+        bool(max(worst.values()) <= 1e-9),
+        'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()),
+    )
 
 
 def resting_place(runs: Runs) -> Finding:
@@ -98,14 +108,28 @@ def regimes(runs: Runs) -> Finding:
     for share in (0.5, 1.5, 2.0, 2.5):
         speeds = [1.0]
         for _ in range(60):
-            speeds.append(float(resolve(np.zeros((1, 1)), np.zeros(1), np.array([(1.0 - share) * speeds[-1]]))[0]))
+            speeds.append(
+                float(
+                    resolve(np.zeros((1, 1)), np.zeros(1), np.array([(1.0 - share) * speeds[-1]]))[
+                        0
+                    ]
+                )
+            )
         ratio = abs(speeds[-1])
-        seen[share] = ('alternating' if speeds[1] * speeds[2] < 0.0 else 'one sign',
-                       'dies out' if ratio < 1e-6 else 'grows' if ratio > 1e6 else 'stays')
-    expected = {0.5: ('one sign', 'dies out'), 1.5: ('alternating', 'dies out'), 2.0: ('alternating', 'stays'),
-                2.5: ('alternating', 'grows')}
-    return Finding(seen == expected,
-                   '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()))
+        seen[share] = (
+            'alternating' if speeds[1] * speeds[2] < 0.0 else 'one sign',
+            'dies out' if ratio < 1e-6 else 'grows' if ratio > 1e6 else 'stays',
+        )
+    expected = {
+        0.5: ('one sign', 'dies out'),
+        1.5: ('alternating', 'dies out'),
+        2.0: ('alternating', 'stays'),
+        2.5: ('alternating', 'grows'),
+    }
+    return Finding(
+        seen == expected,
+        '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()),
+    )
 
 
 def cost(runs: Runs) -> Finding:
@@ -116,36 +140,69 @@ def cost(runs: Runs) -> Finding:
     for name in SCHEMES:
         law = Controller(runs.model, make_law(name), SIMULATION_T)
         scheme = SecondOrderController(runs.model, make_scheme(name), SIMULATION_T)
-        pairs = [(_seconds(law, state.q, dx), _seconds(scheme, state.q, dx)) for _ in range(_REPETITIONS)]
+        pairs = [
+            (_seconds(law, state.q, dx), _seconds(scheme, state.q, dx)) for _ in range(_REPETITIONS)
+        ]
         ratios[name] = float(np.median([one / two for one, two in pairs]))
-    return Finding(max(ratios.values()) <= 1.05, 'time of a tick, velocity law over second-order scheme: '
-                   + ', '.join(f'{name} {ratio:.2f}' for name, ratio in ratios.items()),
-                   'medians of pairs measured in turns; both evaluate the same model')
+    return Finding(
+        max(ratios.values()) <= 1.05,
+        'time of a tick, velocity law over second-order scheme: '
+        + ', '.join(f'{name} {ratio:.2f}' for name, ratio in ratios.items()),
+        'medians of pairs measured in turns; both evaluate the same model',
+    )
 
 
 def proportional(runs: Runs) -> Finding:
     """Order of convergence to the continuous scheme on the first segment."""
     orders = {name: found.q_order for name, found in runs.convergences.items()}
-    return Finding(all(0.9 <= order <= 1.1 for order in orders.values()),
-                   'the error of q against the continuous scheme falls as T^p over the first segment, with p = '
-                   + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()))
+    return Finding(
+        all(0.9 <= order <= 1.1 for order in orders.values()),
+        'the error of q against the continuous scheme falls as T^p over the first segment, with p = '
+        + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
+    )
 
 
-def _seconds(controller: Controller | SecondOrderController, q: np.ndarray, dx: np.ndarray) -> float:
+def _seconds(
+    controller: Controller | SecondOrderController, q: np.ndarray, dx: np.ndarray
+) -> float:
     begun = time.perf_counter()
     controller.update(q, dx)
     return time.perf_counter() - begun
 
 
 THEORETICAL = (
-    Claim('2.2 (14)', 'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx', square_task),
-    Claim('2.2', 'The approximations (8) to (10) are consistent: the sampled laws tend to the continuous schemes',
-          proportional),
-    Claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical', two_forms),
-    Claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)', special_case_35),
-    Claim('A', 'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)', optimality),
-    Claim('B (B.2)', 'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)', resting_place),
-    Claim('B', 'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; beyond: diverges',
-          regimes),
+    Claim(
+        '2.2 (14)',
+        'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx',
+        square_task,
+    ),
+    Claim(
+        '2.2',
+        'The approximations (8) to (10) are consistent: the sampled laws tend to the continuous schemes',
+        proportional,
+    ),
+    Claim(
+        '3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical', two_forms
+    ),
+    Claim(
+        '4.2 (35)',
+        'With the damping torque (34), law (32) becomes the simpler (35)',
+        special_case_35,
+    ),
+    Claim(
+        'A',
+        'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)',
+        optimality,
+    ),
+    Claim(
+        'B (B.2)',
+        'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)',
+        resting_place,
+    ),
+    Claim(
+        'B',
+        'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; beyond: diverges',
+        regimes,
+    ),
     Claim('7', 'The velocity laws cost no more computation than the second-order schemes', cost),
 )

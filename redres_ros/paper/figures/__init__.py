@@ -29,7 +29,9 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
 }  # Figure 1 is a block diagram
 
 
-def draw_all(out: Path, progress: Callable[[float], None] | None = None, runs: Runs | None = None) -> dict[int, Path]:
+def draw_all(
+    out: Path, progress: Callable[[float], None] | None = None, runs: Runs | None = None
+) -> dict[int, Path]:
     """Write every figure as out/figure_NN.png, and convergence.png, which the paper does not have; the files by number.
 
     progress is told the share that is done; runs: what to draw, so that it can be used for more than that. Raises

@@ -10,15 +10,20 @@ def figure_convergence(runs: Runs) -> Figure:
     figure = Figure(figsize=(8.0, 6.0), layout='constrained')
     ax = figure.add_subplot()
     for law, found in runs.convergences.items():
-        ax.loglog(1e3 * found.periods, found.q_errors, 'o-', label=f'{law}: slope {found.q_order:.3f}')
+        ax.loglog(
+            1e3 * found.periods, found.q_errors, 'o-', label=f'{law}: slope {found.q_order:.3f}'
+        )
     found = next(iter(runs.convergences.values()))
     slope = 0.5 * found.q_errors[0] * found.periods / found.periods[0]
     ax.loglog(1e3 * found.periods, slope, '--', color='0.6', label='slope 1')
     ax.set_xticks(1e3 * found.periods, [f'{1e3 * T:g}' for T in found.periods], minor=False)
     ax.minorticks_off()
-    ax.set(xlabel='sampling time T [ms]', ylabel=r'largest $\Vert q_k-q(t_k)\Vert$ [rad]',
-           title='Velocity laws against their second-order schemes in continuous time,\n'
-                 f'first segment, $k_d$ = {SIMULATION_DAMPING:g} 1/s')
+    ax.set(
+        xlabel='sampling time T [ms]',
+        ylabel=r'largest $\Vert q_k-q(t_k)\Vert$ [rad]',
+        title='Velocity laws against their second-order schemes in continuous time,\n'
+        f'first segment, $k_d$ = {SIMULATION_DAMPING:g} 1/s',
+    )
     ax.grid(alpha=0.3)
     ax.legend()
     return figure

@@ -21,20 +21,26 @@ def figure_5(runs: Runs) -> Figure:
 
 def figure_8(runs: Runs) -> Figure:
     """Simulation: law (35) against scheme (29)."""
-    title = 'Figure 8. Simulation: velocity law (35) and torque scheme (29) with damping (34), T = 1 ms'
+    title = (
+        'Figure 8. Simulation: velocity law (35) and torque scheme (29) with damping (34), T = 1 ms'
+    )
     return _simulations(title, runs.ideal_35, runs.ideal_29)
 
 
 def figure_13(runs: Runs) -> Figure:
     """Experiment: law (23) against scheme (22)."""
     title = r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 5 1/s, T = 2 ms'
-    return _experiments(f'Figure 13. Experiment: {title}', runs.experiment_damped_unblended, runs.experiment_22)
+    return _experiments(
+        f'Figure 13. Experiment: {title}', runs.experiment_damped_unblended, runs.experiment_22
+    )
 
 
 def figure_16(runs: Runs) -> Figure:
     """Experiment: law (35) against scheme (29)."""
     title = 'velocity law (35) and torque scheme (29) with damping (34), points in reverse order, T = 2 ms'
-    return _experiments(f'Figure 16. Experiment: {title}', runs.experiment_35_unblended, runs.experiment_29)
+    return _experiments(
+        f'Figure 16. Experiment: {title}', runs.experiment_35_unblended, runs.experiment_29
+    )
 
 
 def difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
@@ -45,26 +51,43 @@ def difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
 
 def _simulations(title: str, law: Recording, scheme: Recording) -> Figure:
     dq_I = law.vectors('dq1')
-    curves = {_SCALE: np.linalg.norm(dq_I, axis=1), _DIFFERENCE: difference(dq_I, scheme.vectors('dq1'))}
+    curves = {
+        _SCALE: np.linalg.norm(dq_I, axis=1),
+        _DIFFERENCE: difference(dq_I, scheme.vectors('dq1')),
+    }
     return _draw(title, law['t'], curves)
 
 
 def _experiments(title: str, law: Experiment, scheme: Experiment) -> Figure:
     """The measured velocities of both, and the commanded one of the law, which is what the paper's captions name."""
     dq_I, dq_II = law.motion.dq, scheme.motion.dq
-    return _draw(title, law.motion.t, {
-        _SCALE: np.linalg.norm(dq_I, axis=1),
-        f'{_DIFFERENCE}, I commanded, II measured': difference(law.recording.vectors('dq1')[LEFT_OUT:], dq_II),
-        f'{_DIFFERENCE}, both measured': difference(dq_I, dq_II),
-    })
+    return _draw(
+        title,
+        law.motion.t,
+        {
+            _SCALE: np.linalg.norm(dq_I, axis=1),
+            f'{_DIFFERENCE}, I commanded, II measured': difference(
+                law.recording.vectors('dq1')[LEFT_OUT:], dq_II
+            ),
+            f'{_DIFFERENCE}, both measured': difference(dq_I, dq_II),
+        },
+    )
 
 
 def _draw(title: str, t: np.ndarray, curves: dict[str, np.ndarray]) -> Figure:
     """Curves in front of each other, each as long as it is, with gaps where it is exactly zero."""
     figure = Figure(figsize=(10.0, 4.8), layout='constrained')
     ax = figure.add_subplot(xmargin=0.0)
-    for (label, values), color in zip(curves.items(), ('0.65', 'tab:blue', 'tab:orange'), strict=False):
-        ax.plot(t[:len(values)], np.where(values > 0.0, values, np.nan), label=label, color=color, lw=1.2)
+    for (label, values), color in zip(
+        curves.items(), ('0.65', 'tab:blue', 'tab:orange'), strict=False
+    ):
+        ax.plot(
+            t[: len(values)],
+            np.where(values > 0.0, values, np.nan),
+            label=label,
+            color=color,
+            lw=1.2,
+        )
     ax.set(xlabel='time [s]', ylabel='joint velocity [rad/s]', yscale='log', ylim=_RANGE)
     ax.set_title(title, fontsize='medium')
     ax.grid(alpha=0.3)

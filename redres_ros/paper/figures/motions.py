@@ -27,13 +27,20 @@ def figure_3(runs: Runs) -> Figure:
 
 def figure_6(runs: Runs) -> Figure:
     """Simulation with law (35)."""
-    return _draw('Figure 6. Simulation: least torque, law (35), T = 1 ms', runs.ideal_35, runs.model, runs.task)
+    return _draw(
+        'Figure 6. Simulation: least torque, law (35), T = 1 ms',
+        runs.ideal_35,
+        runs.model,
+        runs.task,
+    )
 
 
 def figure_9(runs: Runs) -> Figure:
     """Experiment with law (2), which the robot stops."""
     title = 'Figure 9. Experiment: least velocity, law (2), T = 2 ms'
-    return _draw(title, runs.experiment_minimum_velocity.recording, runs.experiment_model, runs.task)
+    return _draw(
+        title, runs.experiment_minimum_velocity.recording, runs.experiment_model, runs.task
+    )
 
 
 def figure_11(runs: Runs) -> Figure:
@@ -71,7 +78,9 @@ def _draw_pictures(place: SubFigure, recording: Recording, model: RobotModel, ta
     except RenderError as error:
         _note(place.add_subplot(), f'No pictures: {error}')
         return
-    for ax, picture, t in zip(place.subplots(*PICTURES).flat, pictures, recording['t'][ticks], strict=True):
+    for ax, picture, t in zip(
+        place.subplots(*PICTURES).flat, pictures, recording['t'][ticks], strict=True
+    ):
         ax.imshow(picture)
         ax.set_title(f't = {t:.2f} s', fontsize='medium')
         ax.set_axis_off()
@@ -80,7 +89,9 @@ def _draw_pictures(place: SubFigure, recording: Recording, model: RobotModel, ta
 def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: Task) -> Film:
     q = recording.vectors('q1')
     elbow = np.array([model.position(at, model.arm.elbow_frame) for at in q[::_EVERY]])
-    return Film(q[ticks], ticks / max(ticks[-1], 1), recording.vectors('x')[::_EVERY], elbow, task.waypoints)
+    return Film(
+        q[ticks], ticks / max(ticks[-1], 1), recording.vectors('x')[::_EVERY], elbow, task.waypoints
+    )
 
 
 def _note(ax: Axes, text: str) -> None:

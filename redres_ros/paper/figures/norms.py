@@ -27,7 +27,9 @@ def figure_4(runs: Runs) -> Figure:
 def figure_7(runs: Runs) -> Figure:
     """Law (35): torque and velocity."""
     shown = 'joint_torque_norm', 'joint_velocity_norm'
-    return _simulation('Figure 7. Simulation: least torque, law (35), T = 1 ms', runs.ideal_35, shown, runs.task)
+    return _simulation(
+        'Figure 7. Simulation: least torque, law (35), T = 1 ms', runs.ideal_35, shown, runs.task
+    )
 
 
 def figure_10(runs: Runs) -> Figure:
@@ -49,13 +51,20 @@ def figure_15(runs: Runs) -> Figure:
     title = 'Figure 15. Experiment: least torque, law (35), points in reverse order, T = 2 ms'
     tried = runs.experiment_35
     tau, dq = torque_norm(tried.motion, runs.experiment_model), _norm(tried.motion.dq)
-    return _experiment(title, tried, {'joint_torque_norm': tau, 'joint_velocity_norm': dq}, runs.reversed_task)
+    return _experiment(
+        title, tried, {'joint_torque_norm': tau, 'joint_velocity_norm': dq}, runs.reversed_task
+    )
 
 
 def torque_norm(motion: Motion, model: RobotModel) -> np.ndarray:
     """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm]."""
     states = (model.state(q, dq) for q, dq in zip(motion.q, motion.dq, strict=True))
-    return np.array([np.linalg.norm(state.M @ ddq + state.n) for state, ddq in zip(states, motion.ddq, strict=True)])
+    return np.array(
+        [
+            np.linalg.norm(state.M @ ddq + state.n)
+            for state, ddq in zip(states, motion.ddq, strict=True)
+        ]
+    )
 
 
 def _kinematic(motion: Motion) -> Curves:

@@ -29,10 +29,14 @@ def figure_2(runs: Runs) -> Figure:
         ax.plot(*np.transpose((start, dq)), ls=':', color='0.4', lw=1.4)
     ax.axhline(0.0, color='0.8', lw=0.8, zorder=0)
     ax.axvline(0.0, color='0.8', lw=0.8, zorder=0)
-    ax.set(xlabel=r'velocity of joint 1, $\dot q_1$ [rad/s]', ylabel=r'velocity of joint 2, $\dot q_2$ [rad/s]',
-           xlim=(-0.8, 3.0), ylim=(-1.0, 2.4),
-           title='Figure 2. Of all joint velocities that execute the task, the one nearest to $\\dot q_N$:\n'
-                 'solution (2) for a robot with two joints and a task of one dimension')
+    ax.set(
+        xlabel=r'velocity of joint 1, $\dot q_1$ [rad/s]',
+        ylabel=r'velocity of joint 2, $\dot q_2$ [rad/s]',
+        xlim=(-0.8, 3.0),
+        ylim=(-1.0, 2.4),
+        title='Figure 2. Of all joint velocities that execute the task, the one nearest to $\\dot q_N$:\n'
+        'solution (2) for a robot with two joints and a task of one dimension',
+    )
     ax.set_aspect('equal')
     ax.legend(loc='lower left')
     return figure
@@ -41,7 +45,11 @@ def figure_2(runs: Runs) -> Figure:
 def _line(ax: Axes, point: np.ndarray, label: str, **style: object) -> None:
     """The line through a point on which J dq stays the same."""
     direction = np.array((-J[0, 1], J[0, 0])) / np.linalg.norm(J)
-    ax.plot(*np.transpose((point - _REACH * direction, point + _REACH * direction)), label=label, **style)
+    ax.plot(
+        *np.transpose((point - _REACH * direction, point + _REACH * direction)),
+        label=label,
+        **style,
+    )
 
 
 def _circle(ax: Axes, centre: np.ndarray, radius: float, label: str) -> None:
@@ -52,6 +60,13 @@ def _circle(ax: Axes, centre: np.ndarray, radius: float, label: str) -> None:
 
 def _arrow(ax: Axes, end: np.ndarray, label: str, color: str, beside: tuple[float, float]) -> None:
     """A vector from the origin with its name beside the tip."""
-    style = {'arrowstyle': '-|>', 'color': color, 'lw': 2.2, 'shrinkA': 0.0, 'shrinkB': 0.0, 'mutation_scale': 18}
+    style = {
+        'arrowstyle': '-|>',
+        'color': color,
+        'lw': 2.2,
+        'shrinkA': 0.0,
+        'shrinkB': 0.0,
+        'mutation_scale': 18,
+    }
     ax.annotate('', end, (0.0, 0.0), arrowprops=style)
     ax.text(*(end + beside), label, color=color, fontsize='large')

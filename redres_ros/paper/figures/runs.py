@@ -14,9 +14,14 @@ from redres_ros.simulation.recording import Recording
 from redres_ros.waypoints import Task, load_task
 
 SIMULATION_T, EXPERIMENT_T = 0.001, 0.002  # [s]
-SIMULATION_DAMPING, EXPERIMENT_DAMPING = 10.0, 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
+SIMULATION_DAMPING, EXPERIMENT_DAMPING = (
+    10.0,
+    5.0,
+)  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
-EXPERIMENT_DYNAMICS = 'lwr'  # identified, of arm and controller alike; the simulations have the paper's equal links
+EXPERIMENT_DYNAMICS = (
+    'lwr'  # identified, of arm and controller alike; the simulations have the paper's equal links
+)
 
 
 class Runs:
@@ -84,7 +89,9 @@ class Runs:
     @cached_property
     def experiment_35(self) -> Experiment:
         """Law (35), points in reverse order."""
-        return self._try(self._law('dynamically_consistent', 1.0 / EXPERIMENT_T), self.reversed_task)
+        return self._try(
+            self._law('dynamically_consistent', 1.0 / EXPERIMENT_T), self.reversed_task
+        )
 
     @cached_property
     def experiment_35_forward(self) -> Experiment:
@@ -94,12 +101,17 @@ class Runs:
     @cached_property
     def experiment_35_unblended(self) -> Experiment:
         """Law (35), points in reverse order, for comparison with (29)."""
-        return self._try(self._law('dynamically_consistent', 1.0 / EXPERIMENT_T, switch_time=0.0), self.reversed_task)
+        return self._try(
+            self._law('dynamically_consistent', 1.0 / EXPERIMENT_T, switch_time=0.0),
+            self.reversed_task,
+        )
 
     @cached_property
     def experiment_29(self) -> Experiment:
         """Scheme (29) with damping (34), points in reverse order."""
-        return self._try(self._scheme('dynamically_consistent', 1.0 / EXPERIMENT_T), self.reversed_task)
+        return self._try(
+            self._scheme('dynamically_consistent', 1.0 / EXPERIMENT_T), self.reversed_task
+        )
 
     @cached_property
     def convergences(self) -> dict[str, Convergence]:
@@ -111,13 +123,22 @@ class Runs:
         return run(Controller(self.model, make_law(law, damping=damping), SIMULATION_T), self.task)
 
     def _simulate_scheme(self, law: str, damping: float) -> Recording:
-        return run(SecondOrderController(self.model, make_scheme(law, damping), SIMULATION_T), self.task)
+        return run(
+            SecondOrderController(self.model, make_scheme(law, damping), SIMULATION_T), self.task
+        )
 
     def _law(self, law: str, damping: float = 0.0, switch_time: float = SWITCH_TIME) -> Controller:
-        return Controller(self.experiment_model, make_law(law, damping=damping), EXPERIMENT_T, switch_time=switch_time)
+        return Controller(
+            self.experiment_model,
+            make_law(law, damping=damping),
+            EXPERIMENT_T,
+            switch_time=switch_time,
+        )
 
     def _scheme(self, law: str, damping: float) -> SecondOrderController:
         return SecondOrderController(self.experiment_model, make_scheme(law, damping), EXPERIMENT_T)
 
     def _try(self, client: Client, task: Task | None = None) -> Experiment:
-        return experiment(client, task or self.task, find_arm(self.task.robot, dynamics=EXPERIMENT_DYNAMICS))
+        return experiment(
+            client, task or self.task, find_arm(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
+        )
