@@ -1,4 +1,6 @@
-"""One package for two installers: colcon, beside a ROS installation, and pip, which brings ROS from PyPI along."""
+"""One package for two installers: colcon, beside a ROS installation, and pip, which brings ROS from
+PyPI along.
+"""
 
 from pathlib import Path
 
@@ -12,7 +14,9 @@ ROS = [
 
 
 def shared(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
-    """The data_files rows that put the folder's matching files under share/redres_ros, in the same subfolders."""
+    """The data_files rows that put the folder's matching files under share/redres_ros, in the same
+    subfolders.
+    """
     files = sorted(path for path in Path(folder).rglob(pattern) if path.is_file())
     return [(f'share/{NAME}/{path.parent.as_posix()}', [path.as_posix()]) for path in files]
 
@@ -38,7 +42,8 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'robots/*.urdf']},
     zip_safe=False,
-    install_requires=[  # the oldest versions that were tested together; older ones of numpy do not go with pin 3
+    # the oldest versions that were tested together; older ones of numpy do not go with pin 3
+    install_requires=[
         'numpy>=2.2',
         'scipy>=1.14.1',
         'pin>=3.3.1',
@@ -62,7 +67,8 @@ setup(
             'pytest>=7.4',
             'hypothesis>=6.90',
             'colcon-common-extensions',
-            'setuptools>=70.1,<80',  # from 70.1 on it builds wheels by itself; colcon needs one below 80
+            # from 70.1 on it builds wheels by itself; colcon needs one below 80
+            'setuptools>=70.1,<80',
         ],
     },
     entry_points={
@@ -80,8 +86,9 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         *shared('config', '*.yaml'),
         *shared('launch', '*.launch.py'),
-        # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so that both installers
-        # lay out the same files, and a setup.cfg that sends the scripts themselves to lib/ is not needed.
+        # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so
+        # that both installers lay out the same files, and a setup.cfg that sends the scripts
+        # themselves to lib/ is not needed.
         (
             f'lib/{NAME}',
             ['scripts/composed', 'scripts/controller', 'scripts/planner', 'scripts/sim'],

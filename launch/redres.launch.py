@@ -1,4 +1,6 @@
-"""The arm, its controller and the planner: ros2 launch redres_ros redres.launch.py [law:=NAME] [namespace:=NAME]."""
+"""The arm, its controller and the planner: ros2 launch redres_ros redres.launch.py [law:=NAME]
+[namespace:=NAME].
+"""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown

@@ -1,4 +1,6 @@
-"""Discrete-time redundancy resolution for arms behind a position interface (Flacco and De Luca, 2015)."""
+"""Discrete-time redundancy resolution for arms behind a position interface (Flacco and De Luca,
+2015).
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -12,7 +14,8 @@ if TYPE_CHECKING:
     from redres_ros.robot_model import RobotModel, RobotState
     from redres_ros.waypoints import Task, load_task
 
-# Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy nor pinocchio.
+# Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy
+# nor pinocchio.
 _HOMES = {
     'Command': 'controller',
     'Controller': 'controller',

@@ -1,4 +1,6 @@
-"""The controller of Fig. 1: joint positions and a task velocity in, the next position reference out, once a cycle."""
+"""The controller of Fig. 1: joint positions and a task velocity in, the next position reference
+out, once a cycle.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,7 +31,9 @@ class Command(NamedTuple):
 
     @property
     def null(self) -> np.ndarray:
-        """What the law adds to the least motion for the task: the null-space term of Eq. (2), (n,) [rad/s]."""
+        """What the law adds to the least motion for the task: the null-space term of Eq. (2), (n,)
+        [rad/s].
+        """
         return self.find_null()
 
     @property
@@ -49,11 +53,13 @@ class Command(NamedTuple):
 
 
 class Controller:
-    """Turns task velocities into position references by the law in force, for one arm and one sampling time.
+    """Turns task velocities into position references by the law in force, for one arm and one
+    sampling time.
 
-    model, law, T [s] as they say. switch_time [s]: over it a change of law is blended, as are starting and stopping; 0
-    switches at once. integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a servo's lag
-    does not make the arm creep, or the last 'measurement'. Raises RangeError for T, switch_time or the law's damping.
+    model, law, T [s] as they say. switch_time [s]: over it a change of law is blended, as are
+    starting and stopping; 0 switches at once. integrate_from: q_ref = q + T dq (footnote 1) with q
+    the last 'command', so that a servo's lag does not make the arm creep, or the last
+    'measurement'. Raises RangeError for T, switch_time or the law's damping.
     """
 
     def __init__(
@@ -72,13 +78,12 @@ class Controller:
         if integrate_from not in INTEGRATE_FROM:
             raise UnknownNameError('integrate_from', integrate_from, INTEGRATE_FROM)
         law.check_damping(T)
-        self.model, self.T, self.switch_time, self._integrate_from = (
-            model,
-            T,
-            switch_time,
-            integrate_from,
-        )
-        self._law, self._moving = law, True
+        self.model = model
+        self.T = T
+        self.switch_time = switch_time
+        self._integrate_from = integrate_from
+        self._law = law
+        self._moving = True
         self.reset()
 
     @property
@@ -94,8 +99,8 @@ class Controller:
     def switch_law(self, law: Law) -> None:
         """Go over to another law, or to the same one with other gains.
 
-        Of several asked for during one blend the last one counts. Raises RangeError for a damping outside [0, 1/T]; the
-        law in force then stays.
+        Of several asked for during one blend the last one counts. Raises RangeError for a damping
+        outside [0, 1/T]; the law in force then stays.
         """
         law.check_damping(self.T)
         self._law = law
@@ -115,19 +120,22 @@ class Controller:
         self._blend = _Blend(None, None, np.zeros(self.model.n), 1.0)
 
     def lag(self, q: np.ndarray) -> float:
-        """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before the first."""
+        """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before
+        the first.
+        """
         return 0.0 if self._q_ref is None else max(map(abs, (self._q_ref - q).tolist()))
 
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
         """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,).
 
-        dx: [m/s], and [rad/s] below it. missed: cycles since the last update that went without one; the arm is taken to
-        have gone on with the last velocity. Raises ArrayError for a wrong shape, NaN or infinity, RangeError for
-        missed; the controller is then as it was before.
+        dx: [m/s], and [rad/s] below it. missed: cycles since the last update that went without one;
+        the arm is taken to have gone on with the last velocity. Raises ArrayError for a wrong
+        shape, NaN or infinity, RangeError for missed; the controller is then as it was before.
         """
         if missed < 0:
             raise RangeError('missed', missed, 0, np.inf, 'cycles')
-        q, dx = finite_vector(q, self.model.n, 'q'), finite_vector(dx, self.model.m, 'dx')
+        q = finite_vector(q, self.model.n, 'q')
+        dx = finite_vector(dx, self.model.m, 'dx')
         state = self.model.unchecked_state(q, self._dq_prev)
         blend = self._blend.advanced(
             self._law if self._moving else None, self._dq_prev, self.T, self.switch_time
@@ -137,7 +145,9 @@ class Controller:
             q_ref = q + self.T * dq  # footnote 1
         else:
             q_ref = self._q_ref + self.T * (missed * self._dq_prev + dq if missed else dq)
-        self._q_ref, self._dq_prev, self._blend = q_ref, dq, after
+        self._q_ref = q_ref
+        self._dq_prev = dq
+        self._blend = after
         return Command(dq.copy(), q_ref.copy(), lambda: blend.project(state, self.T), state, self.T)
 
 
@@ -145,9 +155,9 @@ class Controller:
 class _Blend:
     """On the way from one law to another; None in the place of a law stands for standing still.
 
-    dq_old: (n,) [rad/s] what the old law remembers as the last velocity: its own, or its null-space motion would fade
-    by the mixture's share in every cycle. The new law remembers the mixture, which is what it takes over. share: of the
-    switch time that is over; at 1 only the new law acts.
+    dq_old: (n,) [rad/s] what the old law remembers as the last velocity: its own, or its null-space
+    motion would fade by the mixture's share in every cycle. The new law remembers the mixture,
+    which is what it takes over. share: of the switch time that is over; at 1 only the new law acts.
     """
 
     old: Law | None
@@ -169,7 +179,9 @@ class _Blend:
         )
 
     def resolve(self, state: RobotState, dx: np.ndarray, T: float) -> tuple[np.ndarray, '_Blend']:
-        """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every mixture."""
+        """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every
+        mixture.
+        """
         new = _resolve(self.new, state, dx, T)
         if self.share >= 1.0:
             return new, self

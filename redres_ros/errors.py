@@ -11,7 +11,9 @@ class UnknownNameError(RedresError):
     """A name that is in no table: law, robot, task, dynamics."""
 
     def __init__(self, kind: str, got: str, allowed: Iterable[str]) -> None:
-        self.kind, self.got, self.allowed = kind, got, tuple(sorted(allowed))
+        self.kind = kind
+        self.got = got
+        self.allowed = tuple(sorted(allowed))
         super().__init__(f'unknown {kind} {got!r}; allowed: {", ".join(self.allowed)}')
 
 
@@ -19,7 +21,10 @@ class RangeError(RedresError):
     """A number outside its range, or not a finite number at all."""
 
     def __init__(self, name: str, got: float, lower: float, upper: float, why: str = '') -> None:
-        self.name, self.got, self.lower, self.upper = name, got, lower, upper
+        self.name = name
+        self.got = got
+        self.lower = lower
+        self.upper = upper
         super().__init__(
             f'{name} is {got}; allowed: {lower:g} to {upper:g}' + (f' ({why})' if why else '')
         )
@@ -33,7 +38,8 @@ class JointNamesError(RedresError):
     """Joint names of a message that are not those of the arm."""
 
     def __init__(self, got: Iterable[str], expected: Iterable[str]) -> None:
-        self.got, self.expected = tuple(got), tuple(expected)
+        self.got = tuple(got)
+        self.expected = tuple(expected)
         missing = [name for name in self.expected if name not in self.got]
         surplus = [name for name in self.got if name not in self.expected]
         twice = sorted({name for name in self.got if self.got.count(name) > 1})

@@ -1,4 +1,6 @@
-"""Parameters as dataclass fields: default, meaning with unit, and range, declared once for ROS, CLI and docs."""
+"""Parameters as dataclass fields: default, meaning with unit, and range, declared once for ROS, CLI
+and docs.
+"""
 
 import math
 from dataclasses import Field, dataclass, field, fields
@@ -29,7 +31,9 @@ def param(
     choices: tuple[str, ...] = (),
     live: bool = False,
 ) -> Any:
-    """A dataclass field with a description (unit in brackets), an inclusive range or the allowed words."""
+    """A dataclass field with a description (unit in brackets), an inclusive range or the allowed
+    words.
+    """
     return field(
         default=default, metadata={_KEY: Parameter(description, lower, upper, choices, live)}
     )
@@ -41,7 +45,9 @@ def parameters(of: Any) -> dict[Field, Parameter]:
 
 
 def check_parameters(instance: Any) -> None:
-    """Raise RangeError or UnknownNameError for a value outside what its field allows; NaN is outside every range."""
+    """Raise RangeError or UnknownNameError for a value outside what its field allows; NaN is
+    outside every range.
+    """
     for f, parameter in parameters(instance).items():
         check_value(f.name, getattr(instance, f.name), parameter)
 

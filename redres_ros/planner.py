@@ -8,7 +8,9 @@ from redres_ros.waypoints import Task
 
 
 def quintic(xi: float) -> tuple[float, float]:
-    """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is clipped to [0, 1]."""
+    """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is
+    clipped to [0, 1].
+    """
     xi = min(max(xi, 0.0), 1.0)
     return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2
 
@@ -22,8 +24,9 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
 class Reference:
     """What the planner asks for at one tick.
 
-    dx: (3,) task velocity [m/s]; x_d: (3,) desired position [m]; error: x_d - x, (3,) [m]; segment: 1 for the way to
-    x_1 and so on, 0 for an approach to x_0; finished: the last point is reached and held.
+    dx: (3,) task velocity [m/s]; x_d: (3,) desired position [m]; error: x_d - x, (3,) [m]; segment:
+    1 for the way to x_1 and so on, 0 for an approach to x_0; finished: the last point is reached
+    and held.
     """
 
     dx: np.ndarray
@@ -36,9 +39,10 @@ class Reference:
 class Planner:
     """Walks through a task's points, one segment after the other, and then holds the last one.
 
-    x_start: (3,) where the tip is when the task begins [m]; unless it is x_0 to within start_tolerance [m], a first
-    segment of its own leads to x_0. None begins at x_0. feedback_limit [m/s]: largest speed that the feedback may add;
-    errors that need more come from an interruption, and a jump in velocity would be the answer to them.
+    x_start: (3,) where the tip is when the task begins [m]; unless it is x_0 to within
+    start_tolerance [m], a first segment of its own leads to x_0. None begins at x_0. feedback_limit
+    [m/s]: largest speed that the feedback may add; errors that need more come from an interruption,
+    and a jump in velocity would be the answer to them.
     """
 
     def __init__(
@@ -49,7 +53,8 @@ class Planner:
         start_tolerance: float = 0.005,
         feedback_limit: float = np.inf,
     ) -> None:
-        self._task, self._feedback_limit = task, feedback_limit
+        self._task = task
+        self._feedback_limit = feedback_limit
         approaches = (
             x_start is not None and np.linalg.norm(x_start - task.waypoints[0]) > start_tolerance
         )
@@ -57,12 +62,16 @@ class Planner:
             np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()
         )  # (N, 3)
         self._first_segment = 0 if approaches else 1
-        self._index, self._t_segment, self._finished = 0, 0.0, False
+        self._index = 0
+        self._t_segment = 0.0
+        self._finished = False
 
     def reference(self, x: np.ndarray, t: float) -> Reference:
-        """The reference for the tip at x (3,) [m] and the time t [s] since the task began; t never goes back.
+        """The reference for the tip at x (3,) [m] and the time t [s] since the task began; t never
+        goes back.
 
-        The next segment begins at the first tick at which this one is over, Task.switching saying when that is.
+        The next segment begins at the first tick at which this one is over, Task.switching saying
+        when that is.
         """
         while not self._finished and self._is_over(x, t):
             self._index += 1
@@ -93,10 +102,8 @@ class Planner:
         """x_d and dx_d, Eq. (36), both (3,); the last point at rest once it is reached."""
         if self._finished:
             return self._points[-1].copy(), np.zeros(3)
-        A, B, T_AB = (
-            self._points[self._index],
-            self._points[self._index + 1],
-            self._task.segment_time,
-        )
+        A = self._points[self._index]
+        B = self._points[self._index + 1]
+        T_AB = self._task.segment_time
         s, ds = quintic(t_s / T_AB)
         return A + (B - A) * s, (B - A) / T_AB * ds

@@ -16,10 +16,12 @@ TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 class RobotState(
     NamedTuple
 ):  # a third of a frozen dataclass's time to make, which is 2 us in every tick
-    """Everything a law may ask, at one (q, dq_prev); what most laws do without is evaluated when it is asked for.
+    """Everything a law may ask, at one (q, dq_prev); what most laws do without is evaluated when it
+    is asked for.
 
-    q, dq_prev: (n,) [rad], [rad/s], the previous velocity being all that is known at a tick (footnote 4); J: (m, n)
-    task Jacobian, linear rows first, in the base frame (the URDF's root link); model: the arm.
+    q, dq_prev: (n,) [rad], [rad/s], the previous velocity being all that is known at a tick
+    (footnote 4); J: (m, n) task Jacobian, linear rows first, in the base frame (the URDF's root
+    link); model: the arm.
     """
 
     q: np.ndarray
@@ -56,14 +58,17 @@ class RobotState(
 class RobotModel:
     """An arm as Pinocchio sees it.
 
-    arm: geometry and dynamics; task_space: 'position' (m = 3) or 'pose' (m = 6, angular velocity below the linear one).
-    Raises FileError for a URDF that cannot be used, UnknownNameError for a frame or task space that does not exist.
+    arm: geometry and dynamics; task_space: 'position' (m = 3) or 'pose' (m = 6, angular velocity
+    below the linear one). Raises FileError for a URDF that cannot be used, UnknownNameError for a
+    frame or task space that does not exist.
     """
 
     def __init__(self, arm: Arm, task_space: str = 'position') -> None:
         if task_space not in TASK_SPACES:
             raise UnknownNameError('task space', task_space, TASK_SPACES)
-        self.arm, self.task_space, self.m = arm, task_space, TASK_SPACES[task_space]
+        self.arm = arm
+        self.task_space = task_space
+        self.m = TASK_SPACES[task_space]
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
@@ -95,7 +100,9 @@ class RobotModel:
         base_offset: float | None = None,
         tool_offset: float | None = None,
     ) -> 'RobotModel':
-        """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless given here."""
+        """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless
+        given here.
+        """
         return cls(
             find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset),
             task_space,
@@ -105,34 +112,41 @@ class RobotModel:
     def from_urdf(
         cls, path: str | Path, tip_frame: str, task_space: str = 'position'
     ) -> 'RobotModel':
-        """Any serial arm from a URDF file; tip_frame is the link or frame that carries out the task."""
+        """Any serial arm from a URDF file; tip_frame is the link or frame that carries out the
+        task.
+        """
         return cls(Arm(Path(path), tip_frame), task_space)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad input."""
+        """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad
+        input.
+        """
         return self.unchecked_state(
             finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
         )
 
     def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """The same for finite vectors (n,) that nobody will change: a vector's check and copy take 4 % of a tick."""
+        """The same for finite vectors (n,) that nobody will change: a vector's check and copy take
+        4 % of a tick.
+        """
         J = pin.computeFrameJacobian(
             self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
         )  # (6, n)
         return RobotState(q, dq_prev, J[: self.m], self)
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without M or n."""
-        q, dq, tau = (
-            finite_vector(q, self.n, 'q'),
-            finite_vector(dq, self.n, 'dq'),
-            finite_vector(tau, self.n, 'tau'),
-        )
+        """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without
+        M or n.
+        """
+        q = finite_vector(q, self.n, 'q')
+        dq = finite_vector(dq, self.n, 'dq')
+        tau = finite_vector(tau, self.n, 'tau')
         return self._acceleration(q, dq, tau)
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
-        q, dq = finite_vector(q, self.n, 'q'), finite_vector(dq, self.n, 'dq')
+        q = finite_vector(q, self.n, 'q')
+        dq = finite_vector(dq, self.n, 'dq')
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
         ddx = pin.getFrameClassicalAcceleration(
             self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED
@@ -176,7 +190,9 @@ def quaternion(R: np.ndarray) -> np.ndarray:
 
 
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or infinity."""
+    """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or
+    infinity.
+    """
     try:
         vector = np.array(values, np.float64)
     except (TypeError, ValueError):

@@ -1,4 +1,6 @@
-"""A task: points that the tip passes from rest to rest, and the arm's start; read from config/tasks or a YAML file."""
+"""A task: points that the tip passes from rest to rest, and the arm's start; read from config/tasks
+or a YAML file.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +20,10 @@ SWITCHING = ('at_rest', 'within_tolerance')
 class Task:
     """Points x_0 ... x_N of the tip and how to pass them.
 
-    start: (n,) joint positions q(0) [rad]; waypoints: (N + 1, 3) [m] in the base frame, x_0 being f(q(0)). switching
-    'at_rest' goes on once a segment's time is over and the error is below tolerance; 'within_tolerance' as soon as the
-    error is, which cuts each segment short and makes a step in the task velocity.
+    start: (n,) joint positions q(0) [rad]; waypoints: (N + 1, 3) [m] in the base frame, x_0 being
+    f(q(0)). switching 'at_rest' goes on once a segment's time is over and the error is below
+    tolerance; 'within_tolerance' as soon as the error is, which cuts each segment short and makes a
+    step in the task velocity.
     """
 
     robot: str
@@ -43,7 +46,9 @@ class Task:
 
 
 def load_task(name_or_path: str) -> Task:
-    """The task of that name in config/tasks, or of that YAML file. Raises FileError, UnknownNameError, RangeError."""
+    """The task of that name in config/tasks, or of that YAML file. Raises FileError,
+    UnknownNameError, RangeError.
+    """
     path = Path(name_or_path)
     if path.suffix not in ('.yaml', '.yml'):
         folder = share_path('config/tasks')
@@ -61,10 +66,8 @@ def load_task(name_or_path: str) -> Task:
 
 
 def _to_task(content: Any, path: Path) -> Task:
-    required, optional = (
-        ('robot', 'start', 'waypoints'),
-        ('segment_time', 'feedback_gain', 'tolerance', 'switching'),
-    )
+    required = ('robot', 'start', 'waypoints')
+    optional = ('segment_time', 'feedback_gain', 'tolerance', 'switching')
     if not isinstance(content, dict) or not all(key in content for key in required):
         raise FileError(
             f'{path} is no task; expected the keys {", ".join(required)} '

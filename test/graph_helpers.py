@@ -36,13 +36,17 @@ N = TypeVar('N', bound=Node)
 
 NAMES = RobotModel.named('lwr4_paper').joint_names
 START = load_task('rectangle').start
-JUMP = 0.02  # [rad] that a position may be off where a stream of commands begins anew: a servo's lag, and no more
+# [rad] that a position may be off where a stream of commands begins anew: a servo's lag, and no
+# more
+JUMP = 0.02
 LATE = 500_000_000  # [ns] at most by which a listener hears one topic later than another
 PATIENCE = 20.0  # [s] for what must happen, on a machine that may stall
 
 
 class Probe(Node):
-    """Plays robot and planner to the controller, and keeps what it answers by the stamp that is answered."""
+    """Plays robot and planner to the controller, and keeps what it answers by the stamp that is
+    answered.
+    """
 
     def __init__(self) -> None:
         super().__init__('probe')
@@ -85,7 +89,9 @@ class Probe(Node):
         return np.array(answer.position), np.array(answer.velocity)
 
     def steer(self, dx: np.ndarray, frame: str = 'world', stamp: int | None = None) -> None:
-        """Publish a task velocity, stamped as the last state unless told otherwise, and give it time to arrive."""
+        """Publish a task velocity, stamped as the last state unless told otherwise, and give it
+        time to arrive.
+        """
         self._twists.publish(
             to_twist(self.stamp if stamp is None else stamp, frame, np.asarray(dx, dtype=float))
         )
@@ -103,7 +109,8 @@ class Probe(Node):
 
 
 class Witness(Node):
-    """Hears all that robot and controller say to each other, and judges it; sets and calls what a test wants.
+    """Hears all that robot and controller say to each other, and judges it; sets and calls what a
+    test wants.
 
     `at`: stamp [ns] of the newest state; `session`: (stamp at which it was heard, state).
     """
@@ -140,7 +147,9 @@ class Witness(Node):
         return float(np.abs(q_now - q_before).max()) / ((now - before) / 1e9)
 
     def await_command_mode(self, beyond: int = 0) -> float:
-        """Wait for command mode to begin after a stamp [ns]; how long after it that was on the robot's clock [s]."""
+        """Wait for command mode to begin after a stamp [ns]; how long after it that was on the
+        robot's clock [s].
+        """
         await_that(lambda: self.commanding and self.session[-1][0] >= beyond, 'command mode')
         return (self.session[-1][0] - beyond) / 1e9
 
@@ -149,7 +158,9 @@ class Witness(Node):
         await_that(lambda: self.speed > 0.02, 'motion')
 
     def await_standstill(self, beyond: int) -> float:
-        """Wait for the arm to come to rest; how long after a stamp [ns] that was on the robot's clock [s]."""
+        """Wait for the arm to come to rest; how long after a stamp [ns] that was on the robot's
+        clock [s].
+        """
         await_that(lambda: self.speed < 1e-3, 'standstill')
         return (self.at - beyond) / 1e9
 
@@ -168,7 +179,9 @@ class Witness(Node):
         return self.await_command_mode(called)
 
     def assert_all_was_well(self) -> None:
-        """Everything finite, no joint faster than its limit; the arm never jumps, nor what it is told to follow."""
+        """Everything finite, no joint faster than its limit; the arm never jumps, nor what it is
+        told to follow.
+        """
         limits = JointLimits.of(find_arm('lwr4_paper')).velocity
         assert self.states and self.commands
         for stamp, q_ref, dq in self.commands:
@@ -191,7 +204,9 @@ class Witness(Node):
                 )
 
     def _commanding_at(self, stamp: int) -> bool:
-        """Whether the robot took commands at that state; the word that it no longer did may have been heard late."""
+        """Whether the robot took commands at that state; the word that it no longer did may have
+        been heard late.
+        """
         words = [state for heard, state in self.session if heard <= stamp][-1:]
         words += [state for heard, state in self.session if stamp < heard <= stamp + LATE]
         return bool(words) and set(words) == {'CMD'}

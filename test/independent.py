@@ -1,8 +1,9 @@
-"""The paper's arm, laws and sampled loop once more, from the equations alone: nothing here imports the package.
+"""The paper's arm, laws and sampled loop once more, from the equations alone: nothing here imports
+the package.
 
-Kinematics from the Denavit-Hartenberg table instead of a URDF; M and n from the links' Jacobians and the principle of
-virtual power instead of recursive algorithms; the laws from explicit inverses instead of factorizations. All arrays
-have a leading axis (B, ...) for loops that run side by side.
+Kinematics from the Denavit-Hartenberg table instead of a URDF; M and n from the links' Jacobians
+and the principle of virtual power instead of recursive algorithms; the laws from explicit inverses
+instead of factorizations. All arrays have a leading axis (B, ...) for loops that run side by side.
 """
 
 from dataclasses import dataclass
@@ -31,8 +32,9 @@ LAWS = {
 
 @dataclass(frozen=True)
 class Links:
-    """d (7,) [m]; mass (7,) [kg]; com (7, 3) [m] and inertia (7, 3, 3) [kg m^2] about it, both in the frame on the
-    joint with z along the axis; rotors (7,) [kg m^2]."""
+    """d (7,) [m]; mass (7,) [kg]; com (7, 3) [m] and inertia (7, 3, 3) [kg m^2] about it, both in
+    the frame on the joint with z along the axis; rotors (7,) [kg m^2].
+    """
 
     d: np.ndarray
     mass: np.ndarray
@@ -42,8 +44,11 @@ class Links:
 
 
 def cylinders(d: np.ndarray) -> Links:
-    """Section 5.2 with solid cylinders: 1 kg, radius 0.06 m, from the joint along z over the length max(d, 1 mm)."""
-    across, along = (3 * 0.06**2 + np.maximum(d, 0.001) ** 2) / 12, np.full(7, 0.06**2 / 2)
+    """Section 5.2 with solid cylinders: 1 kg, radius 0.06 m, from the joint along z over the length
+    max(d, 1 mm).
+    """
+    across = (3 * 0.06**2 + np.maximum(d, 0.001) ** 2) / 12
+    along = np.full(7, 0.06**2 / 2)
     com = np.stack((np.zeros(7), np.zeros(7), d / 2), axis=1)
     return Links(
         d,
@@ -61,27 +66,32 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def weigh(vectors: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """Sum over the joints of dq_j times their vectors: (B, point, joint, 3) and (B, 7) give (B, point, 3)."""
+    """Sum over the joints of dq_j times their vectors: (B, point, joint, 3) and (B, 7) give (B,
+    point, 3).
+    """
     return (dq[:, None, None, :] @ vectors)[:, :, 0]
 
 
 def frames(d: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Orientations (B, 7, 3, 3) and origins (B, 7, 3) of the frames on the joints, tip (B, 3)."""
-    cos, sin = np.cos(q), np.sin(q)
-    R, o = np.empty((len(q), 7, 3, 3)), np.empty((len(q), 7, 3))
-    before, x = np.eye(3), np.zeros((len(q), 3))
+    cos = np.cos(q)
+    sin = np.sin(q)
+    R = np.empty((len(q), 7, 3, 3))
+    o = np.empty((len(q), 7, 3))
+    before = np.eye(3)
+    x = np.zeros((len(q), 3))
     for i in range(7):
         turn = np.zeros((len(q), 3, 3))
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = (
-            cos[:, i],
-            -sin[:, i],
-            sin[:, i],
-            cos[:, i],
-        )
+        turn[:, 0, 0] = cos[:, i]
+        turn[:, 0, 1] = -sin[:, i]
+        turn[:, 1, 0] = sin[:, i]
+        turn[:, 1, 1] = cos[:, i]
         turn[:, 2, 2] = 1.0
-        R[:, i], o[:, i] = before @ turn, x
+        R[:, i] = before @ turn
+        o[:, i] = x
         x = x + d[i] * R[:, i, :, 2]
-        c, s = np.cos(ALPHA[i]), np.sin(ALPHA[i])
+        c = np.cos(ALPHA[i])
+        s = np.sin(ALPHA[i])
         before = R[:, i] @ np.array(((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)))
     return R, o, x
 
@@ -91,11 +101,14 @@ def evaluate(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """x (B, 3), J (B, 3, 7), M (B, 7, 7) and n (B, 7) at q, dq (B, 7)."""
     R, o, x = frames(links.d, q)
-    z, moves = R[..., 2], np.tri(7)[:, :, None]  # (B, joint, 3); (link, joint, 1)
+    z = R[..., 2]
+    moves = np.tri(7)[:, :, None]  # (B, joint, 3); (link, joint, 1)
     p = o + (R @ links.com[..., None])[..., 0]  # (B, link, 3) centres of mass
     lever = p[:, :, None] - o[:, None]  # (B, link, joint, 3)
-    Jv, Jw = moves * cross(z[:, None], lever), moves * z[:, None]  # (B, link, joint, 3)
-    w, v = weigh(Jw, dq), weigh(Jv, dq)  # of the links
+    Jv = moves * cross(z[:, None], lever)
+    Jw = moves * z[:, None]  # (B, link, joint, 3)
+    w = weigh(Jw, dq)
+    v = weigh(Jv, dq)  # of the links
     vo = weigh(moves * cross(z[:, None], o[:, :, None] - o[:, None]), dq)  # of the joints
     dz = cross(w, z)
     a = weigh(
@@ -118,18 +131,19 @@ def quintic(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float) -> np.ndarray:
-    """q_k (ticks, B, 7) of the paper's task with cylinders, one loop for each row of laws, k_d (B,) and q (B, 7)."""
-    links, rows = cylinders(PAPER), np.arange(len(laws))
+    """q_k (ticks, B, 7) of the paper's task with cylinders, one loop for each row of laws, k_d (B,)
+    and q (B, 7).
+    """
+    links = cylinders(PAPER)
+    rows = np.arange(len(laws))
     power, memory, gravity = (
         np.array(column)[:, None] for column in zip(*(LAWS[law] for law in laws))
     )
     forgetting = 1.0 - k_d[:, None] * T
-    dq, segment, begun, history = (
-        np.zeros_like(q),
-        np.zeros(len(q), dtype=int),
-        np.zeros(len(q)),
-        [],
-    )
+    dq = np.zeros_like(q)
+    segment = np.zeros(len(q), dtype=int)
+    begun = np.zeros(len(q))
+    history = []
     for k in range(round(t_end / T)):
         history.append(q)
         x, J, M, n = evaluate(links, q, dq)
@@ -138,9 +152,11 @@ def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float
             & (np.linalg.norm(POINTS[segment + 1] - x, axis=1) < 0.001)
             & (segment < 2)
         )
-        segment, begun = segment + over, np.where(over, k * T, begun)
+        segment = segment + over
+        begun = np.where(over, k * T, begun)
         s, ds = quintic(np.minimum((k * T - begun) / 3.0, 1.0)[:, None])
-        A, way = POINTS[segment], POINTS[segment + 1] - POINTS[segment]
+        A = POINTS[segment]
+        way = POINTS[segment + 1] - POINTS[segment]
         dx = way / 3.0 * ds + 10.0 * (A + way * s - x)
         M_inv = np.linalg.inv(M)
         b = memory * forgetting * dq - gravity * T * (M_inv @ n[..., None])[..., 0]

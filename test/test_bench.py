@@ -1,4 +1,6 @@
-"""`redres bench`: right about what it is given, and complete. No test asks how fast this machine is."""
+"""`redres bench`: right about what it is given, and complete. No test asks how fast this machine
+is.
+"""
 
 import importlib.util
 import json
@@ -9,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from redres_ros import LAWS, RobotModel
+from redres_ros import LAWS
 from redres_ros.bench import loop, peers
 from redres_ros.bench.exchange import Exchange, ProcessorMeter, Stopwatch, processor_seconds
 from redres_ros.bench.goals import Goal
@@ -37,7 +39,7 @@ def times(*microseconds: float) -> Times:
     return Times(np.array(microseconds) / 1e6)
 
 
-# --- statistics -------------------------------------------------------------------------------------------------------
+# --- statistics -----------------------------------------------------------------------------------
 
 
 def test_quantiles_are_samples_that_occurred():
@@ -49,7 +51,8 @@ def test_quantiles_are_samples_that_occurred():
 
 
 def test_calls_take_turns_in_changing_order_and_get_the_number_of_their_turn():
-    seen, rounds = [], 20
+    seen = []
+    rounds = 20
     result = measure({name: lambda k, name=name: seen.append((name, k)) for name in 'abc'}, rounds)
     blocks = [name for name, _ in seen[::BLOCK]]
     assert [name for name, _ in seen] == [name for name in blocks for _ in range(BLOCK)]
@@ -75,7 +78,7 @@ def test_a_goal_that_could_not_be_measured_is_not_held():
     )
 
 
-# --- late, lost and skipped -------------------------------------------------------------------------------------------
+# --- late, lost and skipped -----------------------------------------------------------------------
 
 
 def test_late_lost_and_skipped_cycles_are_told_apart():
@@ -132,7 +135,7 @@ def test_the_udp_echo_returns_what_it_gets():
     assert answers == [7, 8]
 
 
-# --- goals and tables -------------------------------------------------------------------------------------------------
+# --- goals and tables -----------------------------------------------------------------------------
 
 
 def test_the_loops_goals_compare_with_the_echo_of_the_same_rate():
@@ -157,7 +160,8 @@ def test_the_loops_goals_compare_with_the_echo_of_the_same_rate():
 
 
 def test_only_peers_that_solve_the_same_problem_count():
-    laws, floors = dict.fromkeys(LAWS, times(10.0)), {'computeAllTerms': times(5.0)}
+    laws = dict.fromkeys(LAWS, times(10.0))
+    floors = {'computeAllTerms': times(5.0)}
     result = TickResult(
         laws,
         {},
@@ -191,7 +195,7 @@ def test_the_file_of_results_is_json_where_numbers_are_missing_too(tmp_path):
     assert content['machine']['versions']['numpy']
 
 
-# --- what is measured -------------------------------------------------------------------------------------------------
+# --- what is measured -----------------------------------------------------------------------------
 
 
 def test_the_stretch_is_the_beginning_of_the_task(model, task):
@@ -206,7 +210,8 @@ def test_the_stretch_is_the_beginning_of_the_task(model, task):
 def test_a_peer_has_the_same_arm_and_executes_the_same_task(name, solver, model):
     if {name, solver} & set(peers.missing_peers()):
         pytest.skip(f'{name} with {solver} is not installed')
-    stretch, some = recorded(model, 50), peers.peers(model.arm, TICK)
+    stretch = recorded(model, 50)
+    some = peers.peers(model.arm, TICK)
     for label in (f'{name}, {solver}', f'{name}, {solver}, no limits'):
         for q, _, dx, x_d in zip(*stretch, strict=True):
             dq = some[label](q, x_d)
@@ -218,12 +223,13 @@ def test_the_floor_is_the_jacobian_that_the_laws_get(model, states):
         assert np.allclose(call(states[0].q, states[0].dq_prev)[:3], states[0].J, atol=1e-12)
 
 
-# --- the command ------------------------------------------------------------------------------------------------------
+# --- the command ----------------------------------------------------------------------------------
 
 
 def test_a_short_bench_is_complete(tmp_path, capsys):
     assert main(['bench', '--only', 'tick', '--duration', '0.01', '--out', str(tmp_path)]) == 0
-    out, content = capsys.readouterr().out, json.loads((tmp_path / 'bench.json').read_text())
+    out = capsys.readouterr().out
+    content = json.loads((tmp_path / 'bench.json').read_text())
     assert set(content) == {'machine', 'tick', 'goals'}
     assert set(content['tick']['laws']) == set(LAWS)
     assert all(entry['median_us'] > 0.0 for entry in content['tick']['parts'].values())

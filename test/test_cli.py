@@ -1,4 +1,6 @@
-"""The command line, as far as it needs no ROS: what it writes, what it refuses, and its exit status."""
+"""The command line, as far as it needs no ROS: what it writes, what it refuses, and its exit
+status.
+"""
 
 import subprocess
 import sys
@@ -30,7 +32,7 @@ def simulate(short: str, path: Path, *options: str) -> np.ndarray:
     return np.loadtxt(path, delimiter=',', skiprows=1)
 
 
-# --- simulate ---------------------------------------------------------------------------------------------------------
+# --- simulate -------------------------------------------------------------------------------------
 
 
 def test_simulate_writes_the_columns_that_users_rely_on(short, tmp_path):
@@ -86,10 +88,8 @@ def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor,
 )
 def test_every_option_acts(short, tmp_path, options):
     law = ('--law', 'dynamically_consistent') if '--law' not in options else ()
-    a, b = (
-        simulate(short, tmp_path / 'motion.csv', '--law', 'dynamically_consistent'),
-        simulate(short, tmp_path / 'motion.csv', *law, *options),
-    )
+    a = simulate(short, tmp_path / 'motion.csv', '--law', 'dynamically_consistent')
+    b = simulate(short, tmp_path / 'motion.csv', *law, *options)
     assert a.shape != b.shape or (a != b).any()
 
 
@@ -101,7 +101,8 @@ def test_simulate_tells_how_it_ended_and_the_peaks(short, capsys):
 
 
 def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
-    # Without feedback the start's distance of 0.15 mm from x_0 stays. A point out of reach would do, too, but whether
+    # Without feedback the start's distance of 0.15 mm from x_0 stays. A point out of reach would
+    # do, too, but whether
     # the stretched arm runs out of time or diverges there is a matter of rounding.
     open_loop = tmp_path / 'open_loop.yaml'
     open_loop.write_text(Path(short).read_text() + 'feedback_gain: 0.0\ntolerance: 1.0e-5\n')
@@ -118,7 +119,7 @@ def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
     assert (tmp_path / 'motion.csv').is_file()  # how it went is what one wants to see then
 
 
-# --- what cannot be done ----------------------------------------------------------------------------------------------
+# --- what cannot be done --------------------------------------------------------------------------
 
 REFUSED = [
     (('--law', 'fastest'), "unknown law 'fastest'; allowed: dynamically_consistent, "),
@@ -188,7 +189,7 @@ def test_the_exit_status_of_the_process_is_that_of_main_and_no_traceback_is_show
     assert (result.stderr == '') == (status == 0)
 
 
-# --- laws -------------------------------------------------------------------------------------------------------------
+# --- laws -----------------------------------------------------------------------------------------
 
 
 def test_laws_lists_every_law_with_its_equation(capsys):

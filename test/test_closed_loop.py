@@ -1,4 +1,6 @@
-"""The paper's ideal loop: tick by tick that of a loop written from the equations alone, with the figures expected."""
+"""The paper's ideal loop: tick by tick that of a loop written from the equations alone, with the
+figures expected.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -11,7 +13,8 @@ from redres_ros import LAWS, Controller, RobotModel, Task, load_task, make_law
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
-MODEL, TASK = RobotModel.named('lwr4_paper'), load_task('rectangle')
+MODEL = RobotModel.named('lwr4_paper')
+TASK = load_task('rectangle')
 PERIODS = pytest.mark.parametrize('T', [0.001, 0.002])
 K_D = 10.0  # [1/s]
 FORGETFUL = -1.0  # stands for the damping 1/T
@@ -30,7 +33,7 @@ def one_segment(task: Task = TASK) -> Task:
     return replace(task, waypoints=task.waypoints[:2])
 
 
-# --- against a loop of its own ----------------------------------------------------------------------------------------
+# --- against a loop of its own --------------------------------------------------------------------
 
 DAMPED = [*((law, K_D) for law in independent.LAWS), ('dynamically_consistent', FORGETFUL)]
 UNDAMPED = [
@@ -62,10 +65,12 @@ def undamped_loops(T: float) -> tuple[np.ndarray, np.ndarray]:
 @PERIODS
 @pytest.mark.parametrize(('law', 'k_d'), DAMPED)
 def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d, T):
-    q, expected = simulated(law, T, k_d).vectors('q1'), damped_loops(T)[:, DAMPED.index((law, k_d))]
+    q = simulated(law, T, k_d).vectors('q1')
+    expected = damped_loops(T)[:, DAMPED.index((law, k_d))]
     ticks = min(len(q), len(expected))  # minimum_torque arrives some ticks late
     assert ticks == round(9.0 / T)
-    # A start 1e-12 rad away ends 1e-10 rad away with minimum_torque and 1e-11 with the others; rounding is far below.
+    # A start 1e-12 rad away ends 1e-10 rad away with minimum_torque and 1e-11 with the others;
+    # rounding is far below.
     assert np.abs(q[:ticks] - expected).max() < 1e-8
 
 
@@ -86,7 +91,7 @@ def test_every_law_of_the_package_is_held_against_the_independent_loop():
     assert set(LAWS) == set(independent.LAWS)
 
 
-# --- the figures ------------------------------------------------------------------------------------------------------
+# --- the figures ----------------------------------------------------------------------------------
 
 FIGURES = pytest.mark.parametrize(
     ('law', 'k_d', 'acceleration', 'at', 'velocity', 'torque'),
@@ -138,10 +143,8 @@ def test_minimum_velocity_peaks_late_and_seven_times_as_high_as_damped_minimum_a
 
 
 def test_dynamic_consistency_moves_faster_than_minimum_acceleration():
-    fast, slow = (
-        simulated('dynamically_consistent', 0.001, FORGETFUL),
-        simulated('minimum_acceleration', 0.001),
-    )
+    fast = simulated('dynamically_consistent', 0.001, FORGETFUL)
+    slow = simulated('minimum_acceleration', 0.001)
     assert fast.peak('joint_velocity_norm')[0] > 1.5 * slow.peak('joint_velocity_norm')[0]
 
 
@@ -155,7 +158,9 @@ def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law, T):
 
 def test_the_columns_belong_together():
     recording = simulated('minimum_acceleration', 0.002)
-    q, dq, T = recording.vectors('q1'), recording.vectors('dq1'), 0.002
+    q = recording.vectors('q1')
+    dq = recording.vectors('dq1')
+    T = 0.002
     ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
     assert q[1:] == pytest.approx(q[:-1] + T * dq[:-1], abs=1e-14)
     assert recording['joint_acceleration_norm'] == pytest.approx(
@@ -167,7 +172,7 @@ def test_the_columns_belong_together():
     assert recording['segment'][[0, 1499, 1500, 2999, 3000, 4499]].tolist() == [1, 1, 2, 2, 3, 3]
 
 
-# --- the loop's own options -------------------------------------------------------------------------------------------
+# --- the loop's own options -----------------------------------------------------------------------
 
 T = 0.002  # [s]
 
@@ -180,16 +185,15 @@ def short(**options: object) -> Recording:
 def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():
     for delay in (0, 1, 3):
         recording = short(delay=delay)
-        q, references = (
-            recording.vectors('q1'),
-            TASK.start + T * np.cumsum(recording.vectors('dq1'), axis=0),
-        )
+        q = recording.vectors('q1')
+        references = TASK.start + T * np.cumsum(recording.vectors('dq1'), axis=0)
         assert (q[: delay + 1] == TASK.start).all()
         assert q[delay + 1 :] == pytest.approx(references[: -delay - 1], abs=1e-12)
 
 
 def test_switches_act_from_their_tick_on():
-    plain, switched = short(), short(switches={500: make_law('minimum_kinetic_energy')})
+    plain = short()
+    switched = short(switches={500: make_law('minimum_kinetic_energy')})
     assert (plain.data[:500] == switched.data[:500]).all()
     assert np.linalg.norm(switched.vectors('dq1')[500] - plain.vectors('dq1')[500]) > 0.1
 

@@ -36,8 +36,10 @@ def test_the_integral_of_kinetic_energy_is_that_of_half_dq_M_dq() -> None:
 
 
 def test_integrals_do_not_depend_on_the_sampling_time() -> None:
-    # Left Riemann sums of smooth functions that are nearly zero at both ends; the laws differ by O(T).
-    one, two = effort('minimum_acceleration', 0.002), effort('minimum_acceleration', 0.001)
+    # Left Riemann sums of smooth functions that are nearly zero at both ends; the laws differ by
+    # O(T).
+    one = effort('minimum_acceleration', 0.002)
+    two = effort('minimum_acceleration', 0.001)
     for name in ('squared_torque', 'kinetic_energy', 'elbow'):
         assert getattr(one, name) == pytest.approx(getattr(two, name), rel=0.01)
 
@@ -60,10 +62,8 @@ def test_the_elbow_of_a_standing_arm_has_no_path() -> None:
 
 
 def test_the_table_marks_the_least_of_each_column() -> None:
-    low, high = (
-        Effort(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 'end'),
-        Effort(2.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, 'end'),
-    )
+    low = Effort(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 'end')
+    high = Effort(2.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, 'end')
     first, second = table({'low': low, 'high': high}).splitlines()[2:4]
     assert (first.count('*'), second.count('*')) == (6, 1)
 

@@ -45,18 +45,23 @@ class Drive:
     """A controller on its way through a task with an ideal arm; a copy goes on by itself."""
 
     def __init__(self, controller: Controller, task: Task) -> None:
-        self.controller, self._planner, self.q, self.tick = controller, Planner(task), task.start, 0
+        self.controller = controller
+        self._planner = Planner(task)
+        self.q = task.start
+        self.tick = 0
 
     def copy(self) -> 'Drive':
         other = copy.copy(self)
-        other.controller, other._planner = copy.copy(self.controller), copy.copy(self._planner)
+        other.controller = copy.copy(self.controller)
+        other._planner = copy.copy(self._planner)
         return other
 
     def step(self) -> tuple[Command, np.ndarray]:
         """One tick: the command and the task velocity that it answers."""
         dx = self._planner.reference(self.controller.model.tip(self.q)[0], self.tick * T).dx
         command = self.controller.update(self.q, dx)
-        self.q, self.tick = command.q_ref, self.tick + 1
+        self.q = command.q_ref
+        self.tick = self.tick + 1
         return command, dx
 
     def run(self, seconds: float) -> list[Command]:
@@ -89,7 +94,7 @@ def underway_with(model: RobotModel, task: Task) -> Callable[[str, float], Drive
     return at
 
 
-# --- one tick ---------------------------------------------------------------------------------------------------------
+# --- one tick -------------------------------------------------------------------------------------
 
 
 def test_the_reference_is_the_position_plus_one_tick_of_velocity(model, task):
@@ -105,10 +110,8 @@ def test_the_command_executes_the_task(model, task):
 def test_the_example_for_researchers_runs():
     model = RobotModel.named('lwr4_paper')
     controller = Controller(model, make_law('minimum_acceleration', damping=10.0), T=0.001)
-    q, dx = (
-        np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0)),
-        np.array((0.1, 0.0, 0.0)),
-    )
+    q = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))
+    dx = np.array((0.1, 0.0, 0.0))
     command = controller.update(q, dx)
     assert command.dq.shape == command.q_ref.shape == (7,)
 
@@ -137,14 +140,17 @@ def test_the_smallest_singular_value_is_that_of_the_jacobian(model, task):
 
 
 def test_a_pose_task_is_executed_with_its_six_rows(task):
-    model, twist = RobotModel.named('lwr4_paper', 'pose'), np.array((0.1, 0.0, 0.0, 0.0, 0.2, 0.0))
+    model = RobotModel.named('lwr4_paper', 'pose')
+    twist = np.array((0.1, 0.0, 0.0, 0.0, 0.2, 0.0))
     command = controller_of(model).update(task.start, twist)
     assert command.state.J @ command.dq == pytest.approx(twist, abs=ROUNDING)
 
 
 def test_what_is_done_to_a_command_does_not_reach_the_controller(model, task):
-    used, untouched = controller_of(model), controller_of(model)
-    command, expected = used.update(task.start, DX), untouched.update(task.start, DX)
+    used = controller_of(model)
+    untouched = controller_of(model)
+    command = used.update(task.start, DX)
+    expected = untouched.update(task.start, DX)
     for array in (
         command.dq,
         command.q_ref,
@@ -159,11 +165,13 @@ def test_what_is_done_to_a_command_does_not_reach_the_controller(model, task):
     ).all()
 
 
-# --- what it integrates -----------------------------------------------------------------------------------------------
+# --- what it integrates ---------------------------------------------------------------------------
 
 
 def lagging(controller: Controller, start: np.ndarray, ticks: int) -> tuple[np.ndarray, np.ndarray]:
-    """How far [rad] reference and measurement get from the start, for a servo that covers 5 % of the way in a tick."""
+    """How far [rad] reference and measurement get from the start, for a servo that covers 5 % of
+    the way in a tick.
+    """
     q = start
     for _ in range(ticks):
         command = controller.update(q, DX)
@@ -214,11 +222,12 @@ def test_after_reset_it_starts_from_the_measurement_at_rest(model, task):
         controller.update(task.start, DX)
     controller.reset()
     elsewhere = task.start + 0.1
-    command, fresh = controller.update(elsewhere, DX), controller_of(model).update(elsewhere, DX)
+    command = controller.update(elsewhere, DX)
+    fresh = controller_of(model).update(elsewhere, DX)
     assert (command.q_ref == fresh.q_ref).all()
 
 
-# --- what it refuses --------------------------------------------------------------------------------------------------
+# --- what it refuses ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('T', [0.0, -0.001, np.nan, np.inf, 2.0])
@@ -265,19 +274,21 @@ BAD = {
 
 @pytest.mark.parametrize(('q', 'dx'), BAD.values(), ids=BAD)
 def test_bad_input_leaves_the_controller_exactly_as_it_was(model, task, q, dx):
-    disturbed, calm = controller_of(model, switch_time=0.1), controller_of(model, switch_time=0.1)
+    disturbed = controller_of(model, switch_time=0.1)
+    calm = controller_of(model, switch_time=0.1)
     for tick in range(80):  # the start, and a switch on the way
         for controller in (disturbed, calm):
             if tick == 40:
                 controller.switch_law(make_law('minimum_kinetic_energy'))
         with pytest.raises(ArrayError):
             disturbed.update(task.start if q is None else q, dx)
-        got, expected = disturbed.update(task.start, DX), calm.update(task.start, DX)
+        got = disturbed.update(task.start, DX)
+        expected = calm.update(task.start, DX)
         assert (got.dq == expected.dq).all()
         assert (got.q_ref == expected.q_ref).all()
 
 
-# --- switching --------------------------------------------------------------------------------------------------------
+# --- switching ------------------------------------------------------------------------------------
 
 
 @PAIRS
@@ -296,7 +307,8 @@ def test_the_task_is_executed_during_a_switch(underway, old, new):
     ('old', 'new'), list(permutations(('minimum_velocity', 'minimum_kinetic_energy')))
 )
 def test_laws_without_memory_are_mixed_by_the_quintic(underway, old, new):
-    drive, ticks = underway(old, 1.5), round(SWITCH_TIME / T)
+    drive = underway(old, 1.5)
+    ticks = round(SWITCH_TIME / T)
     drive.controller.switch_law(make_law(new))
     for tick in range(1, 2 * ticks):
         command, dx = drive.step()
@@ -307,7 +319,8 @@ def test_laws_without_memory_are_mixed_by_the_quintic(underway, old, new):
 
 @PAIRS
 def test_after_the_switch_time_only_the_new_law_acts(underway, old, new):
-    drive, law = underway(old, 4.5), make_law(new)
+    drive = underway(old, 4.5)
+    law = make_law(new)
     drive.controller.switch_law(law)
     drive.run(SWITCH_TIME)
     for _ in range(3):
@@ -320,10 +333,9 @@ def peak(commands: list[Command]) -> float:
 
 
 def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway):
-    jumps, calm = (
-        0,
-        [law for law in LAWS if law != 'minimum_torque'],
-    )  # which needs thousands of rad/s^2 by itself
+    jumps = 0
+    # which needs thousands of rad/s^2 by itself
+    calm = [law for law in LAWS if law != 'minimum_torque']
     for (old, new), time in product(permutations(calm, 2), (1.5, 4.5)):
         staying, blended, at_once = (underway(old, time) for _ in range(3))
         at_once.controller.switch_time = 0.0
@@ -338,10 +350,12 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
             )
     assert (
         jumps > 10
-    )  # a third, most of them to a law without memory; without this the test may have tested nothing
+        # a third, most of them to a law without memory; without this the test may have tested nothing
+    )
 
 
-# With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a configuration that neither
+# With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a
+# configuration that neither
 # law alone would pass, and from there fling it; so may one just before the stretched arm at 7 s.
 @pytest.mark.parametrize('time', [1.5, 4.5])
 @pytest.mark.parametrize(
@@ -350,7 +364,9 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
 def test_a_switch_takes_little_more_acceleration_than_the_two_laws(
     identified_underway, old, new, time
 ):
-    """Each law goes on by itself from the state at the switch; bringing one velocity to the other is part of it."""
+    """Each law goes on by itself from the state at the switch; bringing one velocity to the other
+    is part of it.
+    """
     staying, blended, at_once = (identified_underway(old, time) for _ in range(3))
     at_once.controller.switch_time = 0.0
     for drive in (blended, at_once):
@@ -363,9 +379,12 @@ def test_a_switch_takes_little_more_acceleration_than_the_two_laws(
 
 
 class Floating:
-    """An arm without task directions, gravity or coupling, for motions that are nothing but self-motion."""
+    """An arm without task directions, gravity or coupling, for motions that are nothing but
+    self-motion.
+    """
 
-    n, m = 7, 3
+    n = 7
+    m = 3
 
     def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         return RobotState(q, dq_prev, np.zeros((3, 7)), self)
@@ -378,7 +397,8 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
     )
     controller.switch_time = 0.0
     controller.update(np.zeros(7), np.zeros(3))
-    controller._dq_prev, controller.switch_time = np.ones(7), 0.5  # underway at 1 rad/s
+    controller._dq_prev = np.ones(7)
+    controller.switch_time = 0.5  # underway at 1 rad/s
     controller.switch_law(make_law('minimum_velocity'))
     for k in range(1, round(0.5 / period)):
         s, _ = quintic(k * period / 0.5)
@@ -396,7 +416,8 @@ def test_a_switch_asked_for_in_the_middle_of_another_one_does_not_jump(underway)
 
 
 def test_other_gains_of_the_same_law_are_a_switch_too(underway):
-    drive, ticks = underway('minimum_weighted_torque', 4.5), round(SWITCH_TIME / T)
+    drive = underway('minimum_weighted_torque', 4.5)
+    ticks = round(SWITCH_TIME / T)
     changed = drive.copy()
     changed.controller.switch_law(make_law('minimum_weighted_torque', damping=100.0))
     ways = [[command.dq for command in each.run(SWITCH_TIME)] for each in (drive, changed)]
@@ -413,7 +434,8 @@ def test_asking_for_the_law_in_force_changes_nothing(underway):
 
 
 def test_of_many_switches_the_last_one_wins(underway):
-    drive, random = underway('minimum_velocity', 1.5), np.random.default_rng(0)
+    drive = underway('minimum_velocity', 1.5)
+    random = np.random.default_rng(0)
     for _ in range(500):
         drive.controller.switch_law(
             make_law(random.choice([law for law in LAWS if law != 'minimum_torque']))
@@ -448,7 +470,7 @@ def test_a_negative_number_of_missed_cycles_is_refused(model, task):
         controller_of(model).update(task.start, DX, missed=-1)
 
 
-# --- starting and stopping --------------------------------------------------------------------------------------------
+# --- starting and stopping ------------------------------------------------------------------------
 
 
 def test_without_switch_time_gravity_makes_the_first_tick_jump(model, task):
@@ -460,7 +482,8 @@ def test_without_switch_time_gravity_makes_the_first_tick_jump(model, task):
 def test_the_start_from_standing_still_does_not_jump(model, task, name):
     controller = Controller(model, make_law(name, damping=1.0 / T), T, switch_time=SWITCH_TIME)
     drive = Drive(controller, task)
-    # s grows as 10 xi^3: after 20 of 250 ticks to 0.005. All laws together ask for 90 rad/s^2 at once.
+    # s grows as 10 xi^3: after 20 of 250 ticks to 0.005. All laws together ask for 90 rad/s^2 at
+    # once.
     assert peak(drive.run(20 * T)) < 0.05 * 90.0
 
 
@@ -520,13 +543,16 @@ def test_a_law_asked_for_while_holding_is_the_one_resumed(underway):
     assert (command.dq == alone(make_law('minimum_velocity'), command, dx)).all()
 
 
-# --- real time --------------------------------------------------------------------------------------------------------
+# --- real time ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('name', LAWS)
 def test_ticks_give_the_garbage_collector_no_reason_to_run(model, task, name):
-    """Python looks for cycles once so many more objects were made than freed; a tick frees what it makes."""
-    controller, collections = Controller(model, make_law(name), 0.002), []
+    """Python looks for cycles once so many more objects were made than freed; a tick frees what it
+    makes.
+    """
+    controller = Controller(model, make_law(name), 0.002)
+    collections = []
     controller.update(task.start, DX)
     gc.collect()
     gc.callbacks.append(lambda phase, info: collections.append(phase))

@@ -41,7 +41,9 @@ def motion(out: Path) -> np.ndarray:
 
 
 def at_common_times(one: np.ndarray, two: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows that both have. A listener loses a sample now and then when the machine stalls; the nodes do not."""
+    """The rows that both have. A listener loses a sample now and then when the machine stalls; the
+    nodes do not.
+    """
     ticks = [np.round(rows[:, 0] / 0.002).astype(int) for rows in (one, two)]
     common = np.intersect1d(*ticks)
     assert len(common) > 0.5 * max(map(len, ticks))
@@ -68,7 +70,9 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(lockstep
 
 @pytest.fixture
 def short_task(tmp_path: Path) -> str:
-    """A file with a corner from the start of the paper's task: 0.2 m to the side and 0.2 m up, each in 1 s."""
+    """A file with a corner from the start of the paper's task: 0.2 m to the side and 0.2 m up, each
+    in 1 s.
+    """
     task = load_task('rectangle')
     path = tmp_path / 'short.yaml'
     waypoints = task.waypoints[0] + np.array([[0.0, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, -0.2, 0.2]])
@@ -131,7 +135,8 @@ def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(tmp_path: Path
     done = demo(tmp_path, '--duration', str(duration), timeout=duration + 120)
     assert done.returncode == 0, done.stdout + done.stderr
     said = {line[:28].strip(): line[28:].split() for line in done.stdout.splitlines()}
-    rounds, seconds = int(said['rounds'][0]), float(said['rounds'][2])
+    rounds = int(said['rounds'][0])
+    seconds = float(said['rounds'][2])
     assert seconds >= duration
     assert (
         rounds >= duration / 7.0
@@ -140,10 +145,8 @@ def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(tmp_path: Path
         start, end = (float(said[f'memory of {name}'][place]) for place in (0, 6))
         assert 10.0 < start < 500.0
         assert end - start < 5.0
-    answered, (sent, heard) = (
-        int(said['cycles'][3]),
-        (int(said['states'][place]) for place in (0, 2)),
-    )
+    answered = int(said['cycles'][3])
+    (sent, heard) = (int(said['states'][place]) for place in (0, 2))
     cycles = int(said['cycles'][0].rstrip(','))
     late, missed = (int(said['of the others'][place]) for place in (0, 2))
     assert answered + late + missed <= cycles  # the rest was waited for
@@ -154,7 +157,8 @@ def test_a_law_switched_on_the_way_is_blended(tmp_path: Path, short_task: str) -
     switches = ('--switch', 'minimum_velocity@0.5', '--switch', 'minimum_acceleration@1.2')
     done = demo(tmp_path, '--lockstep', '--plant', 'ideal', '--task', short_task, *switches)
     assert done.returncode == 0, done.stdout + done.stderr
-    acceleration, alone = motion(tmp_path)[:, columns(7).index('joint_acceleration_norm')], []
+    acceleration = motion(tmp_path)[:, columns(7).index('joint_acceleration_norm')]
+    alone = []
     for law in ('minimum_velocity', 'minimum_acceleration'):
         controller = Controller(
             RobotModel.named('lwr4_paper'), make_law(law), 0.002, switch_time=0.2

@@ -1,4 +1,6 @@
-"""docs/when_things_go_wrong.md: every row is shown by a test that exists, and nothing that can go wrong is left out."""
+"""docs/when_things_go_wrong.md: every row is shown by a test that exists, and nothing that can go
+wrong is left out.
+"""
 
 import ast
 from dataclasses import fields

@@ -1,4 +1,6 @@
-"""Laws beside their schemes over whole tasks, sampled and in continuous time: the paper's claim of equivalence."""
+"""Laws beside their schemes over whole tasks, sampled and in continuous time: the paper's claim of
+equivalence.
+"""
 
 from dataclasses import replace
 
@@ -36,7 +38,7 @@ def side(task: Task) -> Task:
     return replace(task, waypoints=task.waypoints[:2])
 
 
-# --- sampled ----------------------------------------------------------------------------------------------------------
+# --- sampled --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -71,7 +73,8 @@ def test_where_the_loop_amplifies_rounding_law_and_scheme_still_agree_at_every_t
     found = difference('minimum_weighted_torque', 0.0, 0.008, task)
     assert found.max > 1.0  # [rad/s]: the closed loops have parted,
     assert 0.5 < found.holds_until < task.segment_time * task.segments  # in the course of time,
-    # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits for a condition of 1e3
+    # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits
+    # for a condition of 1e3
     assert found.same_past.max() < ZERO
     assert (
         amplification('minimum_weighted_torque', 0.0, 0.008, task).max > 1e9
@@ -117,7 +120,7 @@ def test_least_kinetic_energy_has_no_yardstick(side):
         difference('minimum_kinetic_energy', 10.0, 0.001, side)
 
 
-# --- continuous -------------------------------------------------------------------------------------------------------
+# --- continuous -----------------------------------------------------------------------------------
 
 
 @EVERY_SCHEME
@@ -140,7 +143,8 @@ def test_the_order_is_the_slope_of_the_errors():
 def test_the_continuous_motion_executes_the_task(name, task, heavy):
     t = np.linspace(0.0, 9.0, 37)
     motion = integrate(make_scheme(name), heavy, task, t)
-    tip, xi = np.array([heavy.tip(q)[0] for q in motion.q]), np.tile(np.arange(12), 3)[:, None] / 12
+    tip = np.array([heavy.tip(q)[0] for q in motion.q])
+    xi = np.tile(np.arange(12), 3)[:, None] / 12
     ways = np.repeat(np.diff(task.waypoints, axis=0), 12, axis=0)
     x_d = np.repeat(task.waypoints[:-1], 12, axis=0) + ways * (
         6 * xi**5 - 15 * xi**4 + 10 * xi**3
@@ -154,7 +158,8 @@ def test_the_continuous_motion_executes_the_task(name, task, heavy):
 
 @EVERY_SCHEME
 def test_the_continuous_velocity_is_the_derivative_of_the_continuous_position(name, task, heavy):
-    middle, h = np.array((0.4, 2.0, 4.0)), 1e-3
+    middle = np.array((0.4, 2.0, 4.0))
+    h = 1e-3
     q = {shift: integrate(make_scheme(name), heavy, task, middle + shift).q for shift in (-h, h)}
     dq = integrate(make_scheme(name), heavy, task, middle).dq
     assert (q[h] - q[-h]) / (2.0 * h) == pytest.approx(

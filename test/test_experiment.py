@@ -1,4 +1,6 @@
-"""The experiment without ROS: what the paper's robot did, in time with the fake robot's clock, the same every time."""
+"""The experiment without ROS: what the paper's robot did, in time with the fake robot's clock, the
+same every time.
+"""
 
 from dataclasses import replace
 
@@ -40,7 +42,7 @@ def finished() -> Experiment:
     return experiment(controller('minimum_acceleration'), TASK, ARM)
 
 
-# --- the paper's two outcomes -----------------------------------------------------------------------------------------
+# --- the paper's two outcomes ---------------------------------------------------------------------
 
 
 def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
@@ -81,7 +83,7 @@ def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
     assert (np.abs(np.diff(finished.q, axis=0) / T) < 1.02 * limit).all()
 
 
-# --- the loop ---------------------------------------------------------------------------------------------------------
+# --- the loop -------------------------------------------------------------------------------------
 
 
 def test_the_arm_moves_as_an_ideal_one_that_uses_each_answer_a_tick_late():
@@ -119,14 +121,16 @@ def test_a_task_that_is_never_finished_ends_all_the_same():
     assert recording.ending == 'did not reach the last point within 0.6 s'
 
 
-# --- Savitzky-Golay ---------------------------------------------------------------------------------------------------
+# --- Savitzky-Golay -------------------------------------------------------------------------------
 
 
 def test_a_polynomial_of_fifth_degree_is_differentiated_exactly():
     polynomial = np.polynomial.Polynomial(np.random.default_rng(0).uniform(-1.0, 1.0, 6))
     t = T * np.arange(1000) - 1.0  # [s]
-    motion, inner = differentiate(polynomial(t)[:, None], T), slice(LEFT_OUT, -LEFT_OUT)
-    # scipy fits the window's powers, up to 200^5, as they are: its coefficients have about eight good digits.
+    motion = differentiate(polynomial(t)[:, None], T)
+    inner = slice(LEFT_OUT, -LEFT_OUT)
+    # scipy fits the window's powers, up to 200^5, as they are: its coefficients have about eight
+    # good digits.
     assert motion.dq[:, 0] == pytest.approx(polynomial.deriv(1)(t)[inner], abs=1e-6)
     assert motion.ddq[:, 0] == pytest.approx(polynomial.deriv(2)(t)[inner], abs=1e-6)
 

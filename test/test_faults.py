@@ -1,4 +1,6 @@
-"""Faults: what a channel does to messages, what encoders show, what a push and a pause do; and the robot under them."""
+"""Faults: what a channel does to messages, what encoders show, what a push and a pause do; and the
+robot under them.
+"""
 
 from dataclasses import fields, replace
 from itertools import groupby, pairwise
@@ -28,7 +30,7 @@ Q0 = np.radians((28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0))
 MANY = 20000  # messages
 
 
-# --- channels ---------------------------------------------------------------------------------------------------------
+# --- channels -------------------------------------------------------------------------------------
 
 
 def transmit(channel: Channel[int], messages: int, rest: int = 100) -> list[tuple[int, int]]:
@@ -124,7 +126,8 @@ def test_a_reordered_message_arrives_with_the_next_and_after_it():
         list(range(MANY)),
         list(range(MANY - 1)),
     )  # the last one may wait for another for ever
-    # A message that overtakes is not overtaken itself: a share p of those that follow one another in peace.
+    # A message that overtakes is not overtaken itself: a share p of those that follow one another
+    # in peace.
     assert len(overtaken) == pytest.approx(MANY * 0.2 / 1.2, abs=4.0 * np.sqrt(MANY * 0.2))
 
 
@@ -135,7 +138,8 @@ def test_the_same_seed_does_the_same_and_nothing_arrives_that_was_not_sent_or_to
     arrived = transmit(Channel(seed, link), 100)
     assert arrived == transmit(Channel(seed, link), 100)
     for tick, message in arrived:
-        # One in front of it was due no later than at the longest delay; an overtaken one waits for the next.
+        # One in front of it was due no later than at the longest delay; an overtaken one waits for
+        # the next.
         assert tick - message >= link.delay
         assert tick - message <= link.delay + link.delay_spread or link.reordering
     counts = [sum(message == k for _, message in arrived) for k in range(100)]
@@ -154,7 +158,8 @@ def test_setting_one_fault_does_not_change_when_messages_are_lost(link, other, s
 
 
 def test_faults_of_a_link_can_change_at_any_tick():
-    channel, arrived = Channel(6), []
+    channel = Channel(6)
+    arrived = []
     for tick in range(40):
         channel.link = (
             Link(delay=5) if 10 <= tick < 20 else Link(loss=1.0) if tick >= 30 else Link()
@@ -170,7 +175,7 @@ def test_faults_of_a_link_can_change_at_any_tick():
     ]
 
 
-# --- parameters -------------------------------------------------------------------------------------------------------
+# --- parameters -----------------------------------------------------------------------------------
 
 
 def test_every_fault_is_a_live_parameter_with_unit_or_share_and_range():
@@ -212,7 +217,7 @@ def test_faults_out_of_range_are_refused(wrong):
         Faults(**wrong)
 
 
-# --- arms -------------------------------------------------------------------------------------------------------------
+# --- arms -----------------------------------------------------------------------------------------
 
 
 def ideal(**faults: float) -> FaultyPlant:
@@ -250,7 +255,8 @@ def test_without_faults_it_is_the_plant_bit_for_bit():
 
 
 def test_encoders_round_to_their_step():
-    plant, step = ideal(encoder_step=1e-3), 1e-3
+    plant = ideal(encoder_step=1e-3)
+    step = 1e-3
     q = measured(plant, 500)
     assert np.abs(q / step - np.round(q / step)).max() < 1e-9
     errors = np.abs(q - [reference(k) for k in range(1, 501)])
@@ -269,7 +275,8 @@ def test_noise_has_its_deviation_and_is_not_that_of_the_arm():
 
 
 def test_noise_is_drawn_once_a_cycle_and_the_same_for_the_same_seed():
-    plant, other = ideal(encoder_noise=1e-4), ideal(encoder_noise=1e-4)
+    plant = ideal(encoder_noise=1e-4)
+    other = ideal(encoder_noise=1e-4)
     plant.step(Q0)
     assert (plant.q == plant.q).all()
     other.step(Q0)
@@ -281,8 +288,10 @@ def test_noise_is_drawn_once_a_cycle_and_the_same_for_the_same_seed():
 @pytest.mark.parametrize('joint', [1, 4, 7])
 @pytest.mark.parametrize('make', [ideal, mujoco])
 def test_the_encoder_of_a_frozen_joint_stands_still_and_the_joint_moves_on(make, joint):
-    plant, healthy = make(), make()
-    before, _ = measured(plant, 100)[-1], measured(healthy, 100)
+    plant = make()
+    healthy = make()
+    before = measured(plant, 100)[-1]
+    _ = measured(healthy, 100)
     plant.faults = Faults(frozen_joint=joint)
     for k in range(101, 300):
         plant.step(reference(k))
@@ -342,11 +351,13 @@ def test_paused_physics_leave_the_arm_where_it_is_and_then_let_it_go_on(make):
     assert plant.q == pytest.approx(reference(200), abs=1e-6)
 
 
-# --- the robot under faults -------------------------------------------------------------------------------------------
+# --- the robot under faults -----------------------------------------------------------------------
 
 
 class Loop:
-    """A robot and a client that mirrors the position until it commands, and then asks for a gentle swing from there."""
+    """A robot and a client that mirrors the position until it commands, and then asks for a gentle
+    swing from there.
+    """
 
     def __init__(
         self, faults: Faults | None = None, profile: str = 'lwr_fri1', seed: int = 0
@@ -357,16 +368,20 @@ class Loop:
         self.robot = FriRobot(plant, Guard(LIMITS, T), self.session)
         self.states: Channel[int] = Channel(f'{seed} states')
         self.commands: Channel[Answer] = Channel(f'{seed} commands')
-        self.start, self.begun = np.zeros(7), 0  # where and at which tick the swing begins
-        self.references, self.stopped_at = [self.robot.reference], 0
+        self.start = np.zeros(7)
+        self.begun = 0  # where and at which tick the swing begins
+        self.references = [self.robot.reference]
+        self.stopped_at = 0
         self.inject(faults or Faults())
 
     def inject(self, faults: Faults) -> None:
-        self.states.link, self.commands.link = faults.states, faults.commands
+        self.states.link = faults.states
+        self.commands.link = faults.commands
 
     def run(self, cycles: int) -> 'Loop':
         for _ in range(cycles):
-            tick, commanded = self.robot.tick, self.session.commanding
+            tick = self.robot.tick
+            commanded = self.session.commanding
             self.states.send(tick, tick)
             self.robot.advance(*self.commands.receive(tick))
             self.references.append(self.robot.reference)
@@ -380,7 +395,8 @@ class Loop:
 
     def _command(self, tick: int) -> np.ndarray:
         if not self.session.commanding:
-            self.start, self.begun = self.robot.reference, tick
+            self.start = self.robot.reference
+            self.begun = tick
         return self.start + reference(max(tick - self.begun, 0)) - Q0
 
 

@@ -42,7 +42,8 @@ def grey_pictures(arm: Arm, film: Film) -> np.ndarray:
 @pytest.fixture(scope='module')
 def runs() -> Runs:
     runs = Runs()
-    runs.task, runs.reversed_task = shortened(runs.task), shortened(runs.reversed_task)
+    runs.task = shortened(runs.task)
+    runs.reversed_task = shortened(runs.reversed_task)
     return runs
 
 
@@ -157,7 +158,7 @@ def test_a_run_is_kept(runs):
     assert runs.ideal_damped is runs.ideal_damped
 
 
-# --- what is drawn ----------------------------------------------------------------------------------------------------
+# --- what is drawn --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -187,7 +188,8 @@ def test_differences_are_taken_as_long_as_there_are_both():
 
 
 def test_an_arm_at_rest_needs_the_torque_of_gravity(runs):
-    model, q = runs.experiment_model, runs.task.start
+    model = runs.experiment_model
+    q = runs.task.start
     rest = Motion(np.zeros(1), q[None], np.zeros((1, 7)), np.zeros((1, 7)))
     assert torque_norm(rest, model) == pytest.approx(
         [np.linalg.norm(model.state(q, np.zeros(7)).n)]
@@ -195,13 +197,15 @@ def test_an_arm_at_rest_needs_the_torque_of_gravity(runs):
 
 
 def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
-    model, q, ddq = runs.experiment_model, runs.task.start, np.arange(1.0, 8.0)
+    model = runs.experiment_model
+    q = runs.task.start
+    ddq = np.arange(1.0, 8.0)
     state = model.state(q, np.zeros(7))
     moved = Motion(np.zeros(1), q[None], np.zeros((1, 7)), ddq[None])
     assert torque_norm(moved, model) == pytest.approx([np.linalg.norm(state.M @ ddq + state.n)])
 
 
-# --- pictures ---------------------------------------------------------------------------------------------------------
+# --- pictures -------------------------------------------------------------------------------------
 
 
 def film(runs: Runs) -> Film:

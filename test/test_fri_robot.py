@@ -1,4 +1,6 @@
-"""The fake robot as a whole: when a command acts, how the arm stops and starts again, and that it never jumps."""
+"""The fake robot as a whole: when a command acts, how the arm stops and starts again, and that it
+never jumps.
+"""
 
 import numpy as np
 import pytest
@@ -28,7 +30,9 @@ def make_robot(ideal: bool = True, q0: np.ndarray = Q0, **session_settings: floa
 
 
 def cruise(tick: int, velocity: np.ndarray = SPEED, since: int = 0) -> np.ndarray:
-    """Command for the state of a tick: from rest at Q0 up to a velocity within 100 cycles, then on with it."""
+    """Command for the state of a tick: from rest at Q0 up to a velocity within 100 cycles, then on
+    with it.
+    """
     ramp = np.minimum(np.arange(max(tick - since, 0) + 1) / 100.0, 1.0).sum()
     return Q0 + T * velocity * ramp
 
@@ -53,11 +57,12 @@ def rest(robot: FriRobot, cycles: int = 1000) -> np.ndarray:
     return np.array(references)
 
 
-# --- when a command acts ----------------------------------------------------------------------------------------------
+# --- when a command acts --------------------------------------------------------------------------
 
 
 def test_an_answer_to_one_state_is_where_an_ideal_arm_is_two_ticks_later():
-    robot, positions = make_robot(monitor_time=0.0), []
+    robot = make_robot(monitor_time=0.0)
+    positions = []
     for _ in range(300):
         positions.append(robot.q)
         robot.advance(answer(robot) if robot.tick else None)
@@ -110,7 +115,8 @@ def test_an_answer_to_the_wrong_state_is_refused_as_what_it_is_and_is_a_miss(off
 
 
 def test_of_several_answers_the_newest_valid_one_counts():
-    robot, alone = run(make_robot(monitor_time=0.0), 200), run(make_robot(monitor_time=0.0), 200)
+    robot = run(make_robot(monitor_time=0.0), 200)
+    alone = run(make_robot(monitor_time=0.0), 200)
     alone.advance(None)
     robot.advance(None)
     alone.advance(answer(alone))
@@ -130,11 +136,12 @@ def test_of_several_answers_the_newest_valid_one_counts():
     )
 
 
-# --- entering command mode --------------------------------------------------------------------------------------------
+# --- entering command mode ------------------------------------------------------------------------
 
 
 def test_a_first_command_nearby_is_reached_without_a_jump():
-    robot, gap = make_robot(monitor_time=0.0), 0.009 * np.array([1, -1, 1, -1, 1, -1, 1])
+    robot = make_robot(monitor_time=0.0)
+    gap = 0.009 * np.array([1, -1, 1, -1, 1, -1, 1])
     references = [robot.reference, robot.reference]
     for _ in range(200):
         robot.advance(Answer(robot.tick - 1, Q0 + gap) if robot.tick else None)
@@ -176,7 +183,7 @@ def test_an_arm_that_mirrors_its_measured_position_is_let_in(ideal):
     assert robot.reference == pytest.approx(Q0, abs=1e-9)
 
 
-# --- missing, late and refused answers --------------------------------------------------------------------------------
+# --- missing, late and refused answers ------------------------------------------------------------
 
 
 @pytest.mark.parametrize('misses', [1, 5])
@@ -243,7 +250,7 @@ def test_counts_add_up():
     assert (counts.longest_run, counts.bridged, counts.refused) == (2, 2, 0)
 
 
-# --- limits -----------------------------------------------------------------------------------------------------------
+# --- limits ---------------------------------------------------------------------------------------
 
 
 def test_too_high_an_acceleration_ends_in_a_protective_stop():
@@ -261,7 +268,8 @@ def test_too_high_an_acceleration_ends_in_a_protective_stop():
 
 
 def test_too_high_a_velocity_is_limited_and_not_stopped():
-    robot, fast = make_robot(monitor_time=0.0), 1.2 * LIMITS.velocity[0] * np.eye(7)[0]
+    robot = make_robot(monitor_time=0.0)
+    fast = 1.2 * LIMITS.velocity[0] * np.eye(7)[0]
     steps = []
     for _ in range(350):
         before = robot.reference
@@ -274,7 +282,8 @@ def test_too_high_a_velocity_is_limited_and_not_stopped():
 
 @pytest.mark.parametrize(('joint', 'speed'), [(1, 0.3), (1, 1.5), (5, 3.0)])
 def test_an_arm_that_runs_at_a_position_limit_stops_before_it(joint, speed):
-    robot, toward = make_robot(monitor_time=0.0), speed * np.eye(7)[joint]
+    robot = make_robot(monitor_time=0.0)
+    toward = speed * np.eye(7)[joint]
     for _ in range(3000):
         robot.advance(answer(robot, velocity=toward) if robot.tick else None)
         assert robot.q[joint] <= LIMITS.upper[joint]
@@ -282,7 +291,7 @@ def test_an_arm_that_runs_at_a_position_limit_stops_before_it(joint, speed):
     assert robot.q[joint] == pytest.approx(LIMITS.upper[joint], abs=np.radians(1.0))
 
 
-# --- after a stop -----------------------------------------------------------------------------------------------------
+# --- after a stop ---------------------------------------------------------------------------------
 
 
 def test_after_a_stop_answers_move_nothing_until_reset():
@@ -329,7 +338,9 @@ EVENTS = st.one_of(
 @settings(max_examples=60, deadline=None)
 @given(st.lists(EVENTS, max_size=40), st.integers(0, 2**32 - 1))
 def test_whatever_the_client_does_the_reference_keeps_velocity_and_position_limits(events, seed):
-    robot, random, command = make_robot(monitor_time=0.0), np.random.default_rng(seed), Q0
+    robot = make_robot(monitor_time=0.0)
+    random = np.random.default_rng(seed)
+    command = Q0
     references = [robot.reference]
 
     def advance(given_answer: Answer | None) -> None:
@@ -366,7 +377,7 @@ def test_the_reference_in_hand_is_a_copy():
     assert (robot.q == cruise(robot.tick - 2)).all()
 
 
-# --- construction -----------------------------------------------------------------------------------------------------
+# --- construction ---------------------------------------------------------------------------------
 
 
 def test_parts_of_different_cycles_do_not_make_a_robot():

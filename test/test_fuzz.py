@@ -1,7 +1,8 @@
-"""Random messages on every topic and random values for every parameter: no node fails, and nothing bad gets through.
+"""Random messages on every topic and random values for every parameter: no node fails, and nothing
+bad gets through.
 
-Most cases go straight into the callbacks of nodes in this process, some over DDS to nodes of their own. Some hundreds
-in all; with REDRES_NIGHTLY=1 ten thousand.
+Most cases go straight into the callbacks of nodes in this process, some over DDS to nodes of their
+own. Some hundreds in all; with REDRES_NIGHTLY=1 ten thousand.
 """
 
 import math
@@ -46,7 +47,7 @@ few = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
-# --- what can be thrown at a node -------------------------------------------------------------------------------------
+# --- what can be thrown at a node -----------------------------------------------------------------
 
 numbers = st.one_of(st.floats(), st.floats(-3.0, 3.0))
 texts = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=8)
@@ -79,19 +80,20 @@ positions = st.one_of(
 @st.composite
 def joint_states(draw: st.DrawFn) -> JointState:
     message = JointState(name=draw(names), position=draw(positions), velocity=draw(positions))
-    message.header.stamp, message.header.frame_id = draw(stamps), draw(texts)
+    message.header.stamp = draw(stamps)
+    message.header.frame_id = draw(texts)
     return message
 
 
 @st.composite
 def twists(draw: st.DrawFn) -> TwistStamped:
     message = TwistStamped()
-    message.header.stamp, message.header.frame_id = (
-        draw(stamps),
-        draw(st.one_of(st.just('world'), texts)),
-    )
+    message.header.stamp = draw(stamps)
+    message.header.frame_id = draw(st.one_of(st.just('world'), texts))
     for vector in (message.twist.linear, message.twist.angular):
-        vector.x, vector.y, vector.z = draw(numbers), draw(numbers), draw(numbers)
+        vector.x = draw(numbers)
+        vector.y = draw(numbers)
+        vector.z = draw(numbers)
     return message
 
 
@@ -158,7 +160,7 @@ def numbered(stamp: int, q: np.ndarray = START) -> JointState:
     return to_joint_state(stamp, NAMES, np.asarray(q), np.zeros(7))
 
 
-# --- into the callbacks -----------------------------------------------------------------------------------------------
+# --- into the callbacks ---------------------------------------------------------------------------
 
 
 class TestCallbacks:
@@ -201,7 +203,8 @@ class TestCallbacks:
                     planner._on_start(Trigger.Request(), Trigger.Response())
                 case False:
                     planner._on_stop(Trigger.Request(), Trigger.Response())
-        # The rectangle's sides are at most 0.5 m long and take 3 s: 15/8 of the mean speed, and the feedback's limit.
+        # The rectangle's sides are at most 0.5 m long and take 3 s: 15/8 of the mean speed, and the
+        # feedback's limit.
         assert all(np.linalg.norm(content) < 2.0 for _, content in outlet.sent)
         planner._on_start(Trigger.Request(), Trigger.Response())
         planner._on_state(numbered(FIRST))
@@ -215,7 +218,8 @@ class TestCallbacks:
         )
     )
     def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
-        outlet, robot = Outlet(sim, '_states'), sim._robot
+        outlet = Outlet(sim, '_states')
+        robot = sim._robot
         before = robot.reference
         for event in events:
             answers = sim._inbox.take(robot.tick)
@@ -264,7 +268,7 @@ class TestCallbacks:
             assert value in descriptor.additional_constraints
 
 
-# --- over DDS ---------------------------------------------------------------------------------------------------------
+# --- over DDS -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope='class')

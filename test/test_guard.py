@@ -1,4 +1,6 @@
-"""Guard, joint limits and follower: what stops the arm, what only slows it, and how its reference moves meanwhile."""
+"""Guard, joint limits and follower: what stops the arm, what only slows it, and how its reference
+moves meanwhile.
+"""
 
 import math
 from dataclasses import replace
@@ -23,7 +25,9 @@ ROUNDING = 1e-12  # of sums of a few hundred terms of size 1
 
 
 def violation_on_the_way(guard: Guard, positions: np.ndarray) -> str:
-    """The first reason that the guard has to stop a stream (N, 7) that starts from rest at its first position."""
+    """The first reason that the guard has to stop a stream (N, 7) that starts from rest at its
+    first position.
+    """
     guard.begin()
     for last, position in pairwise(positions):
         if reason := guard.violation(position, (position - last) / T):
@@ -38,7 +42,7 @@ def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
     return positions
 
 
-# --- limits -----------------------------------------------------------------------------------------------------------
+# --- limits ---------------------------------------------------------------------------------------
 
 
 def test_limits_are_those_of_the_controller_file():
@@ -82,7 +86,7 @@ def test_acceleration_limits_for_other_joints_are_an_error():
         JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=(1.0, 2.0)))
 
 
-# --- guard ------------------------------------------------------------------------------------------------------------
+# --- guard ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
@@ -118,7 +122,8 @@ def test_position_is_limited_at_the_margin(joint, sign):
 
 @pytest.mark.parametrize('joint', range(7))
 def test_acceleration_is_limited_at_the_limit(joint):
-    guard, limit = Guard(LIMITS, T), LIMITS.acceleration[joint]
+    guard = Guard(LIMITS, T)
+    limit = LIMITS.acceleration[joint]
     assert violation_on_the_way(guard, accelerated(0.999 * limit, joint, 40)) == ''
     assert LIMITS.joint_names[joint] in violation_on_the_way(
         guard, accelerated(1.01 * limit, joint, 40)
@@ -127,7 +132,8 @@ def test_acceleration_is_limited_at_the_limit(joint):
 
 def test_a_protective_stop_names_joint_window_got_and_allowed():
     reason = violation_on_the_way(Guard(LIMITS, T), accelerated(-114.0, 4, 12))
-    # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, which is borne; with 5 it is 31 %.
+    # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, which is borne;
+    # with 5 it is 31 %.
     assert reason == 'protective stop: lwr_a4_joint commanded 57 rad/s^2 over 20 ms, allowed 43.6'
 
 
@@ -146,10 +152,8 @@ def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
 def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(
     excess, milliseconds, period
 ):
-    guard, velocity = (
-        Guard(LIMITS, period),
-        0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3],
-    )
+    guard = Guard(LIMITS, period)
+    velocity = 0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3]
     stops = [
         bool(guard.violation(ZERO, velocity))
         for _ in range(math.ceil(0.001 * milliseconds / period))
@@ -158,10 +162,8 @@ def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(
 
 
 def test_an_excess_is_forgotten_as_it_is_made_up_for():
-    guard, limit = (
-        Guard(LIMITS, T, GuardSettings(acceleration_window=T)),
-        LIMITS.acceleration[2] * T * np.eye(7)[2],
-    )
+    guard = Guard(LIMITS, T, GuardSettings(acceleration_window=T))
+    limit = LIMITS.acceleration[2] * T * np.eye(7)[2]
     velocity = ZERO
     for share in (1.08, 0.9) * 100:
         velocity = velocity + share * limit
@@ -190,7 +192,9 @@ def noisy(positions: np.ndarray, seed: int) -> np.ndarray:
 
 
 def to_and_fro(acceleration: np.ndarray, cycles: int) -> np.ndarray:
-    """Positions (cycles, 7) at plus and minus the acceleration (7,), from rest, at 80 % of the top speed at most."""
+    """Positions (cycles, 7) at plus and minus the acceleration (7,), from rest, at 80 % of the top
+    speed at most.
+    """
     half = np.floor(0.8 * LIMITS.velocity / (acceleration * T)).astype(
         int
     )  # (7,) cycles from rest to the top speed
@@ -209,7 +213,9 @@ AT_99_PERCENT = {
 
 
 def from_rest(positions: np.ndarray) -> np.ndarray:
-    """The positions (N, 7), and before them the way up to their velocity, at half the acceleration limits at most."""
+    """The positions (N, 7), and before them the way up to their velocity, at half the acceleration
+    limits at most.
+    """
     step = positions[1] - positions[0]  # (7,)
     n = max(1, math.ceil(np.max(np.abs(step) / (0.5 * LIMITS.acceleration * T * T))))
     ahead = np.cumsum(np.arange(n)[::-1] / n)[::-1, None]  # (n, 1) steps to the first position
@@ -233,9 +239,11 @@ def test_without_tolerance_noise_at_99_percent_of_the_acceleration_limit_would_s
 
 
 def test_no_noise_of_less_than_20_microradians_stops_the_arm_at_the_acceleration_limit():
-    # Excesses are differences of four positions over T * window; from cycle to cycle they cancel but for the first and
-    # the last. So noise of amplitude e adds up to 4 e / (T * window) at most, wherever the sum began.
-    random, stream = np.random.default_rng(0), to_and_fro(0.999 * LIMITS.acceleration, 3000)
+    # Excesses are differences of four positions over T * window; from cycle to cycle they cancel
+    # but for the first and the last. So noise of amplitude e adds up to 4 e / (T * window) at most,
+    # wherever the sum began.
+    random = np.random.default_rng(0)
+    stream = to_and_fro(0.999 * LIMITS.acceleration, 3000)
     for noise in (
         random.uniform(-1.0, 1.0, stream.shape),
         random.choice([-1.0, 1.0], stream.shape),
@@ -271,7 +279,8 @@ def test_begin_forgets_the_stream():
 
 
 def test_begin_forgets_an_excess():
-    guard, jump = Guard(LIMITS, T), 1.09 * 0.020 * LIMITS.acceleration * np.eye(7)[0]
+    guard = Guard(LIMITS, T)
+    jump = 1.09 * 0.020 * LIMITS.acceleration * np.eye(7)[0]
     for _ in range(3):
         assert guard.violation(ZERO, jump) == ''  # a second time in a row would be too much
         guard.begin()
@@ -299,7 +308,7 @@ def test_settings_out_of_range_are_refused(setting):
         GuardSettings(**setting)
 
 
-# --- follower ---------------------------------------------------------------------------------------------------------
+# --- follower -------------------------------------------------------------------------------------
 
 
 def follow(follower: Follower, positions: np.ndarray) -> np.ndarray:
@@ -322,7 +331,9 @@ def brake(follower: Follower) -> np.ndarray:
 
 
 def random_stream(seed: int, share: float, cycles: int = 400) -> np.ndarray:
-    """Positions (cycles, 7) from zero at random velocities up to a share of the limits, accelerations without limit."""
+    """Positions (cycles, 7) from zero at random velocities up to a share of the limits,
+    accelerations without limit.
+    """
     velocities = (
         np.random.default_rng(seed).uniform(-share, share, (cycles - 1, 7)) * LIMITS.velocity
     )
@@ -345,7 +356,9 @@ def test_the_reference_never_exceeds_the_velocity_limits(share):
 
 
 def too_fast_for_a_while() -> np.ndarray:
-    """Positions (N, 7): up to 1.2 of the velocity limits with half the acceleration limits, and back to rest."""
+    """Positions (N, 7): up to 1.2 of the velocity limits with half the acceleration limits, and
+    back to rest.
+    """
     ramp_cycles = np.ceil(1.2 * LIMITS.velocity / (0.5 * LIMITS.acceleration * T)).max()
     ramp = np.arange(ramp_cycles) / ramp_cycles
     profile = np.concatenate((ramp, np.ones(60), ramp[::-1], np.zeros(300)))
@@ -363,7 +376,8 @@ def test_a_lag_is_closed_without_overshoot_and_within_the_acceleration_limits():
 
 
 def test_a_stream_that_begins_elsewhere_is_reached_gently():
-    follower, start = Follower(LIMITS, T, ZERO), 0.01 * np.array([1, -1, 1, -1, 1, -1, 0.001])
+    follower = Follower(LIMITS, T, ZERO)
+    start = 0.01 * np.array([1, -1, 1, -1, 1, -1, 0.001])
     follower.begin(start)
     references = np.vstack((ZERO, ZERO, follow(follower, np.tile(start, (200, 1)))))
     assert (references[-1] == start).all()
@@ -408,10 +422,8 @@ def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign):
     speed = sign * 0.8 * LIMITS.velocity * np.eye(7)[joint]
-    guard, follower = (
-        Guard(LIMITS, T, GuardSettings(acceleration_window=1.0)),
-        Follower(LIMITS, T, ZERO),
-    )
+    guard = Guard(LIMITS, T, GuardSettings(acceleration_window=1.0))
+    follower = Follower(LIMITS, T, ZERO)
     position = ZERO
     while not (reason := guard.violation(position + T * speed, speed)):
         follower.follow(position + T * speed, T * speed)
@@ -425,8 +437,11 @@ def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign)
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30), st.integers(5, 40))
 def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(accelerations, hold):
-    guard, follower = Guard(LIMITS, T), Follower(LIMITS, T, ZERO)
-    position, velocity, references = ZERO, ZERO, [ZERO, ZERO]
+    guard = Guard(LIMITS, T)
+    follower = Follower(LIMITS, T, ZERO)
+    position = ZERO
+    velocity = ZERO
+    references = [ZERO, ZERO]
     for share in np.repeat(accelerations, hold):
         velocity = np.clip(
             velocity + 0.999 * share * LIMITS.acceleration * T, -LIMITS.velocity, LIMITS.velocity

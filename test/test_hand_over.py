@@ -119,7 +119,9 @@ def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_al
 def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(
     intra_process: IntraProcess,
 ) -> None:
-    node, stopped, event = rclpy.create_node('node'), threading.Event(), threading.Event()
+    node = rclpy.create_node('node')
+    stopped = threading.Event()
+    event = threading.Event()
     spinner = Spinner([node], stopped)
     assert not spinner.wait(event, 0.05)
     node.create_timer(0.05, event.set)

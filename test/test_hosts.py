@@ -1,4 +1,6 @@
-"""The robot on one host and its client on another: two network namespaces, joined by a virtual cable that is cut."""
+"""The robot on one host and its client on another: two network namespaces, joined by a virtual
+cable that is cut.
+"""
 
 import os
 import shutil
@@ -24,7 +26,8 @@ ROS = {
 PARAMETERS = ('rate:=100.0', 'bridged_misses:=35', 'dynamics:=lwr', 'autostart:=true')
 RECOVERY = 6.0  # [s] on the robot's clock, as for a fault on one host
 
-# Runs beside the robot. Its lines are what the test knows: session states as they come, and how the arm is.
+# Runs beside the robot. Its lines are what the test knows: session states as they come, and how the
+# arm is.
 OBSERVER = """
 import sys, threading
 from graph_helpers import Witness, await_that

@@ -1,4 +1,6 @@
-"""The laws. A law that is added to the table LAWS goes through every test of the first part by itself."""
+"""The laws. A law that is added to the table LAWS goes through every test of the first part by
+itself.
+"""
 
 from dataclasses import dataclass, fields
 
@@ -13,13 +15,16 @@ from redres_ros.parameter import param, parameters
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
-# Relative to the size of what is compared. Solving with M M, of a condition below 1e7 here, loses 7 of 16 digits.
+# Relative to the size of what is compared. Solving with M M, of a condition below 1e7 here, loses 7
+# of 16 digits.
 ROUNDING = 1e-8
 
 
 @dataclass(frozen=True)
 class JointCentering(Law):
-    """A spring draws the joints to zero within the null space, Eq. (19). The package knows nothing of this law."""
+    """A spring draws the joints to zero within the null space, Eq. (19). The package knows nothing
+    of this law.
+    """
 
     k_s: float = param(4.0, 'stiffness per unit of inertia [1/s^2]', 0.0, 1e3)
 
@@ -55,7 +60,7 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
     return np.linalg.norm(got - expected) <= ROUNDING * np.linalg.norm(expected)
 
 
-# --- every law --------------------------------------------------------------------------------------------------------
+# --- every law ------------------------------------------------------------------------------------
 
 
 @EVERY_LAW
@@ -63,7 +68,8 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
 def test_the_task_is_executed(cls, damping, states):
     law = cls(damping=damping)
     for state in states:
-        # Rounding is relative to the fastest of the motions that add up, which gravity sets in the torque laws.
+        # Rounding is relative to the fastest of the motions that add up, which gravity sets in the
+        # torque laws.
         assert np.linalg.norm(state.J @ solve(law, state) - DX) < ROUNDING * (
             1.0 + np.linalg.norm(law.bias(state, T))
         )
@@ -74,7 +80,8 @@ def test_the_task_is_executed(cls, damping, states):
 def test_no_step_in_the_null_space_is_better_in_the_norm_of_the_law(cls, damping, states):
     law = cls(damping=damping)
     for state in states:
-        way, W = solve(law, state) - law.bias(state, T), weight(law, state)
+        way = solve(law, state) - law.bias(state, T)
+        W = weight(law, state)
         gradient = null_space(state.J).T @ W @ way
         assert np.linalg.norm(gradient) < ROUNDING * np.linalg.norm(W, 2) * np.linalg.norm(way)
 
@@ -97,7 +104,8 @@ def test_the_bias_is_a_joint_velocity(cls, states):
 
 @EVERY_LAW
 def test_a_law_is_a_pure_function_of_the_state(cls, states):
-    law, state = cls(), states[0]
+    law = cls()
+    state = states[0]
     before = {
         name: getattr(state, name).copy() for name in ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n')
     }
@@ -109,7 +117,8 @@ def test_a_law_is_a_pure_function_of_the_state(cls, states):
 
 @EVERY_LAW
 def test_a_bias_that_is_overwritten_does_no_harm(cls, states):
-    law, state = cls(), states[0]
+    law = cls()
+    state = states[0]
     first = solve(law, state)
     law.bias(state, T)[:] = np.nan
     assert (solve(law, state) == first).all()
@@ -162,7 +171,8 @@ def test_damping_of_exactly_one_over_the_sampling_time_is_allowed(cls, T):
 
 @EVERY_LAW
 def test_the_controller_runs_it_without_knowing_it(cls, model, task):
-    controller, dx = Controller(model, cls(), T), np.array((0.0, 0.05, 0.0))
+    controller = Controller(model, cls(), T)
+    dx = np.array((0.0, 0.05, 0.0))
     q = task.start
     for _ in range(20):
         command = controller.update(q, dx)
@@ -172,19 +182,18 @@ def test_the_controller_runs_it_without_knowing_it(cls, model, task):
 
 
 def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(model, task):
-    controller, q = (
-        Controller(model, JointCentering(damping=4.0), 0.01),
-        task.start,
-    )  # critically damped, 2/s
+    controller = Controller(model, JointCentering(damping=4.0), 0.01)
+    q = task.start  # critically damped, 2/s
     for _ in range(1000):
         q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
     assert np.linalg.norm(model.tip(q)[0] - task.waypoints[0]) < 1e-6
-    # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls tenfold every 2.5 s
+    # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls
+    # tenfold every 2.5 s
     # or faster (the arm's curvature works against the spring, else it would fall with exp(-2 t)).
     assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J).T @ q) < 1e-3
 
 
-# --- the table --------------------------------------------------------------------------------------------------------
+# --- the table ------------------------------------------------------------------------------------
 
 
 def test_the_six_laws_of_the_paper_have_their_names():
@@ -223,7 +232,7 @@ def test_an_unknown_gain_is_refused_with_those_of_the_law():
         make_law('minimum_velocity', stiffness=1.0)
 
 
-# --- the paper's formulas ---------------------------------------------------------------------------------------------
+# --- the paper's formulas -------------------------------------------------------------------------
 
 
 def test_minimum_velocity_is_the_pseudoinverse(states):
@@ -278,12 +287,14 @@ def test_minimum_kinetic_energy_has_the_least_of_all_motions_that_execute_the_ta
         assert (np.einsum('ki,ij,kj->k', others, state.M, others) >= dq @ state.M @ dq).all()
 
 
-# --- the torque-level schemes, one tick with the rules (8), (9), (10) -------------------------------------------------
+# --- the torque-level schemes, one tick with the rules (8), (9), (10) -----------------------------
 
 
 @dataclass(frozen=True)
 class Tick:
-    """What a torque-level scheme knows at tick k: the state, the demanded task acceleration and J̇ dq."""
+    """What a torque-level scheme knows at tick k: the state, the demanded task acceleration and J̇
+    dq.
+    """
 
     state: RobotState
     ddx: np.ndarray
@@ -302,21 +313,25 @@ def ticks(model, states) -> list[Tick]:
 
 
 def minimum_torque(tick: Tick, k_d: float) -> np.ndarray:
-    J, M_inv = tick.state.J, np.linalg.inv(tick.state.M)
+    J = tick.state.J
+    M_inv = np.linalg.inv(tick.state.M)
     return np.linalg.pinv(J @ M_inv, rcond=1e-12) @ (
         tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n
     )  # Eq. (7)
 
 
 def minimum_weighted_torque(tick: Tick, k_d: float) -> np.ndarray:
-    J, M = tick.state.J, tick.state.M
+    J = tick.state.J
+    M = tick.state.M
     return (
         M @ np.linalg.pinv(J) @ (tick.ddx - tick.dJdq + J @ np.linalg.inv(M) @ tick.state.n)
     )  # Eq. (25)
 
 
 def dynamically_consistent(tick: Tick, k_d: float) -> np.ndarray:
-    J, M, M_inv = tick.state.J, tick.state.M, np.linalg.inv(tick.state.M)
+    J = tick.state.J
+    M = tick.state.M
+    M_inv = np.linalg.inv(tick.state.M)
     task_inertia = np.linalg.inv(J @ M_inv @ J.T)
     tau_N = -k_d * M @ tick.state.dq_prev  # Eq. (34)
     P = np.eye(7) - J.T @ task_inertia @ J @ M_inv  # Eq. (30)
@@ -374,14 +389,15 @@ def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, s
         ) * np.linalg.norm(tau)
 
 
-# --- Appendix B: no task, so all of the last velocity is in the null space --------------------------------------------
+# --- Appendix B: no task, so all of the last velocity is in the null space ------------------------
 
 
 class Floating:
     """In the place of a model: an arm of constant inertia that nothing accelerates."""
 
     def __init__(self, M: np.ndarray) -> None:
-        self._M, self._no_torque = M, np.zeros(len(M))
+        self._M = M
+        self._no_torque = np.zeros(len(M))
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
@@ -391,8 +407,13 @@ class Floating:
 
 
 def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.ndarray:
-    """q_k (ticks + 1, n) of an arm without task and without gravity that moves at dq_prev in the beginning."""
-    law, q, dq, history = LAWS[name](damping=damping), state.q, state.dq_prev, [state.q]
+    """q_k (ticks + 1, n) of an arm without task and without gravity that moves at dq_prev in the
+    beginning.
+    """
+    law = LAWS[name](damping=damping)
+    q = state.q
+    dq = state.dq_prev
+    history = [state.q]
     arm = Floating(state.M)
     for _ in range(ticks):
         q = q + T * dq
@@ -404,7 +425,8 @@ def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.
 @WITH_MEMORY
 @pytest.mark.parametrize('damping', [10.0, 500.0, 1.0 / T])
 def test_free_motion_ends_where_appendix_b_says(name, damping, states):
-    state, forgetting = states[0], 1.0 - damping * T
+    state = states[0]
+    forgetting = 1.0 - damping * T
     limit = state.q + T * state.dq_prev / (1.0 - forgetting)  # Eq. (B.2)
     assert free_motion(name, damping, state, 2500)[-1] == pytest.approx(
         limit, abs=1e-9

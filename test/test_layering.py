@@ -32,7 +32,9 @@ LAYERS = (
 
 
 class Import(NamedTuple):
-    """The importing file, relative to the package; the module imported; whether it happens when the file is loaded."""
+    """The importing file, relative to the package; the module imported; whether it happens when the
+    file is loaded.
+    """
 
     file: str
     module: str
@@ -44,7 +46,8 @@ class Import(NamedTuple):
 
 
 def imports_of(path: Path) -> Iterator[Import]:
-    tree, file = ast.parse(path.read_text(encoding='utf-8')), path.relative_to(PACKAGE).as_posix()
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    file = path.relative_to(PACKAGE).as_posix()
     inside = {
         child
         for node in ast.walk(tree)
@@ -87,13 +90,15 @@ def level(name: str) -> int:
 
 
 def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
-    """Pairs (importing file, room imported) within the package, for files in that room or in all of them."""
+    """Pairs (importing file, room imported) within the package, for files in that room or in all of
+    them.
+    """
     for file, module, _ in IMPORTS:
         if module.startswith('redres_ros.') and file != '__init__.py' and where in ('', room(file)):
             yield file, room(module)
 
 
-# --- libraries --------------------------------------------------------------------------------------------------------
+# --- libraries ------------------------------------------------------------------------------------
 
 
 def test_all_files_were_read():
@@ -101,7 +106,8 @@ def test_all_files_were_read():
     assert Import('controller.py', 'numpy', True) in IMPORTS
 
 
-# What others' inverse kinematics cost must not depend on our wrappers, so the peers have the two libraries bare.
+# What others' inverse kinematics cost must not depend on our wrappers, so the peers have the two
+# libraries bare.
 PEERS = 'bench/peers.py'
 
 WITH_ROS = {'nodes', 'demo', 'bench'}  # rooms
@@ -143,7 +149,7 @@ def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():
     assert all(module.partition('.')[0] in sys.stdlib_module_names for module in loading - own)
 
 
-# --- rooms ------------------------------------------------------------------------------------------------------------
+# --- rooms ----------------------------------------------------------------------------------------
 
 
 def test_imports_point_downward():
@@ -186,7 +192,7 @@ def test_no_file_but_the_table_names_a_law():
             assert not words & set(redres_ros.LAWS), path
 
 
-# --- without ROS ------------------------------------------------------------------------------------------------------
+# --- without ROS ----------------------------------------------------------------------------------
 
 BLOCKED = f"""
 import importlib.abc, importlib.util, re, sys

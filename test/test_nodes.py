@@ -91,7 +91,8 @@ def bad_starts() -> list[subprocess.CompletedProcess[str]]:
 def test_a_node_that_cannot_start_says_why_in_one_line(
     bad_starts: list[subprocess.CompletedProcess[str]], number: int
 ) -> None:
-    done, words = bad_starts[number], BAD_STARTS[number][3]
+    done = bad_starts[number]
+    words = BAD_STARTS[number][3]
     assert done.returncode not in (0, -signal.SIGKILL)
     lines = done.stderr.strip().splitlines()
     assert len(lines) == 1, done.stderr
@@ -192,7 +193,9 @@ def test_joints_are_matched_by_name(tmp_path: Path) -> None:
 def resting(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[tuple[Probe, Callable[[], list[str]]]]:
-    """A probe beside a controller that only ever gets bad input, and the lines that the controller has printed."""
+    """A probe beside a controller that only ever gets bad input, and the lines that the controller
+    has printed.
+    """
     directory = tmp_path_factory.mktemp('resting')
     with nodes(directory, controller={'switch_time': 0.0, 'state_timeout': 10.0}) as (probe, _):
         yield probe, lambda: log_lines(directory, 'controller')
@@ -234,7 +237,8 @@ class TestBadInput:
     ) -> None:
         probe, lines = resting
         before, _ = probe.ask(START)
-        last_good, told = probe.stamp, len(lines())
+        last_good = probe.stamp
+        told = len(lines())
         for _ in range(5):  # not more than are bridged
             message = probe.state(START)
             spoil(message)
@@ -281,7 +285,8 @@ class TestBadInput:
 
 
 def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: Path) -> None:
-    T, switch_time = 0.002, 0.1
+    T = 0.002
+    switch_time = 0.1
     with nodes(tmp_path, controller={'switch_time': switch_time, 'command_timeout': 0.01}) as (
         probe,
         _,

@@ -37,7 +37,9 @@ needs_colcon = pytest.mark.skipif(
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the project, so that building leaves nothing in the checkout; its nodes only tell who they are."""
+    """A copy of the project, so that building leaves nothing in the checkout; its nodes only tell
+    who they are.
+    """
     copy = tmp_path_factory.mktemp('packaging') / 'redres_ros'
     copy.mkdir()
     for part in PARTS:
@@ -62,11 +64,14 @@ def colcon_prefix(request: pytest.FixtureRequest, source: Path) -> Path:
 
 @pytest.fixture(scope='module')
 def pip_prefix(source: Path) -> Path:
-    """The prefix into which pip has installed the package's wheel, as `pip install .` does with an environment's."""
+    """The prefix into which pip has installed the package's wheel, as `pip install .` does with an
+    environment's.
+    """
     copy, wheels, prefix = (source.parent / name for name in ('for_pip', 'wheels', 'prefix'))
     shutil.copytree(source, copy)
     pip = [sys.executable, '-m', 'pip']
-    # Without isolation and dependencies nothing is downloaded: this takes seconds, and works offline.
+    # Without isolation and dependencies nothing is downloaded: this takes seconds, and works
+    # offline.
     run(*pip, 'wheel', '-q', '--no-deps', '--no-build-isolation', '-w', wheels, copy)
     run(
         *pip,
@@ -191,7 +196,9 @@ def metadata(prefix: Path, name: str) -> Path:
 
 
 def colcon(workspace: Path, *arguments: object) -> str:
-    """What a colcon verb prints; it sees none of the user's own settings, and its logs go into the workspace."""
+    """What a colcon verb prints; it sees none of the user's own settings, and its logs go into the
+    workspace.
+    """
     code = 'import sys; from colcon_core.command import main; sys.exit(main())'
     return run(
         sys.executable,
@@ -205,14 +212,18 @@ def colcon(workspace: Path, *arguments: object) -> str:
 
 
 def run_sourced(colcon_prefix: Path, *command: object) -> str:
-    """What the command prints in a shell that has sourced the package, as install/setup.bash does for a workspace."""
+    """What the command prints in a shell that has sourced the package, as install/setup.bash does
+    for a workspace.
+    """
     return run(
         'bash', '-c', '. "$0/share/redres_ros/package.bash" && exec "$@"', colcon_prefix, *command
     )
 
 
 def run(*command: object, **variables: object) -> str:
-    """What the command prints, with these environment variables changed. Fails, and shows all output, if it fails."""
+    """What the command prints, with these environment variables changed. Fails, and shows all
+    output, if it fails.
+    """
     environment = os.environ | {name: str(value) for name, value in variables.items()}
     done = subprocess.run(
         list(map(str, command)),

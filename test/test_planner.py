@@ -32,7 +32,7 @@ def column(references: list[Reference], name: str) -> np.ndarray:
     return np.array([getattr(reference, name) for reference in references])
 
 
-# --- Eq. (36) ---------------------------------------------------------------------------------------------------------
+# --- Eq. (36) -------------------------------------------------------------------------------------
 
 
 def test_the_quintic_goes_from_zero_to_one():
@@ -42,7 +42,8 @@ def test_the_quintic_goes_from_zero_to_one():
 
 def test_the_quintic_is_that_of_the_paper():
     for xi in np.linspace(0.0, 1.0, 21):
-        s, ds = 6 * xi**5 - 15 * xi**4 + 10 * xi**3, 30 * xi**4 - 60 * xi**3 + 30 * xi**2
+        s = 6 * xi**5 - 15 * xi**4 + 10 * xi**3
+        ds = 30 * xi**4 - 60 * xi**3 + 30 * xi**2
         assert quintic(xi) == pytest.approx((s, ds), abs=1e-14)
 
 
@@ -58,12 +59,13 @@ def test_beyond_its_ends_the_quintic_stands_still(xi, s):
     assert quintic(xi) == (s, 0.0)
 
 
-# --- one segment ------------------------------------------------------------------------------------------------------
+# --- one segment ----------------------------------------------------------------------------------
 
 
 def test_a_segment_is_a_straight_line_between_its_points(square):
     x_d = column(follow(Planner(square), square.waypoints[0], 500), 'x_d')
-    A, way = square.waypoints[0], square.waypoints[1] - square.waypoints[0]
+    A = square.waypoints[0]
+    way = square.waypoints[1] - square.waypoints[0]
     share = (x_d - A) @ way / (way @ way)
     assert x_d == pytest.approx(A + share[:, None] * way, abs=1e-15)
     assert (np.diff(share) > 0.0).all()
@@ -85,7 +87,8 @@ def test_a_segment_begins_and_ends_at_rest(square):
 
 
 def test_feedback_adds_the_gain_times_the_error(square):
-    x, t = square.waypoints[0] + (0.01, -0.02, 0.03), 0.2
+    x = square.waypoints[0] + (0.01, -0.02, 0.03)
+    t = 0.2
     with_feedback, without = (
         Planner(replace(square, feedback_gain=gain)).reference(x, t) for gain in (7.0, 0.0)
     )
@@ -95,7 +98,7 @@ def test_feedback_adds_the_gain_times_the_error(square):
     )  # Eq. (37)
 
 
-# --- from one segment to the next -------------------------------------------------------------------------------------
+# --- from one segment to the next -----------------------------------------------------------------
 
 
 def test_segments_are_numbered_from_one_and_begin_when_the_last_one_is_over(square):
@@ -118,7 +121,8 @@ def test_the_planner_finishes_with_the_last_segment(square):
 
 
 def test_at_rest_waits_for_the_tip_to_arrive(square):
-    planner, late = Planner(square), square.waypoints[0]
+    planner = Planner(square)
+    late = square.waypoints[0]
     assert [planner.reference(late, t).segment for t in (0.0, 0.5, 0.7)] == [1, 1, 1]
     reference = planner.reference(square.waypoints[1] + (0.0, 0.0, 0.0009), 0.8)
     assert reference.segment == 2
@@ -191,7 +195,7 @@ def test_the_last_point_is_held_with_feedback(square):
     assert reference.dx == pytest.approx((-0.5, 0.0, 0.0), abs=1e-12)
 
 
-# --- the way to the first point ---------------------------------------------------------------------------------------
+# --- the way to the first point -------------------------------------------------------------------
 
 
 def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point(square):
@@ -210,12 +214,13 @@ def test_a_tip_that_starts_at_the_first_point_has_none(square, start):
     assert (reference.x_d == square.waypoints[0]).all()
 
 
-# --- arrays -----------------------------------------------------------------------------------------------------------
+# --- arrays ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('t', [0.0, 0.25, 0.6, 9.0])
 def test_what_is_done_to_a_reference_does_not_reach_the_planner(square, t):
-    used, untouched = Planner(square), Planner(square)
+    used = Planner(square)
+    untouched = Planner(square)
     for planner in (used, untouched):
         for k in range(3):
             planner.reference(square.waypoints[k + 1], 0.5 * (k + 1))
@@ -241,7 +246,7 @@ def test_the_task_is_left_as_it_is(square):
     assert (square.waypoints == before).all()
 
 
-# --- orientation ------------------------------------------------------------------------------------------------------
+# --- orientation ----------------------------------------------------------------------------------
 
 
 def test_the_orientation_error_is_to_first_order_the_turn_that_is_left():

@@ -29,7 +29,9 @@ def quintic(s: np.ndarray) -> np.ndarray:
 def move(
     plant: MujocoPlant, way: np.ndarray, duration: float, rest: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """References and measured positions, both (N, 7), of a motion from rest to rest and some time after it [s]."""
+    """References and measured positions, both (N, 7), of a motion from rest to rest and some time
+    after it [s].
+    """
     times = np.arange(1, round((duration + rest) / T) + 1) * T
     references = plant.q + quintic(times / duration)[:, None] * way
     measured = []
@@ -39,11 +41,12 @@ def move(
     return references, np.array(measured)
 
 
-# --- any plant --------------------------------------------------------------------------------------------------------
+# --- any plant ------------------------------------------------------------------------------------
 
 
 def test_an_ideal_plant_is_where_its_reference_says():
-    plant, q = IdealPlant(('a', 'b'), T, np.zeros(2)), np.zeros(2)
+    plant = IdealPlant(('a', 'b'), T, np.zeros(2))
+    q = np.zeros(2)
     for reference in np.random.default_rng(0).normal(size=(100, 2)):
         plant.step(reference)
         assert (plant.q == reference).all()
@@ -88,7 +91,7 @@ def test_a_start_beyond_a_limit_is_refused_by_name():
         MujocoPlant(find_arm('lwr4'), T, np.array([0.0, 2.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
 
 
-# --- MuJoCo's servos --------------------------------------------------------------------------------------------------
+# --- MuJoCo's servos ------------------------------------------------------------------------------
 
 
 @BOTH
@@ -104,8 +107,10 @@ def test_an_arm_that_is_told_to_stand_stands(name):
 
 @BOTH
 def test_no_mode_of_the_servos_is_underdamped(name):
-    arm, witness = find_arm(name), Witness(find_arm(name))
-    # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is positive semidefinite.
+    arm = find_arm(name)
+    witness = Witness(find_arm(name))
+    # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is
+    # positive semidefinite.
     D = (
         np.diag(MujocoPlant(arm, T, Q0)._model.actuator_gainprm[:7, 0])
         / MujocoSettings().servo_bandwidth ** 2
@@ -129,10 +134,12 @@ def test_the_tip_lags_less_than_half_a_millimetre_at_half_a_metre_per_second(nam
 
 @BOTH
 def test_at_constant_velocity_there_is_no_lag_beyond_that_of_the_coriolis_torques(name):
-    plant, velocity = MujocoPlant(find_arm(name), T, np.zeros(7)), 0.5 * np.eye(7)[0]
+    plant = MujocoPlant(find_arm(name), T, np.zeros(7))
+    velocity = 0.5 * np.eye(7)[0]
     for k in range(1, 501):
         plant.step(k * T * velocity)
-    # Turning about the vertical, only the other joints need torques, against centrifugal forces; joint 1 must be where
+    # Turning about the vertical, only the other joints need torques, against centrifugal forces;
+    # joint 1 must be where
     # its reference is. Without the feed-forward it would lag by 2 v / bandwidth = 10 mrad.
     assert abs(plant.q[0] - 500 * T * velocity[0]) < 1e-5
 
@@ -144,7 +151,8 @@ def test_after_a_motion_the_arm_settles_without_oscillation(name):
     )
     error = (measured - references)[round(0.8 / T) :]  # (250, 7) from the end of the motion on
     assert np.abs(error[150:]).max() < 1e-8
-    # An underdamped servo passes its goal again and again; an overdamped one may do so once per mode of a coupled arm.
+    # An underdamped servo passes its goal again and again; an overdamped one may do so once per
+    # mode of a coupled arm.
     significant = np.where(np.abs(error) > 1e-7, np.sign(error), 0.0)
     crossings = [np.count_nonzero(np.diff(joint[joint != 0.0])) for joint in significant.T]
     assert max(crossings) <= 3
@@ -169,7 +177,8 @@ def test_no_joint_gets_more_torque_than_its_effort_limit():
 
 @BOTH
 def test_the_arm_stays_within_its_joint_limits(name):
-    plant, upper = MujocoPlant(find_arm(name), T, np.zeros(7)), np.radians(120.0)
+    plant = MujocoPlant(find_arm(name), T, np.zeros(7))
+    upper = np.radians(120.0)
     for k in range(1000):
         plant.step(min(k / 500, 1.0) * (upper + 0.2) * np.eye(7)[5])
     assert plant.q[5] == pytest.approx(
@@ -179,7 +188,8 @@ def test_the_arm_stays_within_its_joint_limits(name):
 
 @BOTH
 def test_steps_of_the_reference_within_effort_limits_do_not_make_it_unstable(name):
-    plant, random = MujocoPlant(find_arm(name), T, Q0), np.random.default_rng(4)
+    plant = MujocoPlant(find_arm(name), T, Q0)
+    random = np.random.default_rng(4)
     for _ in range(300):
         plant.step(Q0 + random.uniform(-0.05, 0.05, 7))
     for _ in range(500):
@@ -220,12 +230,13 @@ def test_settings_out_of_range_are_refused(wrong):
         MujocoSettings(**wrong)
 
 
-# --- what MuJoCo knows of the arm -------------------------------------------------------------------------------------
+# --- what MuJoCo knows of the arm -----------------------------------------------------------------
 
 
 @BOTH
 def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
-    witness, h = Witness(find_arm(name)), 1e-6
+    witness = Witness(find_arm(name))
+    h = 1e-6
     for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
         changes = [
             witness.kinematics(q + h * e)[0] - witness.kinematics(q - h * e)[0] for e in np.eye(7)
@@ -308,7 +319,7 @@ def test_a_plant_without_its_tip_frame_is_an_error():
         MujocoPlant(replace(find_arm('lwr4'), tip_frame='gripper'), T, Q0)
 
 
-# --- pushes -----------------------------------------------------------------------------------------------------------
+# --- pushes ---------------------------------------------------------------------------------------
 
 FORCES = pytest.mark.parametrize('force', [(30.0, 0.0, 0.0), (0.0, -20.0, 0.0), (5.0, 10.0, 15.0)])
 
@@ -339,7 +350,8 @@ def test_a_push_at_the_tip_is_borne_by_the_stiffness_of_the_servos(force, tip_fr
 
 def test_a_push_acts_at_the_tip_from_the_first_cycle_on():
     arm = replace(find_arm('lwr4'), tip_frame='link_7')
-    at_once, later = MujocoPlant(arm, T, Q0), MujocoPlant(arm, T, Q0)
+    at_once = MujocoPlant(arm, T, Q0)
+    later = MujocoPlant(arm, T, Q0)
     later.step(Q0)
     for plant in (at_once, later):
         plant.push(np.array([0.0, 0.0, 100.0]))

@@ -1,4 +1,6 @@
-"""Profiles of a session: every event in every state of each, and a life of each from the first answer to the last."""
+"""Profiles of a session: every event in every state of each, and a life of each from the first
+answer to the last.
+"""
 
 import pytest
 from hypothesis import given
@@ -116,7 +118,7 @@ def test_an_unknown_profile_is_refused_with_those_that_exist():
         SessionSettings(profile='fri3')
 
 
-# --- sessions ---------------------------------------------------------------------------------------------------------
+# --- sessions -------------------------------------------------------------------------------------
 
 
 def session_of(profile: Profile, **settings: float) -> Session:
@@ -124,7 +126,9 @@ def session_of(profile: Profile, **settings: float) -> Session:
 
 
 def states(session: Session, latenesses: list[int | None]) -> list[State]:
-    """The states that a session goes through, each once in a row, while commands on the spot are offered."""
+    """The states that a session goes through, each once in a row, while commands on the spot are
+    offered.
+    """
     seen = [session.state]
     for lateness in latenesses:
         session.record(lateness)
@@ -188,7 +192,8 @@ def test_command_mode_takes_the_monitor_time_of_good_timing(profile, monitor_tim
 @EACH
 def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(profile):
     session = commanding(profile, bridged_misses=5)
-    lowest, cycles = profile.lowest, 0
+    lowest = profile.lowest
+    cycles = 0
     while session.commanding:
         assert session.quality >= lowest
         session.record(

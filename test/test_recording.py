@@ -63,7 +63,8 @@ def test_a_row_holds_the_vectors_of_its_tick(tick):
 def test_a_row_holds_the_norms_of_its_tick(tick):
     command, reference = tick
     recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
-    state, ddq = command.state, (command.dq - command.state.dq_prev) / T
+    state = command.state
+    ddq = (command.dq - command.state.dq_prev) / T
     expected = {
         'task_error': reference.error,
         'joint_velocity_norm': command.dq,

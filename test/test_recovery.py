@@ -1,8 +1,10 @@
-"""What happens when a part of the graph fails or misbehaves while the arm moves, and how it comes back.
+"""What happens when a part of the graph fails or misbehaves while the arm moves, and how it comes
+back.
 
-Real nodes over real DDS. At 100 Hz, so that what is tested is the fault and not the machine: it may stall for 350 ms,
-and for seconds where nothing is to stop the robot, which then waits for a late answer. Times of recovery are those of
-the robot's clock. With REDRES_NIGHTLY=1 the long ones take as long as they should.
+Real nodes over real DDS. At 100 Hz, so that what is tested is the fault and not the machine: it may
+stall for 350 ms, and for seconds where nothing is to stop the robot, which then waits for a late
+answer. Times of recovery are those of the robot's clock. With REDRES_NIGHTLY=1 the long ones take
+as long as they should.
 """
 
 import os
@@ -40,7 +42,9 @@ SIDE = np.array(
     ((0.0, 0.0, 0.0), (0.0, -0.1, 0.0))
 )  # [m] to and fro, far from the stretched arm and joint limits
 
-RECOVERY = 6.0  # [s] at most from sim/reset to command mode: 100 good packets, a new word on the session, monitor_time
+# [s] at most from sim/reset to command mode: 100 good packets, a new word on the session,
+# monitor_time
+RECOVERY = 6.0
 STANDSTILL = (
     1.5  # [s] at most from the loss of a part to rest: bridging or command_timeout, then braking
 )
@@ -76,7 +80,8 @@ class Graph(NamedTuple):
 
 def endless_task(directory: Path) -> Path:
     """A file with ten minutes of motion."""
-    task, path = load_task('rectangle'), directory / 'endless.yaml'
+    task = load_task('rectangle')
+    path = directory / 'endless.yaml'
     waypoints = [(task.waypoints[0] + point).tolist() for _ in range(200) for point in SIDE]
     path.write_text(
         yaml.safe_dump(
@@ -98,7 +103,8 @@ UNDISTURBED = pytest.mark.parametrize(
 
 @pytest.fixture
 def moving(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Graph]:
-    """A graph in command mode whose arm moves; afterwards nothing may have jumped, and no node have failed.
+    """A graph in command mode whose arm moves; afterwards nothing may have jumped, and no node have
+    failed.
 
     Its parameter: what is set in the sim besides.
     """
@@ -129,7 +135,7 @@ def goes_on(witness: Witness) -> bool:
     return witness.commanding
 
 
-# --- parts that fail --------------------------------------------------------------------------------------------------
+# --- parts that fail ------------------------------------------------------------------------------
 
 
 def test_states_that_stop_for_a_second_stop_the_arm_and_reset_lets_it_go_on(moving: Graph) -> None:
@@ -154,7 +160,8 @@ def test_states_that_stop_for_a_second_stop_the_arm_and_reset_lets_it_go_on(movi
 
 
 def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(moving: Graph) -> None:
-    witness, lost = moving.witness, moving.witness.at
+    witness = moving.witness
+    lost = moving.witness.at
     set_parameters(witness, 'sim', {'command_loss': 1.0})
     moving.await_stop('timing')
     assert witness.await_standstill(lost) < STANDSTILL
@@ -175,7 +182,8 @@ def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(moving: G
 
 
 def test_a_controller_that_was_killed_is_succeeded_by_another_one(moving: Graph) -> None:
-    witness, killed = moving.witness, moving.witness.at
+    witness = moving.witness
+    killed = moving.witness.at
     moving.kill('controller')
     moving.await_stop('timing')
     assert witness.await_standstill(killed) < STANDSTILL
@@ -207,7 +215,8 @@ def test_a_robot_that_starts_again_is_followed_without_restarting_anything(movin
 def test_of_two_controllers_neither_moves_the_arm(moving: Graph) -> None:
     witness = moving.witness
     second = moving.start('controller')
-    moving.await_stop()  # by the refusals, or by the guard if the two were far apart before both were known
+    # by the refusals, or by the guard if the two were far apart before both were known
+    moving.await_stop()
     witness.await_standstill(witness.at)
     refused = 'joint_command refused: joint_command has 2 publishers'
     await_that(lambda: moving.lines('sim', refused) > 0, 'the refusal')
@@ -262,7 +271,7 @@ def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told(tmp_pat
     assert 1 <= lines < 5  # at most one in five seconds, not one a tick
 
 
-# --- users that misbehave ---------------------------------------------------------------------------------------------
+# --- users that misbehave -------------------------------------------------------------------------
 
 GENTLE = (
     'minimum_velocity',
@@ -285,8 +294,10 @@ BAD = (
 
 @UNDISTURBED
 def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving: Graph) -> None:
-    witness, random = moving.witness, np.random.default_rng(0)
-    refused, sets = 0, 10_000 if NIGHTLY else 1000
+    witness = moving.witness
+    random = np.random.default_rng(0)
+    refused = 0
+    sets = 10_000 if NIGHTLY else 1000
     for _ in range(sets):
         if random.random() < 0.5:
             good = {
@@ -310,7 +321,8 @@ def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving
 
 @UNDISTURBED
 def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(moving: Graph) -> None:
-    until, switches = time.monotonic() + (60.0 if NIGHTLY else 3.0), 0
+    until = time.monotonic() + (60.0 if NIGHTLY else 3.0)
+    switches = 0
     while time.monotonic() < until:
         assert moving.witness.set_controller(law=GENTLE[switches % len(GENTLE)]).successful
         switches += 1
@@ -319,13 +331,13 @@ def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(moving: Gr
 
 
 def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_limits() -> None:
-    model, T, laws = (
-        RobotModel.named('lwr4_paper', dynamics='lwr'),
-        0.002,
-        [make_law(name) for name in LAWS],
-    )
+    model = RobotModel.named('lwr4_paper', dynamics='lwr')
+    T = 0.002
+    laws = [make_law(name) for name in LAWS]
     limits = JointLimits.of(find_arm('lwr4_paper'))
-    controller, q, dq_prev = Controller(model, laws[0], T, switch_time=0.2), START, np.zeros(7)
+    controller = Controller(model, laws[0], T, switch_time=0.2)
+    q = START
+    dq_prev = np.zeros(7)
     for k in range(30_000):
         controller.switch_law(laws[k % len(laws)])
         dx = 0.1 * np.array((0.0, np.sin(2.0 * np.pi * k * T / 4.0), 0.0))  # to and fro
@@ -334,4 +346,5 @@ def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_lim
             np.testing.assert_allclose(command.state.J @ command.dq, dx, atol=1e-9)
         assert (np.abs(command.dq) < limits.velocity).all()
         assert (np.abs(command.dq - dq_prev) / T < limits.acceleration).all()
-        q, dq_prev = command.q_ref, command.dq
+        q = command.q_ref
+        dq_prev = command.dq

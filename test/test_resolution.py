@@ -38,7 +38,7 @@ def problems(weighted: bool) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, n
     return [(J, dx, b, W if weighted else None) for J, dx, b, W in PROBLEMS]
 
 
-# --- far from singularities -------------------------------------------------------------------------------------------
+# --- far from singularities -----------------------------------------------------------------------
 
 
 @WEIGHTS
@@ -56,7 +56,8 @@ def test_no_step_in_the_null_space_leads_nearer_to_the_bias(weighted):
 
 def test_the_result_solves_the_karush_kuhn_tucker_system():
     for J, dx, b, W in problems(weighted=True):
-        (m, n), dq = J.shape, resolve(J, dx, b, W)
+        (m, n) = J.shape
+        dq = resolve(J, dx, b, W)
         kkt = np.block([[W, J.T], [J, np.zeros((m, m))]])
         assert dq == pytest.approx(
             np.linalg.solve(kkt, np.concatenate((W @ b, dx)))[:n], abs=ROUNDING
@@ -84,7 +85,8 @@ def test_the_null_part_does_not_move_the_tip(weighted):
 @WEIGHTS
 def test_the_null_part_is_all_that_the_bias_adds(weighted):
     for J, dx, b, W in problems(weighted):
-        dq, null = resolve(J, dx, b, W), project(J, b, W)
+        dq = resolve(J, dx, b, W)
+        null = project(J, b, W)
         assert dq - null == pytest.approx(resolve(J, dx, np.zeros_like(b), W), abs=ROUNDING)
 
 
@@ -100,11 +102,13 @@ def test_arguments_are_left_as_they_are():
         assert all((array == copy).all() for array, copy in zip(problem, before))
 
 
-# --- near a singularity -----------------------------------------------------------------------------------------------
+# --- near a singularity ---------------------------------------------------------------------------
 
 
 def near_singular(ratio: float, largest: float = 1.7) -> np.ndarray:
-    """J (3, 7), always in the same directions, whose smallest singular value is that share of the largest one."""
+    """J (3, 7), always in the same directions, whose smallest singular value is that share of the
+    largest one.
+    """
     return with_singular_values(largest * np.array((1.0, 0.6, ratio)), 7, np.random.default_rng(5))
 
 
@@ -134,12 +138,14 @@ def test_the_gain_has_the_same_bound_in_the_norm_of_the_weight():
 
 
 def test_above_the_threshold_the_task_is_executed_exactly():
-    J, dx = near_singular(1.01 * SINGULAR_RATIO), np.array((0.1, -0.2, 0.3))
+    J = near_singular(1.01 * SINGULAR_RATIO)
+    dx = np.array((0.1, -0.2, 0.3))
     assert J @ resolve(J, dx, np.ones(7)) == pytest.approx(dx, abs=1e-9)  # condition of J J': 1e6
 
 
 def test_below_the_threshold_only_the_lost_direction_suffers():
-    J, dx = near_singular(0.1 * SINGULAR_RATIO), np.array((0.1, -0.2, 0.3))
+    J = near_singular(0.1 * SINGULAR_RATIO)
+    dx = np.array((0.1, -0.2, 0.3))
     lost = np.linalg.svd(J)[0][:, 2]
     error = J @ resolve(J, dx, np.ones(7)) - dx
     assert abs(lost @ error) > 0.9 * abs(lost @ dx)
@@ -147,7 +153,8 @@ def test_below_the_threshold_only_the_lost_direction_suffers():
 
 
 def test_crossing_the_threshold_makes_no_jump():
-    dx, b = np.array((0.1, -0.2, 0.3)), np.linspace(-1.0, 1.0, 7)
+    dx = np.array((0.1, -0.2, 0.3))
+    b = np.linspace(-1.0, 1.0, 7)
     for step in (1e-4, 1e-6, 1e-8):
         below, above = (
             resolve(near_singular(SINGULAR_RATIO * (1.0 + sign * step)), dx, b)
@@ -160,7 +167,8 @@ def test_crossing_the_threshold_makes_no_jump():
 @pytest.mark.parametrize('weighted', [False, True])
 def test_a_dependent_row_is_executed_as_far_as_it_agrees_with_the_others(weighted):
     J, dx, b, W = random_problem(3, 7, 0)
-    J[2], dx[2] = J[0] + J[1], dx[0] + dx[1]
+    J[2] = J[0] + J[1]
+    dx[2] = dx[0] + dx[1]
     assert J @ resolve(J, dx, b, W if weighted else None) == pytest.approx(dx, abs=1e-9)
 
 
@@ -182,18 +190,21 @@ def test_far_from_singular_the_damped_solution_is_the_solution():
 
 @given(st.lists(st.floats(-6.0, 0.0), min_size=1, max_size=6), st.integers(0, 99))
 def test_the_quick_way_gives_what_the_damped_one_gives(exponents, seed):
-    """damped_solve factors where it can prove that nothing is to be damped; the eigenvectors must agree with it."""
+    """damped_solve factors where it can prove that nothing is to be damped; the eigenvectors must
+    agree with it.
+    """
     A = with_singular_values(
         10.0 ** np.array(exponents), len(exponents), np.random.default_rng(seed)
     )
-    G, r = A @ A.T, np.random.default_rng(seed).normal(size=len(A))
+    G = A @ A.T
+    r = np.random.default_rng(seed).normal(size=len(A))
     squares, V = np.linalg.eigh(G)
     damped = V @ (V.T @ r / np.maximum(squares, SINGULAR_RATIO**2 * squares[-1]))
     # Relative rounding of a solution is the condition, at most 1e6, times 1e-16 a few times.
     assert damped_solve(G, r) == pytest.approx(damped, abs=1e-8 * np.linalg.norm(damped))
 
 
-# --- what cannot be used ----------------------------------------------------------------------------------------------
+# --- what cannot be used --------------------------------------------------------------------------
 
 
 def refusal(**changes: np.ndarray) -> str:

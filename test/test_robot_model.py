@@ -1,4 +1,6 @@
-"""Kinematics and dynamics: against the paper's numbers, finite differences, MuJoCo and a derivation of their own."""
+"""Kinematics and dynamics: against the paper's numbers, finite differences, MuJoCo and a derivation
+of their own.
+"""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -36,7 +38,7 @@ def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
     return replace(ARMS['lwr4'], urdf=path)
 
 
-# --- the paper's geometry ---------------------------------------------------------------------------------------------
+# --- the paper's geometry -------------------------------------------------------------------------
 
 
 def test_the_start_of_the_paper_is_at_its_first_point(model):
@@ -51,7 +53,7 @@ def test_the_reach_is_that_of_the_links_and_the_tool(model):
     assert np.linalg.norm(model.tip(np.zeros(7))[0] - shoulder) == pytest.approx(1.003, abs=1e-12)
 
 
-# --- kinematics -------------------------------------------------------------------------------------------------------
+# --- kinematics -----------------------------------------------------------------------------------
 
 STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 / 6 both stay below 1e-10
 DIFFERENCES = 1e-9
@@ -88,7 +90,8 @@ def test_a_pose_task_has_the_linear_rows_first(model):
 
 def test_the_state_holds_the_tip_and_what_it_was_asked_for(model):
     for q, dq in random_motion(10):
-        state, (x, R) = model.state(q, dq), model.tip(q)
+        state = model.state(q, dq)
+        (x, R) = model.tip(q)
         for got, expected in ((state.q, q), (state.dq_prev, dq), (state.x, x), (state.R, R)):
             assert (got == expected).all()
 
@@ -102,13 +105,14 @@ def test_the_position_of_a_frame_is_in_the_base_frame(model):
     ) == pytest.approx(0.4)
 
 
-# --- dynamics, computed three ways ------------------------------------------------------------------------------------
+# --- dynamics, computed three ways ----------------------------------------------------------------
 
 
 @EVERY_ARM
 def test_pinocchio_and_mujoco_agree(name, dynamics):
     arm = find_arm(name, dynamics=dynamics)
-    model, witness = RobotModel(arm, 'pose'), Witness(arm)
+    model = RobotModel(arm, 'pose')
+    witness = Witness(arm)
     for q, dq in random_motion(1000):
         state = model.state(q, dq)
         seen = witness.kinematics(q) + witness.dynamics(q, dq)
@@ -138,7 +142,8 @@ def urdf_links(d: np.ndarray) -> independent.Links:
 def test_a_derivation_of_its_own_agrees(name, dynamics):
     d = {'lwr4': independent.BARE, 'lwr4_paper': independent.PAPER}[name]
     links = independent.cylinders(d) if dynamics == 'cylinders' else urdf_links(d)
-    model, motion = RobotModel.named(name, dynamics=dynamics), random_motion(100, seed=1)
+    model = RobotModel.named(name, dynamics=dynamics)
+    motion = random_motion(100, seed=1)
     expected = independent.evaluate(links, *map(np.array, zip(*motion)))
     for row, (q, dq) in enumerate(motion):
         state = model.state(q, dq)
@@ -146,7 +151,7 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
             assert np.abs(got - array[row]).max() < AGREEMENT
 
 
-# --- the paper's dynamics ---------------------------------------------------------------------------------------------
+# --- the paper's dynamics -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -154,7 +159,8 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
 )
 def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, d):
     robot = ET.fromstring(find_arm(name, dynamics='cylinders').description())
-    # Link 1 begins above the raised base, which the paper's d_1 includes. It turns about its own axis: no matter.
+    # Link 1 begins above the raised base, which the paper's d_1 includes. It turns about its own
+    # axis: no matter.
     for i, length in enumerate(np.maximum((0.3105, *d[1:]), 0.001), start=1):
         inertial = robot.find(f"link[@name='link_{i}']/inertial")
         inertia = {key: float(value) for key, value in inertial.find('inertia').attrib.items()}
@@ -170,11 +176,13 @@ def test_cylinders_have_no_rotors():
     assert RobotModel.named('lwr4_paper').state(q, dq).M[6, 6] == pytest.approx(0.06**2 / 2)
 
 
-# --- the identified dynamics ------------------------------------------------------------------------------------------
+# --- the identified dynamics ----------------------------------------------------------------------
 
 
 def gravity_moment(**joints: float) -> np.ndarray:
-    """Gravity torques of the bare LWR per g, (7,), that is first moments [kg m]; joints not given [deg] are at 0."""
+    """Gravity torques of the bare LWR per g, (7,), that is first moments [kg m]; joints not given
+    [deg] are at 0.
+    """
     q = np.radians([joints.get(f'q{i}', 0.0) for i in range(1, 8)])
     return np.abs(RobotModel.named('lwr4').state(q, np.zeros(7)).n) / 9.81
 
@@ -217,13 +225,14 @@ def test_rotors_add_what_was_identified_and_couple_nothing():
 
 @pytest.mark.parametrize(('joint', 'inertia'), [(0, 3.20), (1, 4.46 + 0.37 + 2 * 0.4 * 1.37)])
 def test_the_inertia_of_the_upright_arm_is_the_identified_one(joint, inertia):
-    # About A1: ZZ1. About A2: ZZ2, the forearm's own, and its first moment times the upper arm's length, twice.
+    # About A1: ZZ1. About A2: ZZ2, the forearm's own, and its first moment times the upper arm's
+    # length, twice.
     assert RobotModel.named('lwr4').state(np.zeros(7), np.zeros(7)).M[
         joint, joint
     ] == pytest.approx(inertia, rel=0.03)
 
 
-# --- arrays -----------------------------------------------------------------------------------------------------------
+# --- arrays ---------------------------------------------------------------------------------------
 
 
 def test_no_later_call_overwrites_a_state(model):
@@ -253,7 +262,8 @@ def test_no_later_call_overwrites_a_tip_or_a_position(model):
 def test_a_state_keeps_no_reference_to_its_arguments(model):
     q, dq = random_motion(1)[0]
     state = model.state(q, dq)
-    q[:], dq[:] = 0.0, 0.0
+    q[:] = 0.0
+    dq[:] = 0.0
     assert state.q.all()
     assert state.dq_prev.all()
 
@@ -267,7 +277,7 @@ def test_writing_into_a_state_leaves_the_model_as_it_is(model):
     assert all(np.isfinite(getattr(again, name)).all() for name in QUANTITIES)
 
 
-# --- what cannot be used ----------------------------------------------------------------------------------------------
+# --- what cannot be used --------------------------------------------------------------------------
 
 BAD_VECTORS = [
     np.zeros(6),
@@ -352,7 +362,7 @@ def test_an_offset_that_the_urdf_has_no_joint_for_is_refused(tmp_path):
         RobotModel(replace(arm, tool_offset=0.1))
 
 
-# --- parameters of an arm ---------------------------------------------------------------------------------------------
+# --- parameters of an arm -------------------------------------------------------------------------
 
 
 def test_the_base_offset_raises_the_tip():
@@ -363,10 +373,8 @@ def test_the_base_offset_raises_the_tip():
 
 def test_the_tool_offset_moves_the_tip_along_its_own_axis():
     q, _ = random_motion(1)[0]
-    (x, R), (x_tool, _) = (
-        RobotModel.named('lwr4').tip(q),
-        RobotModel.named('lwr4', tool_offset=0.1).tip(q),
-    )
+    (x, R) = RobotModel.named('lwr4').tip(q)
+    (x_tool, _) = RobotModel.named('lwr4', tool_offset=0.1).tip(q)
     assert x_tool == pytest.approx(x + 0.1 * R[:, 2], abs=1e-12)
 
 

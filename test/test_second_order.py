@@ -1,4 +1,6 @@
-"""The original schemes. One that is added to the table SCHEMES goes through every test of the first part by itself."""
+"""The original schemes. One that is added to the table SCHEMES goes through every test of the first
+part by itself.
+"""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -22,7 +24,8 @@ from redres_ros.simulation.closed_loop import run
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
-# Relative to the size of what is compared. The law of least torque solves with M M, of a condition below 1e7 here, and
+# Relative to the size of what is compared. The law of least torque solves with M M, of a condition
+# below 1e7 here, and
 # so loses 7 of 16 digits; differences (8), (9) lose 3 more, of which (13) gives 3 back.
 ROUNDING = 1e-8
 EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
@@ -64,7 +67,7 @@ def same(got: np.ndarray, expected: np.ndarray) -> bool:
     return np.linalg.norm(got - expected) <= ROUNDING * np.linalg.norm(expected)
 
 
-# --- every scheme -----------------------------------------------------------------------------------------------------
+# --- every scheme ---------------------------------------------------------------------------------
 
 
 @EVERY_SCHEME
@@ -81,7 +84,8 @@ def test_the_task_acceleration_is_executed(name, damping, model, ticks):
 @EVERY_SCHEME
 @EVERY_DAMPING
 def test_from_the_same_past_law_and_scheme_command_the_same_velocity(name, damping, model, ticks):
-    law, scheme = make_law(name, damping=damping), make_scheme(name, damping)
+    law = make_law(name, damping=damping)
+    scheme = make_scheme(name, damping)
     for state, J_prev, dx_prev in ticks:
         dq = resolve(state.J, DX, law.bias(state, T), law.weight(state))
         assert same(step(model, scheme, T, state, J_prev, DX, dx_prev), dq)
@@ -94,7 +98,8 @@ def test_the_null_space_part_is_that_of_the_law(name, damping, model, task):
     scheme = SecondOrderController(model, make_scheme(name, damping), T)
     q = task.start
     for _ in range(50):
-        one, two = law.update(q, DX), scheme.update(q, DX)
+        one = law.update(q, DX)
+        two = scheme.update(q, DX)
         assert np.linalg.norm(one.null - two.null) < ROUNDING * np.linalg.norm(one.dq)
         q = one.q_ref
 
@@ -140,7 +145,7 @@ def test_a_task_velocity_that_cannot_be_used_leaves_the_controller_as_it_was(nam
     assert (controller.update(task.start, DX).dq == undisturbed.update(task.start, DX).dq).all()
 
 
-# --- optimality and the paper's other forms ---------------------------------------------------------------------------
+# --- optimality and the paper's other forms -------------------------------------------------------
 
 
 @EVERY_DAMPING
@@ -178,7 +183,8 @@ def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_sche
 def test_the_weighted_torque_gives_the_acceleration_of_26(damping, model, ticks):
     for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
         J_pinv = np.linalg.pinv(state.J)
-        P, M_inv = np.eye(7) - J_pinv @ state.J, np.linalg.inv(state.M)
+        P = np.eye(7) - J_pinv @ state.J
+        M_inv = np.linalg.inv(state.M)
         ddq = (
             J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev
         )  # Eq. (26) and (21)
@@ -193,7 +199,8 @@ def test_the_dynamically_consistent_torque_gives_the_acceleration_of_31(damping,
     for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
         M_inv = np.linalg.inv(state.M)
         J_M = M_inv @ state.J.T @ np.linalg.inv(state.J @ M_inv @ state.J.T)
-        P_M, tau_N = np.eye(7) - J_M @ state.J, -damping * state.M @ state.dq_prev
+        P_M = np.eye(7) - J_M @ state.J
+        tau_N = -damping * state.M @ state.dq_prev
         ddq = J_M @ (ddx - dJ_dq) - P_M @ M_inv @ (state.n - tau_N)  # Eq. (31)
         assert same(
             make_scheme('dynamically_consistent', damping).acceleration(model, state, ddx, dJ_dq),
@@ -248,7 +255,7 @@ def test_any_preferred_acceleration_becomes_the_bias_of_a_law(model, task):
     )  # 1000 ticks of rounding of 1e-15
 
 
-# --- construction -----------------------------------------------------------------------------------------------------
+# --- construction ---------------------------------------------------------------------------------
 
 
 def test_every_scheme_becomes_a_law_of_the_same_name_and_damping():
@@ -278,14 +285,16 @@ def test_a_sampling_time_outside_its_range_is_refused(period, model):
         SecondOrderController(model, make_scheme('minimum_torque'), period)
 
 
-# --- what the schemes ask of the model --------------------------------------------------------------------------------
+# --- what the schemes ask of the model ------------------------------------------------------------
 
 
 @pytest.mark.parametrize('task_space', ['position', 'pose'])
 def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(task_space, states):
-    model, h = RobotModel.named('lwr4_paper', task_space), 1e-6
+    model = RobotModel.named('lwr4_paper', task_space)
+    h = 1e-6
     for state in states[:20]:
-        q, dq = state.q, state.dq_prev
+        q = state.q
+        dq = state.dq_prev
         change = (model.state(q + h * dq, dq).J - model.state(q - h * dq, dq).J) / (2.0 * h)
         # Central differences: rounding 1e-16 / h, truncation h^2.
         assert model.velocity_product(q, dq) == pytest.approx(change @ dq, rel=1e-7, abs=1e-8)
@@ -293,7 +302,9 @@ def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(t
 
 @pytest.mark.parametrize('dynamics', ['cylinders', 'lwr'])  # without and with rotors
 def test_the_forward_dynamics_undo_the_equation_of_motion(dynamics, states):
-    model, random = RobotModel.named('lwr4_paper', dynamics=dynamics), np.random.default_rng(2)
+    model = RobotModel.named('lwr4_paper', dynamics=dynamics)
+    random = np.random.default_rng(2)
     for q, dq in ((state.q, state.dq_prev) for state in states):
-        state, ddq = model.state(q, dq), random.normal(size=7)
+        state = model.state(q, dq)
+        ddq = random.normal(size=7)
         assert same(model.acceleration(q, dq, state.M @ ddq + state.n), ddq)  # Eq. (6)

@@ -251,7 +251,8 @@ def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
     latencies = [latency for lateness, latency in packets if lateness is not None][-WINDOW:] or [
         0.0
     ]
-    figures, n = connection.statistics, len(latenesses)
+    figures = connection.statistics
+    n = len(latenesses)
     assert figures.answer_rate == (n - latenesses.count(None)) / n
     assert figures.miss_rate == (n - latenesses.count(0)) / n
     # Latencies are kept to the nanosecond.
@@ -347,18 +348,17 @@ def test_quality_falls_with_the_miss_rate(missed, quality):
 )
 @pytest.mark.parametrize('figure', ['latency', 'jitter'])
 def test_quality_falls_with_latency_and_jitter(figure, cycles, quality):
-    connection, mean, deviation = (
-        Connection(T),
-        cycles * (figure == 'latency'),
-        cycles * (figure == 'jitter'),
-    )
+    connection = Connection(T)
+    mean = cycles * (figure == 'latency')
+    deviation = cycles * (figure == 'jitter')
     for packet in range(WINDOW):
         connection.record(0, T * (mean + deviation * (-1) ** packet))
     assert connection.quality is quality
 
 
 def test_thresholds_get_laxer_from_the_best_quality_down():
-    qualities, thresholds = list(THRESHOLDS), list(THRESHOLDS.values())
+    qualities = list(THRESHOLDS)
+    thresholds = list(THRESHOLDS.values())
     assert qualities == [Quality.PERFECT, Quality.OK, Quality.BAD]
     for better, worse in pairwise(thresholds):
         assert worse.answer_rate < better.answer_rate

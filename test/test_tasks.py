@@ -38,7 +38,7 @@ def refusal(name_or_path: str, error: type[RedresError]) -> str:
     return str(caught.value)
 
 
-# --- good ones --------------------------------------------------------------------------------------------------------
+# --- good ones ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('name', SHIPPED)
@@ -89,7 +89,7 @@ def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
     )
 
 
-# --- bad ones ---------------------------------------------------------------------------------------------------------
+# --- bad ones -------------------------------------------------------------------------------------
 
 
 def test_an_unknown_name_is_refused_with_those_that_exist():

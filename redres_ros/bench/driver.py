@@ -1,4 +1,6 @@
-"""Node `driver`: a bare robot that sends states to several answerers in turn, and writes down how they answer."""
+"""Node `driver`: a bare robot that sends states to several answerers in turn, and writes down how
+they answer.
+"""
 
 import os
 import sys
@@ -95,9 +97,11 @@ class DriverNode(Node):
 
     def _send(self, name: str, seconds: float) -> None:
         """States for that long, with a new stopwatch."""
-        lane, first = self._lanes[name], self._ticks[name]
+        lane = self._lanes[name]
+        first = self._ticks[name]
         count = max(round(seconds * NANOSECONDS / self._period), 1)
-        lane.stopwatch, clock = Stopwatch(first, count), RobotClock(0, self._period)
+        lane.stopwatch = Stopwatch(first, count)
+        clock = RobotClock(0, self._period)
         for tick in range(first, first + count):
             lane.send(tick)
             clock.wait()

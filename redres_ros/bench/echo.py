@@ -1,4 +1,6 @@
-"""Node `echo`: hears what the controller hears, sends every state back as joint_command, and does nothing else."""
+"""Node `echo`: hears what the controller hears, sends every state back as joint_command, and does
+nothing else.
+"""
 
 import sys
 

@@ -18,9 +18,9 @@ _TICK = (
 class Exchange:
     """What became of N states that went out at a rate of 1/period.
 
-    latencies: (N,) from a state's way out to its answer's arrival [s]; infinite where none came. processors: share of a
-    core that each process took meanwhile, by name. skipped: cycles in which the robot itself was held up and sent
-    nothing.
+    latencies: (N,) from a state's way out to its answer's arrival [s]; infinite where none came.
+    processors: share of a core that each process took meanwhile, by name. skipped: cycles in which
+    the robot itself was held up and sent nothing.
     """
 
     period: float
@@ -62,7 +62,9 @@ class Exchange:
 
     @property
     def kept(self) -> float:
-        """Share of all cycles, skipped ones included, whose state was answered within its cycle; NaN of none."""
+        """Share of all cycles, skipped ones included, whose state was answered within its cycle;
+        NaN of none.
+        """
         return (1.0 - self.late) * len(self.latencies) / max(len(self.latencies) + self.skipped, 1)
 
     def figures(self) -> dict[str, object]:
@@ -89,11 +91,15 @@ class Exchange:
 
 
 class Stopwatch:
-    """Notes when the states `first` ... `first + count - 1` go out and when the first answer to each comes back."""
+    """Notes when the states `first` ... `first + count - 1` go out and when the first answer to
+    each comes back.
+    """
 
     def __init__(self, first: int, count: int) -> None:
-        self._first, self._count = first, count
-        self._out, self._back = np.full(count, np.inf), np.full(count, np.inf)  # [s]
+        self._first = first
+        self._count = count
+        self._out = np.full(count, np.inf)
+        self._back = np.full(count, np.inf)  # [s]
 
     def out(self, tick: int, ago: float = 0.0) -> None:
         """The state of a tick goes out now, or went out some time ago [s]."""
@@ -138,7 +144,9 @@ class ProcessorMeter:
 
 
 def processor_seconds(pid: int) -> float:
-    """Processor time of a process so far, all its threads, in user space and the kernel [s]; NaN if it is gone."""
+    """Processor time of a process so far, all its threads, in user space and the kernel [s]; NaN if
+    it is gone.
+    """
     try:
         fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     except OSError:

@@ -17,7 +17,8 @@ from redres_ros.nodes.qos import NEWEST, PUBLISH
 from redres_ros.robot_model import RobotModel
 from redres_ros.waypoints import load_task
 
-_SPEED, _FREQUENCY = 0.05, 0.5  # [m/s], [Hz] of the tip's motion to and fro
+_SPEED = 0.05
+_FREQUENCY = 0.5  # [m/s], [Hz] of the tip's motion to and fro
 
 
 class Lane(Protocol):
@@ -29,14 +30,19 @@ class Lane(Protocol):
 
 
 class TopicLane:
-    """A robot that is where it was told to be, with the planner's part: a task velocity once the answer is here."""
+    """A robot that is where it was told to be, with the planner's part: a task velocity once the
+    answer is here.
+    """
 
     def __init__(self, node: Node, name: str, period: int) -> None:
-        model, start = RobotModel.named('lwr4_paper'), load_task('rectangle').start
-        self.stopwatch, self._frame = Stopwatch(0, 0), model.base_frame
+        model = RobotModel.named('lwr4_paper')
+        start = load_task('rectangle').start
+        self.stopwatch = Stopwatch(0, 0)
+        self._frame = model.base_frame
         self._clock = RobotClock(node.get_clock().now().nanoseconds, period)
         self._message = JointMessage(model.joint_names)
-        self._q, self._dq = start, np.zeros(model.n)
+        self._q = start
+        self._dq = np.zeros(model.n)
         self._states = node.create_publisher(JointState, f'{name}/joint_states', PUBLISH)
         self._twists = node.create_publisher(TwistStamped, f'{name}/cartesian_velocity', PUBLISH)
         node.create_subscription(JointState, f'{name}/joint_command', self._on_command, NEWEST)
@@ -51,7 +57,8 @@ class TopicLane:
         stamp = to_nanoseconds(message.header.stamp)
         tick = self._clock.tick(stamp)
         self.stopwatch.back(tick)
-        self._q, self._dq = np.array(message.position), np.array(message.velocity)
+        self._q = np.array(message.position)
+        self._dq = np.array(message.velocity)
         speed = _SPEED * math.sin(
             2.0 * math.pi * _FREQUENCY * tick * self._clock.period / NANOSECONDS
         )

@@ -1,4 +1,6 @@
-"""Runs the loop over DDS at several rates: echoes and controllers in turn, then the whole graph, again and again."""
+"""Runs the loop over DDS at several rates: echoes and controllers in turn, then the whole graph,
+again and again.
+"""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +30,8 @@ TURNS = 2  # of each answerer within a repetition
 SETTLING = 1.0  # [s] from the graph's first answer to the first state that counts
 
 _PATIENCE = 60.0  # [s] beyond the time that the measurement itself takes
-# A real robot would leave command mode when this machine stalls; the states would go on, but not the motion.
+# A real robot would leave command mode when this machine stalls; the states would go on, but not
+# the motion.
 _ROBOT = {'bridged_misses': 100}
 
 
@@ -68,7 +71,9 @@ def measure_loop(
 
 
 def _lanes(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
-    """UDP, echo and controllers, in turn, by one bare robot: whoever waits for its turn costs next to nothing."""
+    """UDP, echo and controllers, in turn, by one bare robot: whoever waits for its turn costs next
+    to nothing.
+    """
     with ExitStack() as stack:
         udp, port = stack.enter_context(echo_process())
         nodes = {ECHO: stack.enter_context(running('bench.echo', out, namespace=ECHO))}
@@ -91,7 +96,9 @@ def _lanes(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
 
 
 def _laws(rate: float) -> dict[str, str]:
-    """The default law at every rate; one with a weight, which differs by little, where the goals are."""
+    """The default law at every rate; one with a weight, which differs by little, where the goals
+    are.
+    """
     laws = {CONTROLLER: 'minimum_acceleration', WEIGHTED: 'dynamically_consistent'}
     return laws if rate == NOMINAL else {CONTROLLER: laws[CONTROLLER]}
 
@@ -153,8 +160,11 @@ def running(
 def measured(
     name: str, out: Path, duration: float, parameters: Mapping[str, Any]
 ) -> dict[str, Exchange]:
-    """What a node that measures has written when it has ended by itself. Raises BenchError or GraphError."""
-    results, until = out / f'{name}.json', time.monotonic() + 10.0 * duration + _PATIENCE
+    """What a node that measures has written when it has ended by itself. Raises BenchError or
+    GraphError.
+    """
+    results = out / f'{name}.json'
+    until = time.monotonic() + 10.0 * duration + _PATIENCE
     results.unlink(missing_ok=True)
     with running(name, out, {**parameters, 'out': str(results)}) as node:
         while node.status is None:

@@ -6,8 +6,13 @@ from dataclasses import dataclass
 from redres_ros.bench.exchange import Exchange
 from redres_ros.bench.goals import Goal
 
-UDP, ECHO, INSIDE, CONTROLLER, WEIGHTED = 'udp', 'echo', 'inside', 'controller', 'weighted'
-GRAPH, COMPOSED = 'graph', 'composed'
+UDP = 'udp'
+ECHO = 'echo'
+INSIDE = 'inside'
+CONTROLLER = 'controller'
+WEIGHTED = 'weighted'
+GRAPH = 'graph'
+COMPOSED = 'composed'
 WORDS = {
     UDP: 'bare UDP echo',
     ECHO: 'bare echo node',
@@ -17,7 +22,8 @@ WORDS = {
     GRAPH: 'sim, planner, controller',
     COMPOSED: 'the same in one process',
 }
-NOMINAL, FAST = 500.0, 1000.0  # [Hz] rates that have goals of their own
+NOMINAL = 500.0
+FAST = 1000.0  # [Hz] rates that have goals of their own
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,9 @@ def _line(exchange: Exchange) -> str:
 
 
 def _goals(rate: float, kinds: Mapping[str, Exchange]) -> list[Goal]:
-    at, goals, echo = f'at {rate:g} Hz', [], kinds.get(ECHO)
+    at = f'at {rate:g} Hz'
+    goals = []
+    echo = kinds.get(ECHO)
     for kind in (CONTROLLER, WEIGHTED):
         if kind in kinds and echo:
             got = kinds[kind].times.median / echo.times.median

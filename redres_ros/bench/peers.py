@@ -1,7 +1,9 @@
-"""Others' ways to the same joint velocity: pink and mink; and Pinocchio's bare calls, below which none can get.
+"""Others' ways to the same joint velocity: pink and mink; and Pinocchio's bare calls, below which
+none can get.
 
-The one place besides robot_model.py and fri/plant.py that uses pinocchio and mujoco: what a peer costs must not depend
-on our own wrappers. Peers are imported when asked for, since they are no requirement of this package.
+The one place besides robot_model.py and fri/plant.py that uses pinocchio and mujoco: what a peer
+costs must not depend on our own wrappers. Peers are imported when asked for, since they are no
+requirement of this package.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,7 +19,8 @@ SOLVERS = (
     'daqp',
     'proxqp',
 )  # quadratic programs, by the names that qpsolvers has for them
-DAMPING = 1e-6  # of the peers' cost: small enough for the least velocity, large enough for a definite problem
+# of the peers' cost: small enough for the least velocity, large enough for a definite problem
+DAMPING = 1e-6
 
 _PACKAGES = {
     'pink': 'pink',
@@ -39,8 +42,8 @@ def missing_peers() -> tuple[str, ...]:
 def peers(arm: Arm, T: float) -> dict[str, Peer]:
     """Every installed peer with every installed solver, twice.
 
-    As its documentation has it, which includes the joint limits (both libraries then make them anew in every call), and
-    without limits, which is faster, and all that our laws do.
+    As its documentation has it, which includes the joint limits (both libraries then make them anew
+    in every call), and without limits, which is faster, and all that our laws do.
     """
     missing = missing_peers()
     made = {}
@@ -95,11 +98,14 @@ def _bare_mujoco_model(arm: Arm) -> object:
 
 
 def floors(arm: Arm) -> Iterator[tuple[str, Callable[[np.ndarray, np.ndarray], object]]]:
-    """Pinocchio's calls (q, dq) -> J for what a law needs: kinematics; M and n besides; and all that it knows."""
+    """Pinocchio's calls (q, dq) -> J for what a law needs: kinematics; M and n besides; and all
+    that it knows.
+    """
     import pinocchio as pin
 
     model = pin.buildModelFromXML(arm.description())
-    data, tip = model.createData(), model.getFrameId(arm.tip_frame)
+    data = model.createData()
+    tip = model.getFrameId(arm.tip_frame)
 
     def jacobian() -> np.ndarray:
         pin.updateFramePlacement(model, data, tip)

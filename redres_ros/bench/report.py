@@ -32,7 +32,8 @@ def table(results: Mapping[str, Result]) -> str:
 
 
 def write_json(results: Mapping[str, Result], path: Path) -> None:
-    """Figures of every part with units in their names, goals, and the machine; null for what is no number.
+    """Figures of every part with units in their names, goals, and the machine; null for what is no
+    number.
 
     Raises FileError.
     """

@@ -36,7 +36,9 @@ def read_exchanges(path: Path) -> dict[str, Exchange]:
 
 
 def to_text(processes: Mapping[str, int]) -> str:
-    """Process numbers by name as a parameter of a node: a text, because ROS has no mappings and no empty arrays."""
+    """Process numbers by name as a parameter of a node: a text, because ROS has no mappings and no
+    empty arrays.
+    """
     return ' '.join(f'{name}={number}' for name, number in processes.items())
 
 

@@ -39,12 +39,15 @@ class MeasuredSim(SimNode):
 
     def __init__(self) -> None:
         super().__init__()
-        self._window, self._stopwatch, self._meter = declare(self, Window()), Stopwatch(0, 0), None
+        self._window = declare(self, Window())
+        self._stopwatch = Stopwatch(0, 0)
+        self._meter = None
         self._begin = self._end = -1  # ticks; negative until the first answer has come
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """As ever, and until the window is over."""
-        self._over, self._waiting = stopped, waiting
+        self._over = stopped
+        self._waiting = waiting
         super().run(stopped, waiting)
 
     def _publish_state(self) -> None:
@@ -55,7 +58,8 @@ class MeasuredSim(SimNode):
         if tick == self._end:
             self._finish()
         super()._publish_state()
-        # The message was made before it went out: for the driver, with which this is compared, that does not count.
+        # The message was made before it went out: for the driver, with which this is compared, that
+        # does not count.
         self._stopwatch.out(tick, ago=self._robot_clock.latency(tick, time.monotonic()))
 
     def _on_command(self, message: JointState) -> None:

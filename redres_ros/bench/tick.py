@@ -1,4 +1,6 @@
-"""One tick of every law and of its parts, beside peers and Pinocchio's own calls, on the paper's arm and task."""
+"""One tick of every law and of its parts, beside peers and Pinocchio's own calls, on the paper's
+arm and task.
+"""
 
 import math
 from collections.abc import Callable
@@ -20,12 +22,18 @@ from redres_ros.waypoints import load_task
 T = 1.0 / 500.0  # [s]
 TICKS = 500  # of the recorded stretch, over and over again
 FLOOR = 'computeAllTerms'  # the one that the goals refer to
-PEER_GOAL, WEIGHTED_PEER_GOAL, FLOOR_GOAL = 4.0, 3.0, 4.0
-SAME = 1e-3  # [rad/s] a peer that is farther from the least velocities has not solved the problem, and does not count
+PEER_GOAL = 4.0
+WEIGHTED_PEER_GOAL = 3.0
+FLOOR_GOAL = 4.0
+# [rad/s] a peer that is farther from the least velocities has not solved the problem, and does not
+# count
+SAME = 1e-3
 
 
 class Stretch(NamedTuple):
-    """A recorded part of a motion, k = 0 ... N - 1: q, dq_prev (N, n) [rad], [rad/s]; dx, x_d (N, 3) [m/s], [m]."""
+    """A recorded part of a motion, k = 0 ... N - 1: q, dq_prev (N, n) [rad], [rad/s]; dx, x_d (N,
+    3) [m/s], [m].
+    """
 
     q: np.ndarray
     dq_prev: np.ndarray
@@ -35,7 +43,8 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True)
 class TickResult:
-    """Times by name: of the laws, of parts of a tick, of Pinocchio's calls, of peers; and which peers are missing.
+    """Times by name: of the laws, of parts of a tick, of Pinocchio's calls, of peers; and which
+    peers are missing.
 
     deviations: how far each peer's velocities are at most from the least ones, Eq. (2) [rad/s].
     """
@@ -140,33 +149,39 @@ def measure_tick(rounds: int, progress: Callable[[float], None] | None = None) -
 def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
     """The beginning of the paper's task under minimum acceleration."""
     task = load_task('rectangle')
-    planner, controller, q = (
-        Planner(task),
-        Controller(model, make_law('minimum_acceleration'), T),
-        task.start,
-    )
-    rows, dq = [], np.zeros(model.n)
+    planner = Planner(task)
+    controller = Controller(model, make_law('minimum_acceleration'), T)
+    q = task.start
+    rows = []
+    dq = np.zeros(model.n)
     for k in range(ticks):
         x = model.tip(q)[0]
         dx = planner.reference(x, k * T).dx
         rows.append((q, dq, dx, x + T * dx))
         command = controller.update(q, dx)
-        q, dq = command.q_ref, command.dq
+        q = command.q_ref
+        dq = command.dq
     return Stretch(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _tick(controller: Controller, stretch: Stretch) -> Callable[[int], object]:
-    q, dx, N = list(stretch.q), list(stretch.dx), len(stretch.q)
+    q = list(stretch.q)
+    dx = list(stretch.dx)
+    N = len(stretch.q)
     return lambda k: controller.update(q[k % N], dx[k % N])
 
 
 def _parts(model: RobotModel, stretch: Stretch) -> dict[str, Callable[[int], object]]:
     """What a tick is made of, each on its own; the planner's part belongs to another node."""
-    q, dq, dx, N = list(stretch.q), list(stretch.dq_prev), list(stretch.dx), len(stretch.q)
+    q = list(stretch.q)
+    dq = list(stretch.dq_prev)
+    dx = list(stretch.dx)
+    N = len(stretch.q)
     states = [model.state(position, velocity) for position, velocity in zip(q, dq, strict=True)]
     for state in states:  # a state may have been told only what it was asked
         _dynamics(state)
-    torque, planner = make_law('dynamically_consistent'), Planner(load_task('rectangle'))
+    torque = make_law('dynamically_consistent')
+    planner = Planner(load_task('rectangle'))
     return {
         'kinematics': lambda k: model.state(q[k % N], dq[k % N]).J,
         'kinematics and dynamics': lambda k: _dynamics(model.state(q[k % N], dq[k % N])),
@@ -189,12 +204,16 @@ def _dynamics(state: RobotState) -> tuple[np.ndarray, ...]:
 def _of_state(
     call: Callable[[np.ndarray, np.ndarray], object], stretch: Stretch
 ) -> Callable[[int], object]:
-    q, dq, N = list(stretch.q), list(stretch.dq_prev), len(stretch.q)
+    q = list(stretch.q)
+    dq = list(stretch.dq_prev)
+    N = len(stretch.q)
     return lambda k: call(q[k % N], dq[k % N])
 
 
 def _of_target(peer: Peer, stretch: Stretch) -> Callable[[int], object]:
-    q, x_d, N = list(stretch.q), list(stretch.x_d), len(stretch.q)
+    q = list(stretch.q)
+    x_d = list(stretch.x_d)
+    N = len(stretch.q)
     return lambda k: peer(q[k % N], x_d[k % N])
 
 

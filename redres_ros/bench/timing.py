@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 BLOCK = 10  # calls of one candidate before it is the next one's turn
-COLD = 2  # of them, the first ones are not counted: their caches are still full of the candidate before
+# of them, the first ones are not counted: their caches are still full of the candidate before
+COLD = 2
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,9 @@ class Times:
         return self.quantile(0.99)
 
     def quantile(self, share: float) -> float:
-        """The time that this share of the samples does not exceed [s]: one of them, the next larger; NaN if none."""
+        """The time that this share of the samples does not exceed [s]: one of them, the next
+        larger; NaN if none.
+        """
         return (
             float(np.quantile(self.samples, share, method='higher'))
             if len(self.samples)
@@ -53,11 +56,13 @@ def measure(
 ) -> dict[str, Times]:
     """The times of the calls, each made `rounds` blocks long, block by block in turn.
 
-    The order is another one in every round: none always comes after the same one, with the caches as that leaves them.
-    Each call gets the number of its turn, 0, 1, 2, ..., from which it picks its input. A first round is not counted.
+    The order is another one in every round: none always comes after the same one, with the caches
+    as that leaves them. Each call gets the number of its turn, 0, 1, 2, ..., from which it picks
+    its input. A first round is not counted.
     """
     samples: dict[str, list[int]] = {name: [] for name in calls}
-    order, shuffle = list(calls.items()), random.Random(0).shuffle
+    order = list(calls.items())
+    shuffle = random.Random(0).shuffle
     with _undisturbed():
         for turn in range(-1, rounds):
             shuffle(order)
@@ -74,7 +79,8 @@ def measure(
 
 def _block(call: Callable[[int], object], first: int) -> list[int]:
     """Times of a block of calls [ns]."""
-    clock, times = time.perf_counter_ns, []
+    clock = time.perf_counter_ns
+    times = []
     for number in range(first, first + BLOCK):
         begun = clock()
         call(number)

@@ -28,10 +28,13 @@ def echo_process() -> Iterator[tuple[int, int]]:
 
 
 class Client:
-    """Sends numbered datagrams of a size [bytes] to an echo, and tells `on_answer` the number of each that is back."""
+    """Sends numbered datagrams of a size [bytes] to an echo, and tells `on_answer` the number of
+    each that is back.
+    """
 
     def __init__(self, port: int, size: int, on_answer: Callable[[int], None]) -> None:
-        self._socket, self._on_answer = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), on_answer
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._on_answer = on_answer
         self._socket.connect((_HOST, port))
         self._padding = bytes(max(size - 8, 0))
         threading.Thread(target=self._receive, name='udp', daemon=True).start()

@@ -11,7 +11,9 @@ _REMEDY = "install everything with: pip install 'redres_ros[ros]'"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one subcommand; 0 only when the thing asked for happened, 1 when it did not, 2 for a wrong command line."""
+    """Run one subcommand; 0 only when the thing asked for happened, 1 when it did not, 2 for a
+    wrong command line.
+    """
     options = _parser().parse_args(arguments)
     try:
         return options.run(options)

@@ -44,7 +44,8 @@ def _bench(options: argparse.Namespace) -> int:
     from redres_ros.bench.report import table, write_json
     from redres_ros.simulation.report import progress_bar
 
-    parts, options.rates = _names(options.only), _numbers(options.rates)
+    parts = _names(options.only)
+    options.rates = _numbers(options.rates)
     if not 0.01 <= options.duration <= 3600.0:
         raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
     if _WITH_ROS & set(parts):

@@ -1,4 +1,6 @@
-"""`redres compare` and `redres reproduce`: the paper's laws side by side, its figures and its claims."""
+"""`redres compare` and `redres reproduce`: the paper's laws side by side, its figures and its
+claims.
+"""
 
 import argparse
 from pathlib import Path
@@ -58,7 +60,8 @@ def _compare(options: argparse.Namespace) -> int:
     from redres_ros.simulation.report import progress_bar
     from redres_ros.waypoints import load_task
 
-    task, out = load_task(options.task), made(options.out)
+    task = load_task(options.task)
+    out = made(options.out)
     model = RobotModel.named(task.robot, dynamics=options.dynamics)
     recordings = {}
     laws = [_law_and_damping(text, options.damping) for text in options.laws.split(',')]
@@ -97,7 +100,8 @@ def _reproduce(options: argparse.Namespace) -> int:
     from redres_ros.paper.figures import Runs, draw_all
     from redres_ros.simulation.report import progress_bar
 
-    runs, out = Runs(), made(options.out)
+    runs = Runs()
+    out = made(options.out)
     with progress_bar('figures') as progress:
         draw_all(out, progress, runs)
     with progress_bar('claims') as progress:

@@ -23,8 +23,8 @@ _ASK_AGAIN = 1.0  # [s]
 def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.0) -> Any:
     """The response of a service; the node must be spun by somebody else. Raises CallError.
 
-    A server drops the answer to a client that it has not discovered yet, so the request is made again after a second;
-    the services of this package bear that.
+    A server drops the answer to a client that it has not discovered yet, so the request is made
+    again after a second; the services of this package bear that.
     """
     client = node.create_client(kind, service)
     try:
@@ -33,7 +33,8 @@ def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.
             raise CallError(
                 f'nobody offers the service {service}; is its node running in ROS domain {domain}?'
             )
-        until, futures = time.monotonic() + timeout, []
+        until = time.monotonic() + timeout
+        futures = []
         while time.monotonic() < until and rclpy.ok():
             futures.append(client.call_async(request))
             response = _first(futures, min(until, time.monotonic() + _ASK_AGAIN))

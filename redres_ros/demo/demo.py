@@ -44,9 +44,9 @@ class DemoError(RedresError):
 class DemoOptions:
     """What to run.
 
-    dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task began); parameters:
-    more of them, for every node that has them; composed: one process instead of three; duration [s]: repeat the task
-    for so long, 0 for once.
+    dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task
+    began); parameters: more of them, for every node that has them; composed: one process instead of
+    three; duration [s]: repeat the task for so long, 0 for once.
     """
 
     task: str
@@ -65,8 +65,8 @@ class DemoOptions:
 class Endurance:
     """What came of repeating a task.
 
-    seconds: on the robot's clock; states_sent, states_heard: by the robot and by the listener of the demo; memory: of
-    each node's process after the first round and at the end [MB].
+    seconds: on the robot's clock; states_sent, states_heard: by the robot and by the listener of
+    the demo; memory: of each node's process after the first round and at the end [MB].
     """
 
     rounds: int
@@ -77,7 +77,9 @@ class Endurance:
 
     @property
     def steady(self) -> bool:
-        """Whether no process has grown by more than is usual for an interpreter that has not seen everything yet."""
+        """Whether no process has grown by more than is usual for an interpreter that has not seen
+        everything yet.
+        """
         return all(end - start < MOST_GROWTH for start, end in self.memory.values())
 
     @property
@@ -100,8 +102,9 @@ class Endurance:
 class Outcome:
     """What came of it.
 
-    stop_reason: the robot's own words, empty if it was not stopped; states: those of the session, as they were passed
-    through; final_error: from the tip to the last point, when the run ended [m]; figures: the sim's last diagnostics.
+    stop_reason: the robot's own words, empty if it was not stopped; states: those of the session,
+    as they were passed through; final_error: from the tip to the last point, when the run ended
+    [m]; figures: the sim's last diagnostics.
     """
 
     recording: Recording
@@ -114,28 +117,33 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Whether the last point was reached by a robot that was not stopped, and no node has grown."""
+        """Whether the last point was reached by a robot that was not stopped, and no node has
+        grown.
+        """
         steady = self.endurance is None or self.endurance.steady
         return self.recording.finished and not self.stop_reason and steady
 
     @property
     def title(self) -> str:
         """Law, damping and rate in words."""
-        T, law = self.recording.T, self.law
+        T = self.recording.T
+        law = self.law
         return f'{law_name(law)}, $k_d$ = {law.damping:g} 1/s ($\\lambda$ = {law.forgetting(T):g}), {1.0 / T:g} Hz'
 
     def table(self) -> str:
         """The summary that ends a demo."""
-        figures, recording = self.figures, self.recording
+        figures = self.figures
+        recording = self.recording
         cycles = int(figures.get('cycles', 0))
         waited = sum(int(figures.get(name, 0)) for name in ('late', 'missed', 'cycles waited for'))
-        share, stood = (
-            1.0 - waited / max(cycles, 1),
-            float(figures.get('clock stood still [s]', 0.0)),
-        )
-        begun, end, peak = 0, 0.0, {}
+        share = 1.0 - waited / max(cycles, 1)
+        stood = float(figures.get('clock stood still [s]', 0.0))
+        begun = 0
+        end = 0.0
+        peak = {}
         if len(recording.data):
-            begun, end = int(recording['segment'].max()), recording['t'][-1]
+            begun = int(recording['segment'].max())
+            end = recording['t'][-1]
             peak = {
                 name: recording.peak(f'joint_{name}_norm')
                 for name in ('acceleration', 'velocity', 'torque')
@@ -164,31 +172,35 @@ class Outcome:
 
 
 class Demo:
-    """One run of the three nodes in the ROS domain that the environment names; out: directory for what the nodes print.
+    """One run of the three nodes in the ROS domain that the environment names; out: directory for
+    what the nodes print.
 
     Raises UnknownNameError or RangeError for a law, damping or rate that the nodes would refuse.
     """
 
     def __init__(self, options: DemoOptions, task: Task, out: Path) -> None:
-        self._options, self._task, self._out = options, task, out
+        self._options = options
+        self._task = task
+        self._out = out
         check_parameters(ControllerParameters(rate=options.rate))
-        self.model, self._T = (
-            RobotModel.named(task.robot, dynamics=options.dynamics),
-            1.0 / options.rate,
-        )
+        self.model = RobotModel.named(task.robot, dynamics=options.dynamics)
+        self._T = 1.0 / options.rate
         self._laws = [(0, self._make_law(options.law))]  # stamp [ns] from which each is in force
         for law, _ in options.switches:
             self._make_law(law)
         self._nodes: list[NodeProcess] = []
 
     def run(self, progress: Callable[[float], None]) -> Outcome:
-        """From starting the processes to ending them. Raises GraphError or CallError when that does not work."""
+        """From starting the processes to ending them. Raises GraphError or CallError when that does
+        not work.
+        """
         with spun(lambda: Recorder(self.model.joint_names)) as recorder:
             with self._processes():
                 self._await_robot(recorder)
                 call(recorder, Trigger, 'planner/start', Trigger.Request())
                 self._follow(recorder, progress)
-                first_round, begun = recorder.log, recorder.begun
+                first_round = recorder.log
+                begun = recorder.begun
                 endurance = self._repeat(recorder, progress) if self._options.duration else None
             time.sleep(_LAST_WORDS)
         return self._outcome(recorder, first_round, begun, endurance)
@@ -200,7 +212,9 @@ class Demo:
 
     @contextmanager
     def _processes(self) -> Iterator[None]:
-        """The sim ends first: to be left alone by the controller would be a fault of its connection."""
+        """The sim ends first: to be left alone by the controller would be a fault of its
+        connection.
+        """
         options = self._options
         shared = {
             'lockstep': options.lockstep,
@@ -250,22 +264,28 @@ class Demo:
             time.sleep(_LOOK)
 
     def _ready(self, recorder: Recorder) -> bool:
-        """Whether the task may begin: the robot is in command mode, or, in lock-step, waits for its first answer."""
+        """Whether the task may begin: the robot is in command mode, or, in lock-step, waits for its
+        first answer.
+        """
         if self._options.lockstep:
             topics = ('joint_states', 'joint_command', 'cartesian_velocity')
             return bool(recorder.log.states) and all(
                 recorder.count_publishers(topic) for topic in topics
             )
-        # The recorder may find a node later than the nodes find each other; what it would miss is the beginning.
+        # The recorder may find a node later than the nodes find each other; what it would miss is
+        # the beginning.
         heard = bool(recorder.log.states and recorder.log.commands)
         return heard and any(
             state in COMMANDING for state in recorder.words['sim/session_state'][-1:]
         )
 
     def _follow(self, recorder: Recorder, progress: Callable[[float], None]) -> None:
-        """Until the task is finished, the robot is stopped, or the task should have been finished long ago."""
+        """Until the task is finished, the robot is stopped, or the task should have been finished
+        long ago.
+        """
         switches = sorted(self._options.switches, key=lambda pair: pair[1])
-        nominal, t = self._task.segments * self._task.segment_time, 0.0
+        nominal = self._task.segments * self._task.segment_time
+        t = 0.0
         while t < PATIENCE * nominal and recorder.words['planner/state'][-1:] != ['finished']:
             self._check(recorder)
             if recorder.stopped:
@@ -279,11 +299,17 @@ class Demo:
         time.sleep(SETTLING)
 
     def _repeat(self, recorder: Recorder, progress: Callable[[float], None]) -> Endurance:
-        """The task again and again, from wherever the last round ended; only the first one stays recorded."""
-        start, before = min(recorder.log.states), {node.name: node.memory for node in self._nodes}
-        begun, duration, rounds = recorder.begun, self._options.duration, 1
+        """The task again and again, from wherever the last round ended; only the first one stays
+        recorded.
+        """
+        start = min(recorder.log.states)
+        before = {node.name: node.memory for node in self._nodes}
+        begun = recorder.begun
+        duration = self._options.duration
+        rounds = 1
         while not recorder.stopped and (recorder.newest - begun) / 1e9 < duration:
-            recorder.log, words = Log({}, {}), len(recorder.words['planner/state'])
+            recorder.log = Log({}, {})
+            words = len(recorder.words['planner/state'])
             call(recorder, Trigger, 'planner/start', Trigger.Request())
             while len(recorder.words['planner/state']) == words:  # until it moves again
                 self._check(recorder)

@@ -1,4 +1,6 @@
-"""A ROS graph of our own: a domain that nobody else uses on this machine, and node processes that end with us."""
+"""A ROS graph of our own: a domain that nobody else uses on this machine, and node processes that
+end with us.
+"""
 
 import fcntl
 import math
@@ -35,7 +37,8 @@ class GraphError(RedresError):
 def own_domain(wanted: int | None = None) -> Iterator[int]:
     """Yields the number of the ROS domain to which it has set the environment.
 
-    The wanted one, or one that no other graph on this host uses. Raises GraphError when every domain is taken.
+    The wanted one, or one that no other graph on this host uses. Raises GraphError when every
+    domain is taken.
     """
     if wanted is not None:
         with joined_domain(wanted):
@@ -94,13 +97,15 @@ def _in_use(domain: int) -> bool:
 class NodeProcess:
     """One of our nodes as a process of its own, which cannot outlive this one.
 
-    It does not get the terminal's Ctrl-C: whoever started it ends it. What it prints goes to the file log.
+    It does not get the terminal's Ctrl-C: whoever started it ends it. What it prints goes to the
+    file log.
     """
 
     def __init__(
         self, name: str, log: Path, parameters: Mapping[str, Any], namespace: str = ''
     ) -> None:
-        self.name, self._log = name, log
+        self.name = name
+        self._log = log
         arguments = [
             argument
             for key, value in parameters.items()

@@ -20,7 +20,9 @@ EVERYTHING = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class Recorder(Node):
-    """Keeps states and commands by stamp, every word of session and planner, and the sim's newest diagnostics."""
+    """Keeps states and commands by stamp, every word of session and planner, and the sim's newest
+    diagnostics.
+    """
 
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         super().__init__('recorder')
@@ -75,7 +77,8 @@ class Recorder(Node):
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)
         self.states_heard += stamp != self.newest  # a robot that waits sends its state again
-        self.newest, self.heard = stamp, time.monotonic()
+        self.newest = stamp
+        self.heard = time.monotonic()
         self.log.states[self.newest] = self._joints.positions(message)
 
     def _on_command(self, message: JointState) -> None:

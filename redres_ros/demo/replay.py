@@ -17,7 +17,9 @@ from redres_ros.waypoints import Task
 
 @dataclass(frozen=True)
 class Log:
-    """What went over the wire, by the stamp [ns] of the state: states: q (n,); commands: (q_ref, dq), both (n,)."""
+    """What went over the wire, by the stamp [ns] of the state: states: q (n,); commands: (q_ref,
+    dq), both (n,).
+    """
 
     states: dict[int, np.ndarray]
     commands: dict[int, tuple[np.ndarray, np.ndarray]]
@@ -41,15 +43,20 @@ def replay(
     T: float,
     ending: str,
 ) -> Recording:
-    """The table from the stamp `begun` [ns], at which the planner began, until the last point was reached.
+    """The table from the stamp `begun` [ns], at which the planner began, until the last point was
+    reached.
 
-    laws: (stamp from which it was in force, law), oldest first. Figures of a state that was recorded without its
-    command, or the other way round, are left out.
+    laws: (stamp from which it was in force, law), oldest first. Figures of a state that was
+    recorded without its command, or the other way round, are left out.
     """
-    planner, rows, finished = Planner(task), [], False
-    dq_prev, stamp_prev = np.zeros(model.n), 0
+    planner = Planner(task)
+    rows = []
+    finished = False
+    dq_prev = np.zeros(model.n)
+    stamp_prev = 0
     for stamp in sorted(log.states.keys() & log.commands.keys()):
-        q, (q_ref, dq) = log.states[stamp], log.commands[stamp]
+        q = log.states[stamp]
+        (q_ref, dq) = log.commands[stamp]
         if stamp >= begun and not finished:
             state = model.state(q, dq_prev)
             reference = planner.reference(state.x, (stamp - begun) / 1e9)
@@ -65,5 +72,6 @@ def replay(
                 rows.append(
                     row((stamp - begun) / 1e9, Command(dq, q_ref, null, state, elapsed), reference)
                 )
-        dq_prev, stamp_prev = dq, stamp
+        dq_prev = dq
+        stamp_prev = stamp
     return Recording.of(rows, model.n, T, finished, ending)

@@ -1,4 +1,6 @@
-"""The way of messages from one end to the other, with the faults of a network. It knows no clock but ticks."""
+"""The way of messages from one end to the other, with the faults of a network. It knows no clock
+but ticks.
+"""
 
 from collections import deque
 from dataclasses import dataclass
@@ -12,9 +14,10 @@ M = TypeVar('M')
 class Link:
     """What happens to messages on their way; nothing by default. Delays are in cycles.
 
-    delay: of every message; delay_spread: up to so many more, evenly distributed, and no message overtakes another;
-    loss: share of messages that are lost on an average; loss_burst: how many are lost in a row each time; duplication:
-    share of messages that arrive twice; reordering: chance of a message to arrive with the next one, but after it.
+    delay: of every message; delay_spread: up to so many more, evenly distributed, and no message
+    overtakes another; loss: share of messages that are lost on an average; loss_burst: how many are
+    lost in a row each time; duplication: share of messages that arrive twice; reordering: chance of
+    a message to arrive with the next one, but after it.
     """
 
     delay: int = 0
@@ -28,8 +31,9 @@ class Link:
 class Channel(Generic[M]):
     """Takes messages in and gives them out as `link` says, which may be set at any time.
 
-    What happens is random, but the same seed, messages and links make the same happen. Every message takes four random
-    numbers whatever the link, so that setting one fault does not change when another one strikes.
+    What happens is random, but the same seed, messages and links make the same happen. Every
+    message takes four random numbers whatever the link, so that setting one fault does not change
+    when another one strikes.
     """
 
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
@@ -55,15 +59,20 @@ class Channel(Generic[M]):
         self._overtaken = []
 
     def receive(self, tick: int) -> list[M]:
-        """What arrives up to a tick and was not received yet; what is behind a message that is late waits for it."""
+        """What arrives up to a tick and was not received yet; what is behind a message that is late
+        waits for it.
+        """
         arrived = []
         while self._under_way and self._under_way[0][0] <= tick:
             arrived.append(self._under_way.popleft()[1])
         return arrived
 
     def _is_lost(self, chance: float) -> bool:
-        """Losses come in bursts, seldom enough for `loss` to be the share of messages that are lost on an average."""
-        loss, burst = self.link.loss, self.link.loss_burst
+        """Losses come in bursts, seldom enough for `loss` to be the share of messages that are lost
+        on an average.
+        """
+        loss = self.link.loss
+        burst = self.link.loss_burst
         if not loss:
             self._still_to_lose = 0
         elif self._still_to_lose == 0 and chance < loss / (loss + burst * (1.0 - loss)):

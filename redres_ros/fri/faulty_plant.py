@@ -1,4 +1,6 @@
-"""An arm with faults: what its encoders make of its position, what pushes it, and that it may not move at all."""
+"""An arm with faults: what its encoders make of its position, what pushes it, and that it may not
+move at all.
+"""
 
 from typing import Protocol
 
@@ -18,22 +20,27 @@ class PushablePlant(Plant, Protocol):
 class FaultyPlant:
     """A plant as its faulty encoders show it; without faults it is the plant itself, bit for bit.
 
-    Noise is drawn once a cycle, the same for the same seed. The velocities of encoders at fault are differences of
-    their positions. While the physics are paused the plant stands still and is told nothing; afterwards its servos
-    drive it to the reference as hard as they can, and an ideal one jumps there. Raises RangeError for a frozen joint
-    that the arm does not have.
+    Noise is drawn once a cycle, the same for the same seed. The velocities of encoders at fault are
+    differences of their positions. While the physics are paused the plant stands still and is told
+    nothing; afterwards its servos drive it to the reference as hard as they can, and an ideal one
+    jumps there. Raises RangeError for a frozen joint that the arm does not have.
     """
 
     def __init__(self, plant: PushablePlant, faults: Faults | None = None, seed: int = 0) -> None:
-        self.joint_names, self.period = plant.joint_names, plant.period
-        self._plant, self._random = plant, np.random.default_rng(seed)
-        self._q, self._dq = plant.q, plant.dq  # (n,), as measured
+        self.joint_names = plant.joint_names
+        self.period = plant.period
+        self._plant = plant
+        self._random = np.random.default_rng(seed)
+        self._q = plant.q
+        self._dq = plant.dq  # (n,), as measured
         self._pushed = False  # in the last cycle
         self.faults = faults or Faults()
 
     @property
     def faults(self) -> Faults:
-        """The faults of this arm; set, they act from the next cycle on. Raises as the constructor does."""
+        """The faults of this arm; set, they act from the next cycle on. Raises as the constructor
+        does.
+        """
         return self._faults
 
     @faults.setter
@@ -57,7 +64,9 @@ class FaultyPlant:
         return self._dq.copy()
 
     def step(self, q_ref: np.ndarray) -> None:
-        """Move for one cycle, during which the reference goes on to q_ref (n,) [rad]; or stand still."""
+        """Move for one cycle, during which the reference goes on to q_ref (n,) [rad]; or stand
+        still.
+        """
         faults = self._faults  # one for the whole cycle
         if faults.paused_physics:
             self._measure(faults, self._plant.q, np.zeros_like(self._q))
@@ -67,7 +76,9 @@ class FaultyPlant:
         self._measure(faults, self._plant.q, self._plant.dq)
 
     def _push(self, force: np.ndarray) -> None:
-        """Push the tip where it is in this cycle; without a force leave the plant alone once the last push is over."""
+        """Push the tip where it is in this cycle; without a force leave the plant alone once the
+        last push is over.
+        """
         pushed = bool(force.any())
         if pushed or self._pushed:
             self._plant.push(force)

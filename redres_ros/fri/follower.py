@@ -4,21 +4,24 @@ import numpy as np
 
 from redres_ros.robots.joint_limits import JointLimits
 
-CATCH_UP = 0.5  # share of the acceleration limit with which a lag is closed; the rest is left to the command itself
+# share of the acceleration limit with which a lag is closed; the rest is left to the command itself
+CATCH_UP = 0.5
 
 
 class Follower:
-    """Moves the reference of one arm cycle by cycle, each of `period` [s], from standing still at q (n,) [rad].
+    """Moves the reference of one arm cycle by cycle, each of `period` [s], from standing still at q
+    (n,) [rad].
 
-    The reference is the command, bit for bit, as long as the command keeps the velocity limits. A faster one is
-    followed as fast as they allow; the lag is then closed without overshoot. Position limits are kept too, from
-    wherever the arm stands.
+    The reference is the command, bit for bit, as long as the command keeps the velocity limits. A
+    faster one is followed as fast as they allow; the lag is then closed without overshoot. Position
+    limits are kept too, from wherever the arm stands.
     """
 
     def __init__(self, limits: JointLimits, period: float, q: np.ndarray) -> None:
         self._limits = limits
         self._max_step = limits.velocity * period  # (n,) [rad] in one cycle
-        # (n,) [rad] change of the step from cycle to cycle; if accelerations are not limited, by velocities alone
+        # (n,) [rad] change of the step from cycle to cycle; if accelerations are not limited, by
+        # velocities alone
         self._max_change = np.minimum(limits.acceleration * period**2, 2.0 * self._max_step)
         self._reference = np.array(q, dtype=np.float64)  # (n,)
         self._step = np.zeros_like(self._reference)  # (n,) last move of the reference
@@ -35,14 +38,17 @@ class Follower:
         return not self._step.any()
 
     def begin(self, command: np.ndarray) -> None:
-        """Take up a stream of commands that stands still at `command` (n,) [rad]: the way there is a lag to close."""
+        """Take up a stream of commands that stands still at `command` (n,) [rad]: the way there is
+        a lag to close.
+        """
         self._lag = command - self._reference  # (n,)
         self._closing = np.zeros_like(self._lag)  # (n,) part of the lag that the last cycle closed
 
     def follow(self, command: np.ndarray, step: np.ndarray) -> None:
         """Move on to `command` (n,) [rad], which is `step` (n,) [rad] beyond the command before."""
         change = CATCH_UP * self._max_change  # (n,)
-        # A lag d is closed at sqrt(a d), a braking curve at half of the a that the ramp allows: so it is not overshot.
+        # A lag d is closed at sqrt(a d), a braking curve at half of the a that the ramp allows: so
+        # it is not overshot.
         wanted = np.copysign(
             np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag))), self._lag
         )
@@ -56,8 +62,11 @@ class Follower:
         self._move(self._reference + (self._step - _bounded(self._step, self._max_change)))
 
     def _move(self, target: np.ndarray) -> None:
-        """Go to the target or as near as the limits allow; an arm beyond a position limit can only come back."""
-        last, limits = self._reference, self._limits
+        """Go to the target or as near as the limits allow; an arm beyond a position limit can only
+        come back.
+        """
+        last = self._reference
+        limits = self._limits
         upper = np.minimum(np.maximum(limits.upper, last), last + self._max_step)
         lower = np.maximum(np.minimum(limits.lower, last), last - self._max_step)
         self._reference = np.maximum(lower, np.minimum(target, upper))
@@ -65,5 +74,7 @@ class Follower:
 
 
 def _bounded(value: np.ndarray, bound: np.ndarray) -> np.ndarray:
-    """The value brought within -bound and bound; several times as fast as np.clip for so few joints."""
+    """The value brought within -bound and bound; several times as fast as np.clip for so few
+    joints.
+    """
     return np.minimum(np.maximum(value, -bound), bound)

@@ -33,14 +33,16 @@ class GuardSettings:
 
 
 class Guard:
-    """Judges the stream of commanded positions, one a cycle of `period` [s], against the limits of the joints.
+    """Judges the stream of commanded positions, one a cycle of `period` [s], against the limits of
+    the joints.
 
-    Position and acceleration end in a stop. Velocity does not: the follower keeps to it, as the robot's own
-    interpolation does. Acceleration is the commanded velocity's change over a window, because a single step of a
-    sampled command, such as a new segment makes, is far above the limit and does the arm no harm. Its excess over the
-    limit adds up from cycle to cycle, and what is below the limit takes away from the sum, so that noise on a command
-    just below the limit is no reason to stop: it goes to and fro, and an excess that lasts does not. Every comparison
-    asks whether a value is allowed, so NaN is not.
+    Position and acceleration end in a stop. Velocity does not: the follower keeps to it, as the
+    robot's own interpolation does. Acceleration is the commanded velocity's change over a window,
+    because a single step of a sampled command, such as a new segment makes, is far above the limit
+    and does the arm no harm. Its excess over the limit adds up from cycle to cycle, and what is
+    below the limit takes away from the sum, so that noise on a command just below the limit is no
+    reason to stop: it goes to and fro, and an excess that lasts does not. Every comparison asks
+    whether a value is allowed, so NaN is not.
     """
 
     def __init__(
@@ -51,10 +53,8 @@ class Guard:
             limits, acceleration=limits.acceleration * settings.acceleration_scale
         )
         self.period = period
-        self._lower, self._upper = (
-            limits.lower + settings.position_margin,
-            limits.upper - settings.position_margin,
-        )
+        self._lower = limits.lower + settings.position_margin
+        self._upper = limits.upper - settings.position_margin
         self._cycles = max(1, round(settings.acceleration_window / period))
         self._tolerance = (
             self.limits.acceleration * settings.acceleration_tolerance / period
@@ -67,10 +67,13 @@ class Guard:
         self._velocities = deque(
             [standstill] * self._cycles, maxlen=self._cycles
         )  # the oldest is one window ago
-        self._excess = standstill  # (n,) [rad/s^2] by which the acceleration was above its limit, summed over cycles
+        # (n,) [rad/s^2] by which the acceleration was above its limit, summed over cycles
+        self._excess = standstill
 
     def refusal(self, command: np.ndarray) -> Refused | None:
-        """Why this is no command at all, its shape or a value that is not finite; None if it is one."""
+        """Why this is no command at all, its shape or a value that is not finite; None if it is
+        one.
+        """
         n = len(self.limits.joint_names)
         if command.shape != (n,):
             return Refused(
@@ -84,7 +87,9 @@ class Guard:
         )
 
     def violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
-        """Why the arm must stop at a command, position (n,) [rad] at velocity (n,) [rad/s]; empty if it need not."""
+        """Why the arm must stop at a command, position (n,) [rad] at velocity (n,) [rad/s]; empty
+        if it need not.
+        """
         change = velocity - self._velocities[0]  # (n,)
         self._velocities.append(velocity)
         return (
@@ -94,7 +99,8 @@ class Guard:
         )
 
     def _position_violation(self, position: np.ndarray) -> str:
-        lower, upper = self._lower, self._upper
+        lower = self._lower
+        upper = self._upper
         j = _first_false((lower <= position) & (position <= upper))
         return (
             ''
@@ -106,8 +112,11 @@ class Guard:
         )
 
     def _braking_violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
-        """The arm must be able to stop before the limit itself: the margin alone is too short for that at speed."""
-        lower, upper = self.limits.lower, self.limits.upper
+        """The arm must be able to stop before the limit itself: the margin alone is too short for
+        that at speed.
+        """
+        lower = self.limits.lower
+        upper = self.limits.upper
         end = position + velocity * np.abs(velocity) / (2.0 * self.limits.acceleration)  # (n,)
         j = _first_false((lower <= end) & (end <= upper))
         return (

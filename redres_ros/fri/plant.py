@@ -1,4 +1,6 @@
-"""What moves when the reference does: an arm in MuJoCo, or an ideal one. The only file that imports mujoco."""
+"""What moves when the reference does: an arm in MuJoCo, or an ideal one. The only file that imports
+mujoco.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,10 +16,13 @@ SAMPLES = 200  # random positions from which the largest inertia is estimated
 
 
 class IdealPlant:
-    """An arm that is where its reference says, exactly (the paper's first assumption), one period [s] later."""
+    """An arm that is where its reference says, exactly (the paper's first assumption), one period
+    [s] later.
+    """
 
     def __init__(self, joint_names: Sequence[str], period: float, q0: np.ndarray) -> None:
-        self.joint_names, self.period = tuple(joint_names), period
+        self.joint_names = tuple(joint_names)
+        self.period = period
         self.reset(q0)
 
     @property
@@ -70,23 +75,27 @@ class MujocoSettings:
 
 
 class MujocoPlant:
-    """An arm in MuJoCo behind position servos, one cycle of `period` [s] at a time, from rest at q0 (n,) [rad].
+    """An arm in MuJoCo behind position servos, one cycle of `period` [s] at a time, from rest at q0
+    (n,) [rad].
 
-    Within a cycle the reference moves on a straight line from the last one to the new one, and its velocity is fed
-    forward, as in the fine interpolation of the real controller. Gravity is compensated by the model at every plant
-    step, as the arm's own controller does; other torques are left to the servos. All stay within the URDF's effort
-    limits, joints within their range.
+    Within a cycle the reference moves on a straight line from the last one to the new one, and its
+    velocity is fed forward, as in the fine interpolation of the real controller. Gravity is
+    compensated by the model at every plant step, as the arm's own controller does; other torques
+    are left to the servos. All stay within the URDF's effort limits, joints within their range.
 
-    The servos are scaled to the arm instead of having one stiffness for all joints: without rotor inertias the last
-    joint has a thousandth of the first one's. With k = D w^2 and d = 2 D w, where w is the bandwidth and D bounds the
-    inertia matrix, no mode is ever underdamped. At w = 100 rad/s the tip follows the paper's task to 0.25 mm, and to
-    0.1 mm where no joint is at its velocity limit.
+    The servos are scaled to the arm instead of having one stiffness for all joints: without rotor
+    inertias the last joint has a thousandth of the first one's. With k = D w^2 and d = 2 D w, where
+    w is the bandwidth and D bounds the inertia matrix, no mode is ever underdamped. At w = 100
+    rad/s the tip follows the paper's task to 0.25 mm, and to 0.1 mm where no joint is at its
+    velocity limit.
 
-    KUKA's joint torque loop takes most of the friction out, so by default there is none. With it the tip lags by
-    0.65 mm, 0.15 mm of them after it has come to rest, and a cycle takes half as long again.
+    KUKA's joint torque loop takes most of the friction out, so by default there is none. With it
+    the tip lags by 0.65 mm, 0.15 mm of them after it has come to rest, and a cycle takes half as
+    long again.
 
-    Raises RedresError if the period is not a whole number of plant steps, FileError if MuJoCo cannot use the URDF,
-    UnknownNameError if it lacks the tip frame, ArrayError or RangeError for q0.
+    Raises RedresError if the period is not a whole number of plant steps, FileError if MuJoCo
+    cannot use the URDF, UnknownNameError if it lacks the tip frame, ArrayError or RangeError for
+    q0.
     """
 
     def __init__(
@@ -95,7 +104,8 @@ class MujocoPlant:
         settings = settings or MujocoSettings()
         self._substeps = _whole_steps(period, settings.plant_step)
         self._model = _servo_model(arm, settings)
-        self._data, self._tip = mujoco.MjData(self._model), _tip_body(self._model, arm)
+        self._data = mujoco.MjData(self._model)
+        self._tip = _tip_body(self._model, arm)
         self.period = period
         self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
         self._reference = np.zeros(self._model.nq)  # (n,) [rad] at the end of the last cycle
@@ -120,8 +130,11 @@ class MujocoPlant:
         self._reference = np.array(q_ref, dtype=np.float64)
 
     def push(self, force: np.ndarray) -> None:
-        """Push the tip, where it is now, with a force (3,) [N] in the base frame until the next call or `reset`."""
-        data, tip = self._data, self._tip
+        """Push the tip, where it is now, with a force (3,) [N] in the base frame until the next
+        call or `reset`.
+        """
+        data = self._data
+        tip = self._tip
         data.xfrc_applied[tip, :3] = (
             force  # at the body's centre of mass: it takes a torque to have it at the tip
         )
@@ -144,35 +157,44 @@ class MujocoPlant:
 class Witness:
     """Kinematics and dynamics of an arm as MuJoCo computes them, to hold against another library.
 
-    The base frame is the root link. Raises FileError if MuJoCo cannot use the URDF, UnknownNameError if it lacks the
-    tip frame.
+    The base frame is the root link. Raises FileError if MuJoCo cannot use the URDF,
+    UnknownNameError if it lacks the tip frame.
     """
 
     def __init__(self, arm: Arm) -> None:
         self._model = _compile(_load(arm), arm)
-        self._data, self._tip = mujoco.MjData(self._model), _tip_body(self._model, arm)
+        self._data = mujoco.MjData(self._model)
+        self._tip = _tip_body(self._model, arm)
 
     def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Tip position (3,) [m], orientation (3, 3) and Jacobian (6, n), linear rows first, in the base frame."""
-        data, n = self._data, self._model.nv
+        """Tip position (3,) [m], orientation (3, 3) and Jacobian (6, n), linear rows first, in the
+        base frame.
+        """
+        data = self._data
+        n = self._model.nv
         self._forward(q, np.zeros(n))
         J = np.zeros((6, n))
         mujoco.mj_jacBody(self._model, data, J[:3], J[3:], self._tip)
         return data.xpos[self._tip].copy(), data.xmat[self._tip].reshape(3, 3).copy(), J
 
     def dynamics(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """M(q), (n, n) [kg m^2], with rotors, and n(q, dq), (n,) [Nm]: Coriolis, centrifugal and gravity torques."""
+        """M(q), (n, n) [kg m^2], with rotors, and n(q, dq), (n,) [Nm]: Coriolis, centrifugal and
+        gravity torques.
+        """
         self._forward(q, dq)
         return _inertia(self._model, self._data), self._data.qfrc_bias.copy()
 
     def _forward(self, q: np.ndarray, dq: np.ndarray) -> None:
-        self._data.qpos[:], self._data.qvel[:] = q, dq
+        self._data.qpos[:] = q
+        self._data.qvel[:] = dq
         mujoco.mj_fwdPosition(self._model, self._data)
         mujoco.mj_fwdVelocity(self._model, self._data)
 
 
 def _load(arm: Arm) -> mujoco.MjSpec:
-    """The arm's bodies and joints, inertias exactly as given; shapes are dropped, as nothing touches anything here."""
+    """The arm's bodies and joints, inertias exactly as given; shapes are dropped, as nothing
+    touches anything here.
+    """
     try:
         spec = mujoco.MjSpec.from_string(arm.description())
     except ValueError as error:
@@ -180,12 +202,10 @@ def _load(arm: Arm) -> mujoco.MjSpec:
     for shape in (*spec.geoms, *spec.meshes):
         spec.delete(shape)
     compiler = spec.compiler
-    compiler.fusestatic, compiler.balanceinertia, compiler.boundmass, compiler.boundinertia = (
-        False,
-        False,
-        0.0,
-        0.0,
-    )
+    compiler.fusestatic = False
+    compiler.balanceinertia = False
+    compiler.boundmass = 0.0
+    compiler.boundinertia = 0.0
     if arm.armature:
         for joint, armature in zip(spec.joints, arm.armature, strict=True):
             joint.armature = armature
@@ -209,15 +229,15 @@ def _tip_body(model: mujoco.MjModel, arm: Arm) -> int:
 
 
 def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
-    """The arm with gravity compensation and two actuators per joint: first all k (q_r - q), then all d (dq_r - dq).
+    """The arm with gravity compensation and two actuators per joint: first all k (q_r - q), then
+    all d (dq_r - dq).
 
-    ctrl is dq_r for both; the position actuators integrate it to q_r, their activation, so a cycle is one call into C.
+    ctrl is dq_r for both; the position actuators integrate it to q_r, their activation, so a cycle
+    is one call into C.
     """
     spec = _load(arm)
-    spec.option.timestep, spec.option.integrator = (
-        settings.plant_step,
-        mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    )
+    spec.option.timestep = settings.plant_step
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.disableflags |= (
         mujoco.mjtDisableBit.mjDSBL_AUTORESET
     )  # whatever goes wrong, an arm cannot jump to zero
@@ -239,21 +259,29 @@ def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
             )
     model = _compile(spec, arm)
     if not settings.joint_friction:
-        model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+        model.dof_damping[:] = 0.0
+        model.dof_frictionloss[:] = 0.0
     _tune(model, settings.servo_bandwidth)
     return model
 
 
 def _tune(model: mujoco.MjModel, bandwidth: float) -> None:
-    n, inertia = model.nv, _inertia_bound(model)  # (n,)
-    stiffness, damping = inertia * bandwidth**2, 2.0 * inertia * bandwidth
-    model.actuator_gainprm[:n, 0], model.actuator_biasprm[:n, 1] = stiffness, -stiffness
-    model.actuator_gainprm[n:, 0], model.actuator_biasprm[n:, 2] = damping, -damping
+    n = model.nv
+    inertia = _inertia_bound(model)  # (n,)
+    stiffness = inertia * bandwidth**2
+    damping = 2.0 * inertia * bandwidth
+    model.actuator_gainprm[:n, 0] = stiffness
+    model.actuator_biasprm[:n, 1] = -stiffness
+    model.actuator_gainprm[n:, 0] = damping
+    model.actuator_biasprm[n:, 2] = -damping
 
 
 def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
-    """D, (n,) [kg m^2]: diag(D) - M(q) is positive semidefinite, being diagonally dominant, at all of many random q."""
-    data, random = mujoco.MjData(model), np.random.default_rng(0)
+    """D, (n,) [kg m^2]: diag(D) - M(q) is positive semidefinite, being diagonally dominant, at all
+    of many random q.
+    """
+    data = mujoco.MjData(model)
+    random = np.random.default_rng(0)
     lower, upper = _joint_range(model, np.pi)
     bound = np.zeros(model.nv)
     for _ in range(SAMPLES):
@@ -264,7 +292,9 @@ def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
 
 
 def _joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper position limits, both (n,) [rad], with -unlimited and unlimited for joints that have none."""
+    """Lower and upper position limits, both (n,) [rad], with -unlimited and unlimited for joints
+    that have none.
+    """
     lower, upper = np.where(model.jnt_limited[:, None], model.jnt_range, (-unlimited, unlimited)).T
     return lower, upper
 

@@ -1,4 +1,6 @@
-"""Kinds of FRI session as tables: their states, what leads from one to another, and what each asks of the timing."""
+"""Kinds of FRI session as tables: their states, what leads from one to another, and what each asks
+of the timing.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +17,9 @@ from redres_ros.fri.quality import (
 
 
 class State(Enum):
-    """States of a session, those of every profile. The arm follows its client in CMD and COMMANDING_ACTIVE only."""
+    """States of a session, those of every profile. The arm follows its client in CMD and
+    COMMANDING_ACTIVE only.
+    """
 
     MON = 'MON'
     CMD = 'CMD'
@@ -42,9 +46,10 @@ class Event(Enum):
 class Profile:
     """A kind of FRI session.
 
-    states: the first one is that of the start; commanding: the one in which the arm follows its client; transitions: a
-    pair that is not among them changes nothing; thresholds: what every quality but the worst asks for, best first;
-    entry: quality needed for command mode to begin; lowest: the one below which it ends.
+    states: the first one is that of the start; commanding: the one in which the arm follows its
+    client; transitions: a pair that is not among them changes nothing; thresholds: what every
+    quality but the worst asks for, best first; entry: quality needed for command mode to begin;
+    lowest: the one below which it ends.
     """
 
     name: str

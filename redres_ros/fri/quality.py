@@ -26,9 +26,10 @@ class SunriseQuality(IntEnum):
 class Statistics:
     """The five figures that FRI reports, over the last WINDOW packets.
 
-    answer_rate: share of cycles in which an answer arrived, late or not; miss_rate: share without an answer in time;
-    latency: mean time from a state to its answer [s], and jitter its standard deviation [s], both over the last WINDOW
-    answers; miss_count: cycles without an answer in time since the start.
+    answer_rate: share of cycles in which an answer arrived, late or not; miss_rate: share without
+    an answer in time; latency: mean time from a state to its answer [s], and jitter its standard
+    deviation [s], both over the last WINDOW answers; miss_count: cycles without an answer in time
+    since the start.
     """
 
     answer_rate: float = 0.0
@@ -54,7 +55,8 @@ class Threshold:
     def breach(self, answer_rate: float, latency: float, jitter: float, miss_rate: float) -> str:
         """Name of the statistic that breaks its bound, empty if none does; NaN breaks every bound.
 
-        Misses follow from answers that are lost or late, so they are named only if nothing else is at fault.
+        Misses follow from answers that are lost or late, so they are named only if nothing else is
+        at fault.
         """
         if not answer_rate >= self.answer_rate:
             return 'answer_rate'

@@ -5,7 +5,9 @@ from enum import Enum
 
 
 class Refusal(Enum):
-    """Kinds of refusal, to be counted apart. The robot finds the first five, what receives messages the others."""
+    """Kinds of refusal, to be counted apart. The robot finds the first five, what receives messages
+    the others.
+    """
 
     WRONG_LENGTH = 'wrong length'
     NOT_FINITE = 'not finite'

@@ -1,7 +1,7 @@
 """Pictures of an arm, drawn by MuJoCo off screen.
 
-They are drawn in a process of their own: MuJoCo chooses its GL library once and for all when it is imported, and a
-library that does not work may take the process with it.
+They are drawn in a process of their own: MuJoCo chooses its GL library once and for all when it is
+imported, and a library that does not work may take the process with it.
 """
 
 import os
@@ -24,19 +24,22 @@ BACKENDS = (
     'osmesa',
 )  # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
 TIME_LIMIT = 120.0  # [s] for all pictures of a film
-AZIMUTH, ELEVATION = (
-    28.0,
-    -14.0,
-)  # [deg] where the camera looks: from the base frame's x towards y, from the horizontal
+AZIMUTH = 28.0
+# [deg] where the camera looks: from the base frame's x towards y, from the horizontal
+ELEVATION = -14.0
 
 _SIZE = 480, 600  # width and height [pixels]
-_LOOK_AT, _DISTANCE = (-0.2, 0.0, 0.49), 2.12  # [m]
+_LOOK_AT = (-0.2, 0.0, 0.49)
+_DISTANCE = 2.12  # [m]
 _FLOOR = (
     -0.3
 )  # [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
 _SPARE = 100  # shapes that MuJoCo may add of its own, such as lights and frames
-_BLACK, _BLUE, _RED = (0.05, 0.05, 0.05, 1.0), (0.12, 0.47, 0.71, 1.0), (0.84, 0.15, 0.16, 1.0)
-_LINE, _POINT = 0.007, 0.022  # radii [m]
+_BLACK = (0.05, 0.05, 0.05, 1.0)
+_BLUE = (0.12, 0.47, 0.71, 1.0)
+_RED = (0.84, 0.15, 0.16, 1.0)
+_LINE = 0.007
+_POINT = 0.022  # radii [m]
 
 
 class RenderError(RedresError):
@@ -47,8 +50,9 @@ class RenderError(RedresError):
 class Film:
     """What the pictures show.
 
-    q: (N, n) joint positions [rad], one row a picture; traced: (N,) share of the paths covered by then, 0 to 1;
-    tip, elbow: (K, 3), their paths; points: (P, 3), those of the task; lengths in the base frame [m].
+    q: (N, n) joint positions [rad], one row a picture; traced: (N,) share of the paths covered by
+    then, 0 to 1; tip, elbow: (K, 3), their paths; points: (P, 3), those of the task; lengths in the
+    base frame [m].
     """
 
     q: np.ndarray
@@ -59,10 +63,13 @@ class Film:
 
 
 def render(arm: Arm, film: Film) -> np.ndarray:
-    """The arm at each q of a film, with the paths up to there, (N, height, width, 3) uint8. Raises RenderError."""
+    """The arm at each q of a film, with the paths up to there, (N, height, width, 3) uint8. Raises
+    RenderError.
+    """
     failures = []
     with tempfile.TemporaryDirectory() as directory:
-        job, pictures = Path(directory, 'job.npz'), Path(directory, 'pictures.npy')
+        job = Path(directory, 'job.npz')
+        pictures = Path(directory, 'pictures.npy')
         np.savez(
             job, urdf=np.array(arm.description()), tip_frame=np.array(arm.tip_frame), **vars(film)
         )
@@ -110,7 +117,8 @@ def _draw(job: Path, pictures: Path) -> None:
     with np.load(job) as content:
         film = Film(**{field.name: content[field.name] for field in fields(Film)})
         model = _scene(str(content['urdf']), str(content['tip_frame']))
-    data, (width, height) = mujoco.MjData(model), _SIZE
+    data = mujoco.MjData(model)
+    (width, height) = _SIZE
     drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
     with mujoco.Renderer(model, height, width, max_geom=_SPARE + drawn) as renderer:
         shots = [_shot(renderer, data, film, frame) for frame in range(len(film.q))]
@@ -155,12 +163,10 @@ def _add_shape(
 
 def _camera() -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (
-        _LOOK_AT,
-        _DISTANCE,
-        AZIMUTH,
-        ELEVATION,
-    )
+    camera.lookat[:] = _LOOK_AT
+    camera.distance = _DISTANCE
+    camera.azimuth = AZIMUTH
+    camera.elevation = ELEVATION
     return camera
 
 
@@ -187,7 +193,8 @@ def _add_tool(tip: mujoco.MjsBody) -> None:
 
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
-    world, shape = spec.worldbody, mujoco.mjtGeom
+    world = spec.worldbody
+    shape = mujoco.mjtGeom
     spec.add_texture(
         name='sky',
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -225,12 +232,15 @@ def _add_surroundings(spec: mujoco.MjSpec) -> None:
         specular=(0.4, 0.4, 0.4),
         castshadow=True,
     )
-    spec.stat.extent, spec.stat.center = 1.4, _LOOK_AT
+    spec.stat.extent = 1.4
+    spec.stat.center = _LOOK_AT
     visual = spec.visual
-    visual.headlight.ambient[:], visual.headlight.diffuse[:] = 0.4, 0.3
+    visual.headlight.ambient[:] = 0.4
+    visual.headlight.diffuse[:] = 0.3
     visual.headlight.specular[:] = 0.1
     visual.global_.offwidth, visual.global_.offheight = _SIZE
-    visual.quality.offsamples, visual.quality.shadowsize = 8, 4096
+    visual.quality.offsamples = 8
+    visual.quality.shadowsize = 4096
 
 
 if __name__ == '__main__':

@@ -1,4 +1,6 @@
-"""The fake robot controller as one object: session, guard, follower and plant, moved on by one call a cycle."""
+"""The fake robot controller as one object: session, guard, follower and plant, moved on by one call
+a cycle.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,7 +16,9 @@ from redres_ros.fri.timing import WINDOW
 
 
 class Plant(Protocol):
-    """What moves when the reference does: q, dq (n,) [rad], [rad/s], fresh arrays; `step` is one period [s]."""
+    """What moves when the reference does: q, dq (n,) [rad], [rad/s], fresh arrays; `step` is one
+    period [s].
+    """
 
     joint_names: tuple[str, ...]
     period: float
@@ -32,8 +36,8 @@ class Plant(Protocol):
 class Answer:
     """A client's answer to the state of one tick.
 
-    q: (n,) commanded position [rad], outside command mode the position where the arm stands; latency: time from the
-    state to the arrival of the answer [s], 0 where nobody measures it.
+    q: (n,) commanded position [rad], outside command mode the position where the arm stands;
+    latency: time from the state to the arrival of the answer [s], 0 where nobody measures it.
     """
 
     tick: int
@@ -43,10 +47,11 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Course:
-    """Where the commands are going: q (n,) [rad] at a tick, on by slope (n,) [rad] a tick, as by the last two answers.
+    """Where the commands are going: q (n,) [rad] at a tick, on by slope (n,) [rad] a tick, as by
+    the last two answers.
 
-    The slope must not come from what was extrapolated before: fed back like that, a client that is always late would be
-    unstable.
+    The slope must not come from what was extrapolated before: fed back like that, a client that is
+    always late would be unstable.
     """
 
     tick: int
@@ -64,9 +69,11 @@ class _Course:
 
 
 class FriRobot:
-    """A robot that publishes its state at tick k and moves by the answer that it got to the state of tick k - 1.
+    """A robot that publishes its state at tick k and moves by the answer that it got to the state
+    of tick k - 1.
 
-    Raises RedresError if the parts do not have the same cycle, JointNamesError if they do not have the same joints.
+    Raises RedresError if the parts do not have the same cycle, JointNamesError if they do not have
+    the same joints.
     """
 
     def __init__(self, plant: Plant, guard: Guard, session: Session) -> None:
@@ -78,7 +85,8 @@ class FriRobot:
         if plant.joint_names != guard.limits.joint_names:
             raise JointNamesError(plant.joint_names, guard.limits.joint_names)
         self.session = session
-        self._plant, self._guard = plant, guard
+        self._plant = plant
+        self._guard = guard
         self._follower = Follower(guard.limits, plant.period, plant.q)
         self._tick = 0
         self._course = _Course(-1, plant.q, np.zeros_like(plant.q))
@@ -115,12 +123,13 @@ class FriRobot:
         return self._follower.reference
 
     def advance(self, *answers: Answer | None) -> None:
-        """Move from tick k to k + 1, given the answers that arrived since the last call, in that order; None is none.
+        """Move from tick k to k + 1, given the answers that arrived since the last call, in that
+        order; None is none.
 
-        An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An older one is late:
-        the command is taken to have gone on since then at its last velocity, as it does when no answer comes. A second
-        answer to the same state counts as none. Outside command mode the arm holds its position; from any motion it is
-        braked there.
+        An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An
+        older one is late: the command is taken to have gone on since then at its last velocity, as
+        it does when no answer comes. A second answer to the same state counts as none. Outside
+        command mode the arm holds its position; from any motion it is braked there.
         """
         if self._tick > 0:  # before, no state has been sent that could be answered
             self._receive(answers)
@@ -136,8 +145,11 @@ class FriRobot:
         self.session.reset()
 
     def _receive(self, answers: tuple[Answer | None, ...]) -> None:
-        """Enter what arrived in the session's books; new and valid answers give the commands' course."""
-        lateness, latency = None, 0.0
+        """Enter what arrived in the session's books; new and valid answers give the commands'
+        course.
+        """
+        lateness = None
+        latency = 0.0
         for answer in answers:
             if answer is None or answer.tick == self._course.tick:
                 continue
@@ -145,7 +157,8 @@ class FriRobot:
                 self.session.refuse(refused)
                 continue
             self._course = self._course.through(answer)
-            lateness, latency = self._tick - 1 - answer.tick, answer.latency
+            lateness = self._tick - 1 - answer.tick
+            latency = answer.latency
         self.session.record(lateness, latency)
         if self.session.ready and self._follower.at_rest:
             self._begin()
@@ -167,14 +180,14 @@ class FriRobot:
         return Refused(kind, f'answer to tick {answer.tick} at tick {self._tick}, {why}')
 
     def _begin(self) -> None:
-        """Let the session decide whether command mode begins with this command, as from a standstill there."""
+        """Let the session decide whether command mode begins with this command, as from a
+        standstill there.
+        """
         command = self._course.q
         self.session.offer(float(np.abs(command - self._follower.reference).max()))
         if self.session.commanding:
-            self._course, self._command = (
-                _Course(self._course.tick, command, np.zeros_like(command)),
-                command,
-            )
+            self._course = _Course(self._course.tick, command, np.zeros_like(command))
+            self._command = command
             self._follower.begin(command)
             self._guard.begin()
 

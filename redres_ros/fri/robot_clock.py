@@ -17,14 +17,17 @@ class StampError(RedresError):
 
 
 class RobotClock:
-    """Ticks of `period` [ns], the first one stamped `epoch` [ns], kept to on the monotonic clock, which nobody sets.
+    """Ticks of `period` [ns], the first one stamped `epoch` [ns], kept to on the monotonic clock,
+    which nobody sets.
 
     stood_still [s]: how long the clock did not go on. Latencies do not count it.
     """
 
     def __init__(self, epoch: int, period: int) -> None:
-        self.period, self.stood_still = period, 0.0
-        self._epoch, self._due = epoch, time.monotonic()
+        self.period = period
+        self.stood_still = 0.0
+        self._epoch = epoch
+        self._due = time.monotonic()
         self._sent = np.zeros(_REMEMBERED)  # [s]
 
     def stamp(self, tick: int) -> int:
@@ -43,7 +46,8 @@ class RobotClock:
         self._sent[tick % _REMEMBERED] = time.monotonic() - self.stood_still
 
     def latency(self, tick: int, arrived: float) -> float:
-        """From sending the state of a tick to an instant of the monotonic clock, without what this one stood still [s].
+        """From sending the state of a tick to an instant of the monotonic clock, without what this
+        one stood still [s].
 
         For an answer that came before the clock stood still this is too little, but never below 0.
         """
@@ -54,7 +58,9 @@ class RobotClock:
         self._due = time.monotonic()
 
     def wait(self, sleep: Callable[[float], None] = time.sleep) -> None:
-        """Sleep until the next tick is due; after being held up for more than a period go on from here, in no burst."""
+        """Sleep until the next tick is due; after being held up for more than a period go on from
+        here, in no burst.
+        """
         self._due += self.period / NANOSECONDS
         late = time.monotonic() - self._due
         sleep(max(-late, 0.0))

@@ -13,7 +13,9 @@ from redres_ros.parameter import check_parameters, param
 
 @dataclass(frozen=True)
 class SessionSettings:
-    """When command mode is given and when it is taken away. KUKA's figures are not public: the defaults are ours."""
+    """When command mode is given and when it is taken away. KUKA's figures are not public: the
+    defaults are ours.
+    """
 
     profile: str = param(
         LWR_FRI1.name, "kind of FRI session: the LWR's, or that of Sunrise", choices=tuple(PROFILES)
@@ -33,10 +35,11 @@ class SessionSettings:
 
 
 class Session:
-    """Grants command mode to a client that answers well, and takes it away with a reason that stays until `reset`.
+    """Grants command mode to a client that answers well, and takes it away with a reason that stays
+    until `reset`.
 
-    period [s]: the cycle. The caller records every cycle, offers each command that arrives in time, and reports
-    refusals and violations.
+    period [s]: the cycle. The caller records every cycle, offers each command that arrives in time,
+    and reports refusals and violations.
     """
 
     def __init__(self, period: float, settings: SessionSettings | None = None) -> None:
@@ -45,12 +48,12 @@ class Session:
         self._profile = PROFILES[self._settings.profile]
         self._connection = Connection(period, self._profile.thresholds)
         self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
-        self._good_cycles, self._bridged = 0, 0
-        self._refusals, self._refused = (
-            Counter[Refusal](),
-            '',
-        )  # and the last one in words, if no answer came since
-        self._state, self._reason = self._profile.states[0], ''
+        self._good_cycles = 0
+        self._bridged = 0
+        self._refusals = Counter[Refusal]()
+        self._refused = ''  # and the last one in words, if no answer came since
+        self._state = self._profile.states[0]
+        self._reason = ''
 
     @property
     def profile(self) -> Profile:
@@ -79,7 +82,9 @@ class Session:
 
     @property
     def at_fault(self) -> str:
-        """Name of the statistic that keeps the quality from being a better one; empty if it is the best."""
+        """Name of the statistic that keeps the quality from being a better one; empty if it is the
+        best.
+        """
         return self._connection.at_fault
 
     @property
@@ -99,7 +104,9 @@ class Session:
 
     @property
     def ready(self) -> bool:
-        """Whether a command of this cycle could be the first: good timing for long enough, nothing against it."""
+        """Whether a command of this cycle could be the first: good timing for long enough, nothing
+        against it.
+        """
         return (
             self._profile.awaits_command(self._state)
             and not self._reason
@@ -108,10 +115,11 @@ class Session:
         )
 
     def record(self, lateness: int | None, latency: float = 0.0) -> None:
-        """Enter one cycle by its answer's lateness in cycles: 0 in time, None if there was no valid one.
+        """Enter one cycle by its answer's lateness in cycles: 0 in time, None if there was no valid
+        one.
 
-        latency [s]: from the state to its answer, 0 where nobody measures it. In command mode bad timing ends the
-        session.
+        latency [s]: from the state to its answer, 0 where nobody measures it. In command mode bad
+        timing ends the session.
         """
         self._connection.record(lateness, latency)
         self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
@@ -124,14 +132,18 @@ class Session:
         self._take(self._timing())
 
     def refuse(self, refused: Refused) -> None:
-        """Count an answer that is no valid command. A cycle that has no other answer is recorded as one without."""
+        """Count an answer that is no valid command. A cycle that has no other answer is recorded as
+        one without.
+        """
         self._refusals[refused.kind] += 1
         self._refused = refused.text
 
     def offer(self, gap: float) -> None:
-        """Begin command mode if the session is ready and the command is within the tolerance of the mirrored position.
+        """Begin command mode if the session is ready and the command is within the tolerance of the
+        mirrored position.
 
-        gap: largest distance between the two over all joints [rad]. Too large a gap is an interpolation error.
+        gap: largest distance between the two over all joints [rad]. Too large a gap is an
+        interpolation error.
         """
         if not self.ready:
             return
@@ -145,17 +157,20 @@ class Session:
 
     def stop(self, reason: str) -> None:
         """End command mode. The first reason is kept: what follows from it is not the cause."""
-        self._reason, self._good_cycles = self._reason or reason, 0
+        self._reason = self._reason or reason
+        self._good_cycles = 0
         self._take(Event.FAULT)
 
     def reset(self) -> None:
         """Clear the reason and monitor anew; command mode takes another monitor_time."""
-        self._reason, self._good_cycles = '', 0
+        self._reason = ''
+        self._good_cycles = 0
         self._take(Event.RESET)
 
     def _timing_fault(self) -> str:
         """Why the timing ends command mode; empty if it does not."""
-        age, bridged = self._connection.age, self._settings.bridged_misses
+        age = self._connection.age
+        bridged = self._settings.bridged_misses
         refused = f'; last refused: {self._refused}' if self._refused else ''
         if age > bridged:
             return f'timing: the newest answer is {age} cycles late, {bridged} are bridged{refused}'

@@ -1,4 +1,6 @@
-"""How well a client answers: statistics over the last packets, the quality they add up to, counts since the start."""
+"""How well a client answers: statistics over the last packets, the quality they add up to, counts
+since the start.
+"""
 
 import math
 from collections import deque
@@ -21,8 +23,9 @@ _HOUR = 3600.0  # [s] a longer latency, or one that is no number, counts as this
 class Counts:
     """What became of every cycle since the start.
 
-    cycles = in_time + late + missed; longest_run: most cycles in a row without an answer in time; bridged: cycles in
-    command mode whose command was extrapolated; refused: answers that were no valid command.
+    cycles = in_time + late + missed; longest_run: most cycles in a row without an answer in time;
+    bridged: cycles in command mode whose command was extrapolated; refused: answers that were no
+    valid command.
     """
 
     cycles: int = 0
@@ -37,8 +40,8 @@ class Counts:
 class Connection:
     """Keeps the books on one client, packet by packet, for a cycle of `period` [s].
 
-    thresholds: what every quality but the worst asks for, best first. Recording only counts; the figures are computed
-    when they are asked for.
+    thresholds: what every quality but the worst asks for, best first. Recording only counts; the
+    figures are computed when they are asked for.
     """
 
     def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold] = THRESHOLDS) -> None:
@@ -48,13 +51,20 @@ class Connection:
         self._worst = min(type(next(iter(thresholds))))
         self._latenesses: deque[int | None] = deque([None] * WINDOW)  # of the last packets
         self._latencies = _Latencies()
-        self._newly_answered, self._newly_in_time = 0, 0  # among the last packets
-        self._age, self._run, self._longest_run = 0, 0, 0
-        self._in_time, self._late, self._missed = 0, 0, 0
+        self._newly_answered = 0
+        self._newly_in_time = 0  # among the last packets
+        self._age = 0
+        self._run = 0
+        self._longest_run = 0
+        self._in_time = 0
+        self._late = 0
+        self._missed = 0
         self._verdict: _Verdict | None = None  # on the packets so far; None: not asked for yet
 
     def record(self, lateness: int | None, latency: float) -> None:
-        """Enter one cycle: its answer's lateness in cycles (0: in time; None: no answer) and latency [s]."""
+        """Enter one cycle: its answer's lateness in cycles (0: in time; None: no answer) and
+        latency [s].
+        """
         self._enter(lateness)
         if lateness is None:
             self._missed += 1
@@ -90,12 +100,16 @@ class Connection:
 
     @property
     def at_fault(self) -> str:
-        """Name of the statistic that keeps the quality from being the next better one; empty if it is the best."""
+        """Name of the statistic that keeps the quality from being the next better one; empty if it
+        is the best.
+        """
         return self._judge().at_fault
 
     @property
     def complaint(self) -> str:
-        """The same in words, with the figure and what the next better quality asks for; empty if it is the best."""
+        """The same in words, with the figure and what the next better quality asks for; empty if it
+        is the best.
+        """
         _, quality, at_fault = self._judge()
         if not at_fault:
             return ''
@@ -123,7 +137,8 @@ class Connection:
 
     def _find(self) -> '_Verdict':
         """The best quality first, as it is the usual one."""
-        figures, at_fault = self._figures(), ''
+        figures = self._figures()
+        at_fault = ''
         for quality, threshold in self._thresholds.items():
             breach = threshold.breach(*figures)
             if not breach:
@@ -152,11 +167,14 @@ class _Verdict(NamedTuple):
 
 
 class _Latencies:
-    """Mean and standard deviation of the last WINDOW latencies, from running sums: of whole nanoseconds, so exact."""
+    """Mean and standard deviation of the last WINDOW latencies, from running sums: of whole
+    nanoseconds, so exact.
+    """
 
     def __init__(self) -> None:
         self._last: deque[int] = deque()  # [ns]
-        self._sum, self._sum_of_squares = 0, 0  # [ns], [ns^2]
+        self._sum = 0
+        self._sum_of_squares = 0  # [ns], [ns^2]
 
     def append(self, latency: float) -> None:
         """Enter a latency [s]; one too many makes the oldest forgotten."""

@@ -22,7 +22,9 @@ LAWS: dict[str, type[Law]] = {
 
 
 def make_law(name: str, **gains: float) -> Law:
-    """The law of that name with the given gains, as damping=10.0. Raises UnknownNameError, RangeError."""
+    """The law of that name with the given gains, as damping=10.0. Raises UnknownNameError,
+    RangeError.
+    """
     if name not in LAWS:
         raise UnknownNameError('law', name, LAWS)
     allowed = [field.name for field in parameters(LAWS[name])]

@@ -10,7 +10,9 @@ from redres_ros.robot_model import RobotState
 
 @dataclass(frozen=True)
 class MinimumKineticEnergy(Law):
-    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M. Has no memory, so damping changes nothing."""
+    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M. Has no memory, so damping changes
+    nothing.
+    """
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return np.zeros(len(state.q))
@@ -21,7 +23,9 @@ class MinimumKineticEnergy(Law):
 
 @dataclass(frozen=True)
 class _TorqueLaw(Law):
-    """The bias that the torque laws share: the velocity after one tick of zero torque and null-space damping."""
+    """The bias that the torque laws share: the velocity after one tick of zero torque and
+    null-space damping.
+    """
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return (
@@ -36,7 +40,9 @@ class MinimumWeightedTorque(_TorqueLaw):
 
 @dataclass(frozen=True)
 class DynamicallyConsistent(_TorqueLaw):
-    """Least torque in the norm of M^-1, Eq. (28)-(34) -> (32); Eq. (35) is the special case damping = 1/T."""
+    """Least torque in the norm of M^-1, Eq. (28)-(34) -> (32); Eq. (35) is the special case damping
+    = 1/T.
+    """
 
     def weight(self, state: RobotState) -> np.ndarray:
         return state.M

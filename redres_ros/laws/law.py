@@ -12,10 +12,11 @@ from redres_ros.robot_model import RobotState
 
 @dataclass(frozen=True)
 class Law(ABC):
-    """A redundancy resolution law at the velocity level: dq = argmin 1/2 (dq - b)' W (dq - b) subject to J dq = dx.
+    """A redundancy resolution law at the velocity level: dq = argmin 1/2 (dq - b)' W (dq - b)
+    subject to J dq = dx.
 
-    A subclass is a frozen dataclass whose fields, declared with `param`, are its gains. damping is k_d of Eq. (21); it
-    acts through the forgetting factor lambda = 1 - k_d T (Appendix B).
+    A subclass is a frozen dataclass whose fields, declared with `param`, are its gains. damping is
+    k_d of Eq. (21); it acts through the forgetting factor lambda = 1 - k_d T (Appendix B).
     """
 
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
@@ -25,7 +26,9 @@ class Law(ABC):
 
     @abstractmethod
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        """b, the joint velocity that the law would like best, (n,) [rad/s], for a sampling time T [s]."""
+        """b, the joint velocity that the law would like best, (n,) [rad/s], for a sampling time T
+        [s].
+        """
 
     def weight(self, state: RobotState) -> np.ndarray | None:
         """W, symmetric positive definite, (n, n); None for the identity."""
@@ -36,7 +39,9 @@ class Law(ABC):
         return 1.0 - self.damping * T
 
     def check_damping(self, T: float) -> None:
-        """Raise RangeError unless 0 <= k_d <= 1/T: beyond it null-space motion oscillates or diverges (Appendix B)."""
+        """Raise RangeError unless 0 <= k_d <= 1/T: beyond it null-space motion oscillates or
+        diverges (Appendix B).
+        """
         if not 0.0 <= self.damping * T <= 1.0 + 1e-12:
             raise RangeError(
                 'damping',

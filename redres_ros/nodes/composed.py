@@ -1,7 +1,7 @@
 """Executable `composed`: the nodes sim, controller and planner in one process and one thread.
 
-States, commands and task velocities are handed over without a way through DDS, on which others can still listen, and
-send task velocities.
+States, commands and task velocities are handed over without a way through DDS, on which others can
+still listen, and send task velocities.
 """
 
 import sys
@@ -16,7 +16,9 @@ from redres_ros.nodes.sim import SimNode
 
 
 def run_composed(sim: type[Node] = SimNode, arguments: list[str] | None = None) -> int:
-    """The exit status of the three; a state is answered by the controller before the planner gets it."""
+    """The exit status of the three; a state is answered by the controller before the planner gets
+    it.
+    """
     intra_process = IntraProcess(
         ('joint_states', 'joint_command'), open_topics=('cartesian_velocity',)
     )

@@ -97,9 +97,11 @@ class ControllerNode(Node):
 
     def __init__(self) -> None:
         super().__init__('controller')
-        self._robot, self._settings = declare_robot(self), declare(self, ControllerParameters())
+        self._robot = declare_robot(self)
+        self._settings = declare(self, ControllerParameters())
         self._law_parameters = LawParameters(self)
-        model, rate = self._robot.model, self._settings.rate
+        model = self._robot.model
+        rate = self._settings.rate
         self._controller = Controller(
             model,
             self._law_parameters.law,
@@ -108,18 +110,15 @@ class ControllerNode(Node):
             integrate_from=self._settings.integrate_from,
         )
         self._frame = self._settings.base_frame or model.base_frame
-        self._joints, self._period = JointOrder(model.joint_names), round(NANOSECONDS / rate)
+        self._joints = JointOrder(model.joint_names)
+        self._period = round(NANOSECONDS / rate)
         self._held = self._has_commanded = False
         self._commanding = True  # a robot without a session always lets itself be commanded
-        self._has_session, self._silent_until = (
-            False,
-            0,
-        )  # stamp [ns] until which a new robot may tell of its session
+        self._has_session = False
+        self._silent_until = 0  # stamp [ns] until which a new robot may tell of its session
         self._twist = _Twist(0, np.zeros(model.m))
-        self._stamp, self._answer = (
-            0,
-            JointMessage(model.joint_names),
-        )  # of the state answered last, and the answer
+        self._stamp = 0
+        self._answer = JointMessage(model.joint_names)  # of the state answered last, and the answer
         self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step
         self._answered = self._skipped = 0
         self._create_interfaces()
@@ -144,10 +143,8 @@ class ControllerNode(Node):
         self._telemetry = Telemetry(
             self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String}
         )
-        self._refusals, self._watchdog = (
-            Refusals(self),
-            Watchdog(self, 'joint_states', self._settings.state_timeout),
-        )
+        self._refusals = Refusals(self)
+        self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, NEWEST)
@@ -177,7 +174,8 @@ class ControllerNode(Node):
             to_nanoseconds(message.header.stamp) or self._stamp, dx
         )  # a zero stamp means now
         if self._waiting and to_nanoseconds(self._waiting.header.stamp) == self._twist.stamp:
-            waiting, self._waiting = self._waiting, None
+            waiting = self._waiting
+            self._waiting = None
             self._reply(self._twist.stamp, waiting)
 
     def _reply(self, stamp: int, message: JointState) -> None:
@@ -196,7 +194,8 @@ class ControllerNode(Node):
         cycles = self._cycles_since_last(stamp)
         commanding = self._commanding and stamp >= self._silent_until
         if not commanding or cycles > 1 + self._settings.bridged_misses or not self._followed(q):
-            self._controller.reset()  # the arm stands still, or is too far on to go on from the last command
+            # the arm stands still, or is too far on to go on from the last command
+            self._controller.reset()
             cycles = 1
         self._skipped += cycles - 1
         age = (stamp - self._twist.stamp) / NANOSECONDS
@@ -207,8 +206,11 @@ class ControllerNode(Node):
         return self._controller.update(q, self._twist.dx, missed=cycles - 1)
 
     def _followed(self, q: np.ndarray) -> bool:
-        """Whether the arm goes where it is told; a robot may stop it without a word, or the word may get lost."""
-        lag, allowed = self._controller.lag(q), self._settings.following_tolerance
+        """Whether the arm goes where it is told; a robot may stop it without a word, or the word
+        may get lost.
+        """
+        lag = self._controller.lag(q)
+        allowed = self._settings.following_tolerance
         if lag > allowed:
             self.get_logger().warning(
                 f'the arm does not follow: a joint is {lag:.3g} rad from its reference, allowed '
@@ -218,7 +220,9 @@ class ControllerNode(Node):
         return lag <= allowed
 
     def _cycles_since_last(self, stamp: int) -> int:
-        """Cycles from the state answered last to this one; 1 in the beginning and where the clock has been set anew."""
+        """Cycles from the state answered last to this one; 1 in the beginning and where the clock
+        has been set anew.
+        """
         elapsed = stamp - self._stamp
         if not self._stamp or abs(elapsed) > _NEW_CLOCK:
             self._controller.reset()
@@ -239,7 +243,9 @@ class ControllerNode(Node):
         if self._forward:
             self._forward.publish(Float64MultiArray(data=command.q_ref.tolist()))
         if self._telemetry.heard:
-            norm, publish, state = np.linalg.norm, self._telemetry.publish, command.state
+            norm = np.linalg.norm
+            publish = self._telemetry.publish
+            state = command.state
             publish('tip_pose', lambda: to_pose(stamp, self._frame, state.x, state.R))
             publish('joint_velocity_norm', lambda: float(norm(command.dq)))
             publish('joint_acceleration_norm', lambda: float(norm(command.ddq)))
@@ -249,19 +255,19 @@ class ControllerNode(Node):
             publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:
-        self._has_session, self._silent_until = True, 0
+        self._has_session = True
+        self._silent_until = 0
         self._has_commanded |= message.data in COMMANDING
-        # In lock-step the first answer begins command mode; the tick in which the news of that arrives must not matter.
+        # In lock-step the first answer begins command mode; the tick in which the news of that
+        # arrives must not matter.
         self._commanding = message.data in COMMANDING or (
             self._settings.lockstep and not self._has_commanded
         )
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._held = request.data
-        response.success, response.message = (
-            True,
-            'holding' if request.data else 'following cartesian_velocity',
-        )
+        response.success = True
+        response.message = 'holding' if request.data else 'following cartesian_velocity'
         return response
 
     def _check(self, changes: dict[str, Any]) -> None:

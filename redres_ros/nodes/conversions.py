@@ -31,11 +31,14 @@ class JointOrder:
         self._order: np.ndarray | None = None  # of the names seen last; None: as ours
 
     def positions(self, message: JointState) -> np.ndarray:
-        """q (n,) [rad] in our order. Raises JointNamesError, and ArrayError for a wrong length, NaN or infinity."""
+        """q (n,) [rad] in our order. Raises JointNamesError, and ArrayError for a wrong length, NaN
+        or infinity.
+        """
         if message.name != self._seen:
             self._learn(message.name)
         if len(message.position) != len(self.names):
-            got, joints = len(message.position), len(self.names)
+            got = len(message.position)
+            joints = len(self.names)
             raise LengthError(f'{got} positions for {joints} joints; expected one value per joint')
         q = np.frombuffer(message.position)  # a view of the message's array of doubles
         if (
@@ -57,7 +60,9 @@ class JointOrder:
 
 
 def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
-    """Positions [rad] and velocities [rad/s] with a stamp [ns]; a state of the robot or a command for it."""
+    """Positions [rad] and velocities [rad/s] with a stamp [ns]; a state of the robot or a command
+    for it.
+    """
     message = JointState(
         name=list(names), position=array('d', q.tobytes()), velocity=array('d', dq.tobytes())
     )
@@ -66,21 +71,21 @@ def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarr
 
 
 class JointMessage:
-    """One JointState that is filled again for every command: making a new one takes ten times as long.
+    """One JointState that is filled again for every command: making a new one takes ten times as
+    long.
 
     Publishing serialises it, so it may be filled anew as soon as that is done.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self.message = to_joint_state(0, names, *np.zeros((2, len(names))))
-        self._q, self._dq = (
-            np.frombuffer(self.message.position),
-            np.frombuffer(self.message.velocity),
-        )
+        self._q = np.frombuffer(self.message.position)
+        self._dq = np.frombuffer(self.message.velocity)
 
     def filled(self, stamp: int, q: np.ndarray, dq: np.ndarray) -> JointState:
         """The message with positions [rad], velocities [rad/s] and a stamp [ns]."""
-        self._q[:], self._dq[:] = q, dq
+        self._q[:] = q
+        self._dq[:] = dq
         time = self.message.header.stamp
         time.sec, time.nanosec = divmod(stamp, NANOSECONDS)
         return self.message
@@ -89,8 +94,10 @@ class JointMessage:
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
     """Task velocity (3,) [m/s] or (6,) with the angular part [rad/s] below."""
     message = TwistStamped()
-    message.header.stamp, message.header.frame_id = to_time(stamp), frame
-    linear, angular = message.twist.linear, message.twist.angular
+    message.header.stamp = to_time(stamp)
+    message.header.frame_id = frame
+    linear = message.twist.linear
+    angular = message.twist.angular
     linear.x, linear.y, linear.z = dx[:3].tolist()
     if len(dx) == 6:
         angular.x, angular.y, angular.z = dx[3:].tolist()
@@ -98,12 +105,15 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
 
 
 def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
-    """The first rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN or infinity."""
+    """The first rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN
+    or infinity.
+    """
     if message.header.frame_id != frame:
         raise FrameError(
             f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}'
         )
-    linear, angular = message.twist.linear, message.twist.angular
+    linear = message.twist.linear
+    angular = message.twist.angular
     dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
     if not np.isfinite(dx).all():
         raise ArrayError(f'cartesian_velocity is {dx.tolist()}; every value must be finite')
@@ -113,7 +123,8 @@ def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
 def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped:
     """Position (3,) [m] and orientation (3, 3) as a unit quaternion."""
     message = PoseStamped()
-    message.header.stamp, message.header.frame_id = to_time(stamp), frame
+    message.header.stamp = to_time(stamp)
+    message.header.frame_id = frame
     message.pose.position.x, message.pose.position.y, message.pose.position.z = x.tolist()
     orientation = message.pose.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = quaternion(R).tolist()

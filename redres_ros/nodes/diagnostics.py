@@ -9,7 +9,9 @@ from rclpy.node import Node
 
 from redres_ros.nodes.qos import PUBLISH
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+OK = DiagnosticStatus.OK
+WARN = DiagnosticStatus.WARN
+ERROR = DiagnosticStatus.ERROR
 
 
 class Health(NamedTuple):
@@ -24,7 +26,9 @@ class Diagnostics:
     """Publishes what `health()` gives on /diagnostics, once a second."""
 
     def __init__(self, node: Node, hardware: str, health: Callable[[], Health]) -> None:
-        self._node, self._hardware, self._health = node, hardware, health
+        self._node = node
+        self._hardware = hardware
+        self._health = health
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', PUBLISH)
         node.create_timer(1.0, self.publish)
 
@@ -48,10 +52,13 @@ class Diagnostics:
 
 
 class Refusals:
-    """Input that was refused: a log line when a source turns bad, or bad in another way, and one when it is good."""
+    """Input that was refused: a log line when a source turns bad, or bad in another way, and one
+    when it is good.
+    """
 
     def __init__(self, node: Node) -> None:
-        self._logger, self._bad = node.get_logger(), {}
+        self._logger = node.get_logger()
+        self._bad = {}
         self.count = 0
 
     def refuse(self, source: str, error: Exception) -> None:
@@ -75,11 +82,16 @@ class Refusals:
 
 
 class Watchdog:
-    """Notices the silence of a topic by the monotonic clock; logs when it falls silent and when it is back."""
+    """Notices the silence of a topic by the monotonic clock; logs when it falls silent and when it
+    is back.
+    """
 
     def __init__(self, node: Node, topic: str, timeout: float) -> None:
-        self._logger, self._topic, self._timeout = node.get_logger(), topic, timeout
-        self._last, self.silent = time.monotonic(), False
+        self._logger = node.get_logger()
+        self._topic = topic
+        self._timeout = timeout
+        self._last = time.monotonic()
+        self.silent = False
         node.create_timer(timeout / 2.0, self._look)
 
     def feed(self) -> None:

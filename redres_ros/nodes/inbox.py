@@ -34,7 +34,8 @@ _KINDS = {  # the first class that an error is of tells what kind of refusal it 
 
 
 class _Arrival(NamedTuple):
-    """A command: stamp [ns] of the state that it answers, and its positions (n,) [rad], or what is wrong with them.
+    """A command: stamp [ns] of the state that it answers, and its positions (n,) [rad], or what is
+    wrong with them.
 
     time: when it came by the monotonic clock [s]; tick: at which the robot's network took it.
     """
@@ -46,12 +47,13 @@ class _Arrival(NamedTuple):
 
 
 class Inbox:
-    """Turns commands into answers. `put` is called by whoever receives them, the rest by the robot's loop.
+    """Turns commands into answers. `put` is called by whoever receives them, the rest by the
+    robot's loop.
 
-    publishers: how many there are in the graph; while more than one answers, nobody's commands are taken. One that was
-    killed stays in the graph for some 20 s, but is silent. link: what the transport does to commands, can be set at any
-    time. timed: whether latencies are measured; in lock-step they mean nothing. Refusals are told to the log and
-    counted by the session.
+    publishers: how many there are in the graph; while more than one answers, nobody's commands are
+    taken. One that was killed stays in the graph for some 20 s, but is silent. link: what the
+    transport does to commands, can be set at any time. timed: whether latencies are measured; in
+    lock-step they mean nothing. Refusals are told to the log and counted by the session.
     """
 
     def __init__(
@@ -64,12 +66,16 @@ class Inbox:
         seed: int,
         timed: bool,
     ) -> None:
-        self._joints, self._clock, self._session, self._refusals = joints, clock, session, refusals
+        self._joints = joints
+        self._clock = clock
+        self._session = session
+        self._refusals = refusals
         self._under_way: Channel[_Arrival] = Channel(f'{seed} commands', link)
         self._arrivals: deque[_Arrival] = deque()
         self.newest = 0  # stamp [ns] of the state that the newest command answers
         self._contested = -math.inf  # when a state was last answered again [s]
-        self._timed, self.publishers = timed, 0
+        self._timed = timed
+        self.publishers = 0
 
     def set_link(self, link: Link) -> None:
         """Change what the transport does."""
@@ -77,7 +83,8 @@ class Inbox:
 
     def put(self, message: JointState) -> None:
         """A command has come; the message is not kept."""
-        now, stamp = time.monotonic(), to_nanoseconds(message.header.stamp)
+        now = time.monotonic()
+        stamp = to_nanoseconds(message.header.stamp)
         if stamp <= self.newest:
             self._contested = now
         self.newest = stamp
@@ -88,7 +95,9 @@ class Inbox:
         self._arrivals.append(_Arrival(stamp, q, now))
 
     def take(self, tick: int) -> list[Answer]:
-        """What the robot gets at a tick: the commands that came since the last one, as answers to ticks before it."""
+        """What the robot gets at a tick: the commands that came since the last one, as answers to
+        ticks before it.
+        """
         while self._arrivals:
             self._under_way.send(self._arrivals.popleft()._replace(tick=tick), tick)
         answers = (self._to_answer(arrival, tick) for arrival in self._under_way.receive(tick))

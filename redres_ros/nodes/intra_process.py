@@ -1,4 +1,5 @@
-"""Messages between nodes of one process, handed over directly: what rclcpp calls intra-process communication.
+"""Messages between nodes of one process, handed over directly: what rclcpp calls intra-process
+communication.
 
 rclpy sends even these through DDS, which takes a fair part of a cycle each way.
 """
@@ -11,15 +12,17 @@ from rclpy.publisher import Publisher
 
 
 class IntraProcess:
-    """Makes nodes whose messages on some topics reach each other within publish(), in the thread of the publisher.
+    """Makes nodes whose messages on some topics reach each other within publish(), in the thread of
+    the publisher.
 
-    topics: for these, nodes of other processes can listen, but are not listened to. open_topics: they are, and a
-    message from within then comes a second time, by DDS. Receivers are called in the order of their creation, before
-    the message goes out to others.
+    topics: for these, nodes of other processes can listen, but are not listened to. open_topics:
+    they are, and a message from within then comes a second time, by DDS. Receivers are called in
+    the order of their creation, before the message goes out to others.
     """
 
     def __init__(self, topics: Collection[str], open_topics: Collection[str] = ()) -> None:
-        self._topics, self._open = topics, open_topics
+        self._topics = topics
+        self._open = open_topics
         self._receivers: dict[str, list[Callable[[Any], None]]] = {}  # by the topic's full name
 
     def node(self, cls: type[Node]) -> type[Node]:
@@ -67,7 +70,8 @@ class _Publisher:
     """Hands over before it publishes."""
 
     def __init__(self, publisher: Publisher, receivers: list[Callable[[Any], None]]) -> None:
-        self._publisher, self._receivers = publisher, receivers
+        self._publisher = publisher
+        self._receivers = receivers
 
     def publish(self, message: Any) -> None:
         """As ever, after the receivers of this process have got it."""

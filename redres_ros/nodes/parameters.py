@@ -59,7 +59,9 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
 def on_live_change(
     node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]
 ) -> None:
-    """Have changes of parameters checked before they are set and applied after; a RedresError refuses them all."""
+    """Have changes of parameters checked before they are set and applied after; a RedresError
+    refuses them all.
+    """
 
     def before(changed: list[RosParameter]) -> SetParametersResult:
         try:
@@ -109,7 +111,9 @@ class RobotParameters:
 
 
 def declare_robot(node: Node, **preferred: Any) -> RobotParameters:
-    """Declare the parameters of the arm; the other defaults follow from `robot`, unless the node prefers its own."""
+    """Declare the parameters of the arm; the other defaults follow from `robot`, unless the node
+    prefers its own.
+    """
     field, parameter = next(
         (f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot'
     )
@@ -143,7 +147,9 @@ class LawParameters:
         self.law = self.changed({})
 
     def changed(self, changes: dict[str, Any]) -> Law:
-        """The law after changes of parameters, without making them; other parameters among them do not matter."""
+        """The law after changes of parameters, without making them; other parameters among them do
+        not matter.
+        """
         values = {
             **self._values,
             **{key: value for key, value in changes.items() if key in self._values},
@@ -174,10 +180,12 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
     if parameter.choices:
         descriptor.additional_constraints = 'one of: ' + ', '.join(parameter.choices)
     if parameter.lower is not None and isinstance(default, float):
-        lower, upper = float(parameter.lower), float(parameter.upper)
+        lower = float(parameter.lower)
+        upper = float(parameter.upper)
         descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
     elif parameter.lower is not None and isinstance(default, int):
-        lower, upper = int(parameter.lower), int(parameter.upper)
+        lower = int(parameter.lower)
+        upper = int(parameter.upper)
         descriptor.integer_range = [IntegerRange(from_value=lower, to_value=upper, step=1)]
     return descriptor
 

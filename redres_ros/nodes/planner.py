@@ -1,4 +1,6 @@
-"""Node `planner`: streams the task velocities of a task, one cartesian_velocity for each joint_states."""
+"""Node `planner`: streams the task velocities of a task, one cartesian_velocity for each
+joint_states.
+"""
 
 import sys
 from dataclasses import dataclass
@@ -38,25 +40,30 @@ class PlannerParameters:
 
 
 class PlannerNode(Node):
-    """Knows time only from the stamps of the states: when the robot's clock stands, so does the task."""
+    """Knows time only from the stamps of the states: when the robot's clock stands, so does the
+    task.
+    """
 
     def __init__(self) -> None:
         super().__init__('planner')
-        self._robot, self._settings = declare_robot(self), declare(self, PlannerParameters())
-        self._model, self._task = self._robot.model, load_task(self._settings.task)
+        self._robot = declare_robot(self)
+        self._settings = declare(self, PlannerParameters())
+        self._model = self._robot.model
+        self._task = load_task(self._settings.task)
         self._frame = self._settings.base_frame or self._model.base_frame
         self._joints = JointOrder(self._model.joint_names)
         self._planner: Planner | None = None
         self._wanted = self._settings.autostart
-        self._begun, self._R = 0, np.eye(3)  # stamp [ns] and orientation with which the task began
-        self._stamp, self._twist = 0, TwistStamped()
+        self._begun = 0
+        self._R = np.eye(3)  # stamp [ns] and orientation with which the task began
+        self._stamp = 0
+        self._twist = TwistStamped()
         self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
-        self._state, self._state_name = self.create_publisher(String, 'planner/state', LATCHED), ''
+        self._state = self.create_publisher(String, 'planner/state', LATCHED)
+        self._state_name = ''
         self._telemetry = Telemetry(self, {'task_error': Float64, 'segment': Int32})
-        self._refusals, self._watchdog = (
-            Refusals(self),
-            Watchdog(self, 'joint_states', self._settings.state_timeout),
-        )
+        self._refusals = Refusals(self)
+        self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self.create_service(Trigger, 'planner/start', self._on_start)
@@ -87,7 +94,8 @@ class PlannerNode(Node):
     def _reference(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Reference:
         if self._planner is None or stamp < self._stamp:
             self._planner = Planner(self._task, x, feedback_limit=self._settings.feedback_limit)
-            self._begun, self._R = stamp, R
+            self._begun = stamp
+            self._R = R
         return self._planner.reference(x, (stamp - self._begun) / NANOSECONDS)
 
     def _velocity(self, reference: Reference, R: np.ndarray) -> np.ndarray:
@@ -98,17 +106,21 @@ class PlannerNode(Node):
         )
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, task = True, self._settings.task
+        response.success = True
+        task = self._settings.task
         if self._state_name == 'moving':  # to begin anew on the way would be a jump of the velocity
             response.message = f'{task}: is under way already; planner/stop ends it'
         else:
-            self._planner, self._wanted = None, True
+            self._planner = None
+            self._wanted = True
             response.message = f'{task}: begins with the next joint_states'
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = True, 'stopped' if self._wanted else 'was not moving'
-        self._planner, self._wanted = None, False
+        response.success = True
+        response.message = 'stopped' if self._wanted else 'was not moving'
+        self._planner = None
+        self._wanted = False
         self._tell('idle')
         return response
 

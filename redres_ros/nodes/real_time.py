@@ -1,4 +1,6 @@
-"""What the kernel can do for a node that must answer in time: scheduling, locked memory, processors of its own."""
+"""What the kernel can do for a node that must answer in time: scheduling, locked memory, processors
+of its own.
+"""
 
 import ctypes
 import os
@@ -13,12 +15,15 @@ from redres_ros.parameter import param
 
 ANY = (-1,)  # of processors; ROS has no empty arrays
 
-_MCL_CURRENT, _MCL_FUTURE = 1, 2  # Linux, see mlockall(2)
+_MCL_CURRENT = 1
+_MCL_FUTURE = 2  # Linux, see mlockall(2)
 
 
 @dataclass(frozen=True)
 class RealTime:
-    """Parameters of every node; they act on its whole process. By default nothing is asked of the kernel."""
+    """Parameters of every node; they act on its whole process. By default nothing is asked of the
+    kernel.
+    """
 
     realtime_priority: int = param(
         0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99
@@ -28,7 +33,9 @@ class RealTime:
 
 
 def ask_kernel(node: Node) -> None:
-    """Ask for what the node's parameters want; what is not permitted gets one warning, and the node runs without it."""
+    """Ask for what the node's parameters want; what is not permitted gets one warning, and the node
+    runs without it.
+    """
     wanted = declare(node, RealTime())
     if wanted.realtime_priority:
         _try(

@@ -29,7 +29,8 @@ RCLError = rclpy_implementation.RCLError
 
 HIGHEST_DOMAIN = 232  # the last one whose ports exist
 
-PARENT = 'REDRES_PARENT'  # environment variable: number of the process without which a node is not to live on
+# environment variable: number of the process without which a node is not to live on
+PARENT = 'REDRES_PARENT'
 
 _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
@@ -60,13 +61,15 @@ class OwnThread:
 class Spinner:
     """An EventsExecutor for some nodes, spun until an event is set.
 
-    EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy 7.1.6 (their endless
-    wait overflows there and becomes a busy loop); spin_until_future_complete with a timeout and one Future that never
-    completes does the same work.
+    EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy
+    7.1.6 (their endless wait overflows there and becomes a busy loop); spin_until_future_complete
+    with a timeout and one Future that never completes does the same work.
     """
 
     def __init__(self, nodes: Iterable[Node], stopped: threading.Event) -> None:
-        self._executor, self._never, self._stopped = EventsExecutor(), Future(), stopped
+        self._executor = EventsExecutor()
+        self._never = Future()
+        self._stopped = stopped
         for node in nodes:
             self._executor.add_node(node)
 
@@ -95,7 +98,9 @@ class Spinner:
 
 
 def start(arguments: list[str] | None = None) -> None:
-    """rclpy.init with our own signal handling. Raises StartError for an environment that cannot work."""
+    """rclpy.init with our own signal handling. Raises StartError for an environment that cannot
+    work.
+    """
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN):
         raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')
@@ -109,10 +114,13 @@ def start(arguments: list[str] | None = None) -> None:
 
 @contextmanager
 def spun(make: Callable[[], N]) -> Iterator[N]:
-    """Start ROS and yield a node that is spun in a thread; for programs that listen and ask. Raises StartError."""
+    """Start ROS and yield a node that is spun in a thread; for programs that listen and ask. Raises
+    StartError.
+    """
     start()
     try:
-        node, stopped = make(), threading.Event()
+        node = make()
+        stopped = threading.Event()
         spinner = Spinner([node], stopped)
         try:
             with _spinning(spinner, stopped):
@@ -139,11 +147,12 @@ def _spinning(spinner: Spinner, stopped: threading.Event) -> Iterator[None]:
 def run_nodes(
     *makes: Callable[[], Node], arguments: list[str] | None = None, one_thread: bool = False
 ) -> int:
-    """The exit status of nodes that are made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1 after an error.
+    """The exit status of nodes that are made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1
+    after an error.
 
-    One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set; all are then spun
-    in a second thread, or, with one_thread, whenever the loop waits. A node may have `close()`, called while it can
-    still publish.
+    One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set;
+    all are then spun in a second thread, or, with one_thread, whenever the loop waits. A node may
+    have `close()`, called while it can still publish.
     """
     stopped = threading.Event()
     np.seterr(
@@ -168,7 +177,9 @@ def run_nodes(
 
 
 def _end_with_parent(stopped: threading.Event) -> None:
-    """Have the kernel send SIGTERM when the process that the environment names has died, however that came about."""
+    """Have the kernel send SIGTERM when the process that the environment names has died, however
+    that came about.
+    """
     parent = os.environ.get(PARENT)
     if parent:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
@@ -181,7 +192,8 @@ def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None
     for node in nodes:
         ask_kernel(node)
     gc.collect()
-    gc.freeze()  # what is there by now stays; the collector need not look through it in the middle of a cycle
+    # what is there by now stays; the collector need not look through it in the middle of a cycle
+    gc.freeze()
     try:
         loop = next((node.run for node in nodes if hasattr(node, 'run')), None)
         if loop and one_thread:

@@ -36,8 +36,10 @@ LOCKSTEP_EPOCH = (
     NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
 )
 
-_HEADSTART = 0.5  # of a cycle for the answer to come before the arm moves on: its way would cross that computation's
-_ASK_AGAIN = 0.05  # [s] a state whose answer is waited for is published again after that long: it may have got lost
+# of a cycle for the answer to come before the arm moves on: its way would cross that computation's
+_HEADSTART = 0.5
+# [s] a state whose answer is waited for is published again after that long: it may have got lost
+_ASK_AGAIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -65,17 +67,18 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__('sim')
-        self._description, self._settings = (
-            declare_robot(self, dynamics='lwr'),
-            declare(self, SimParameters()),
-        )
-        arm, period = self._description.arm, 1.0 / self._settings.rate
-        faults, seed = declare(self, Faults()), self._settings.fault_seed
+        self._description = declare_robot(self, dynamics='lwr')
+        self._settings = declare(self, SimParameters())
+        arm = self._description.arm
+        period = 1.0 / self._settings.rate
+        faults = declare(self, Faults())
+        seed = self._settings.fault_seed
         self._plant = FaultyPlant(self._make_plant(arm, period), faults, seed)
         guard = Guard(JointLimits.of(arm), period, declare(self, GuardSettings()))
         self._session = Session(period, declare(self, SessionSettings()))
         self._robot = FriRobot(self._plant, guard, self._session)
-        self._joints, self._refusals = JointOrder(self._plant.joint_names), Refusals(self)
+        self._joints = JointOrder(self._plant.joint_names)
+        self._refusals = Refusals(self)
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else self.get_clock().now().nanoseconds
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         self._under_way: Channel[JointState] = Channel(f'{seed} states', faults.states)
@@ -88,15 +91,16 @@ class SimNode(Node):
             seed,
             timed=not self._settings.lockstep,
         )
-        self._arrival, self._client_lives, self._cycles_waited = threading.Event(), False, 0
-        self._reset_wanted, self._stopped_at = (
-            False,
-            0,
-        )  # stamp [ns] of the tick after the last stop
+        self._arrival = threading.Event()
+        self._client_lives = False
+        self._cycles_waited = 0
+        self._reset_wanted = False
+        self._stopped_at = 0  # stamp [ns] of the tick after the last stop
         self._create_interfaces(arm)
 
     def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
-        physics, start = declare(self, MujocoSettings()), np.array(self._settings.start)
+        physics = declare(self, MujocoSettings())
+        start = np.array(self._settings.start)
         if self._settings.plant == 'mujoco':
             return MujocoPlant(arm, period, start, physics)
         return IdealPlant(JointLimits.of(arm).joint_names, period, start)
@@ -122,11 +126,13 @@ class SimNode(Node):
         )
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Cycle after cycle until the event is set; callbacks are answered while it waits, or in another thread.
+        """Cycle after cycle until the event is set; callbacks are answered while it waits, or in
+        another thread.
 
-        At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to tick k + 1 while the
-        state of tick k is being answered. When this process was held up, or waited with patience, the robot's clock
-        stood still for that long: its stamps are always exactly one period apart.
+        At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to
+        tick k + 1 while the state of tick k is being answered. When this process was held up, or
+        waited with patience, the robot's clock stood still for that long: its stamps are always
+        exactly one period apart.
         """
         wait = self._wait_for_answer if self._settings.lockstep else self._wait_for_tick
         self._robot_clock.restart()

@@ -1,4 +1,6 @@
-"""The schemes of second order in continuous time: what the velocity laws tend to as the sampling time goes to zero."""
+"""The schemes of second order in continuous time: what the velocity laws tend to as the sampling
+time goes to zero.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,10 +15,8 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import SPEED_LIMIT
 from redres_ros.waypoints import Task
 
-RTOL, ATOL = (
-    1e-10,
-    1e-12,
-)  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
+RTOL = 1e-10
+ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
 
 
 class DivergenceError(RedresError):
@@ -33,19 +33,23 @@ class Motion:
 
 
 def integrate(scheme: Scheme, model: RobotModel, task: Task, t: np.ndarray) -> Motion:
-    """The task as a scheme executes it with dJ dq and ddx known exactly, at ascending times t (N,) [s] up to its end.
+    """The task as a scheme executes it with dJ dq and ddx known exactly, at ascending times t (N,)
+    [s] up to its end.
 
-    Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance).
-    ddx = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only if the motion
-    begins with it: where the start misses x_0, the arm starts with the least velocity that fulfils it, J_W^# dx(0),
-    which is the first tick of a law as T goes to zero.
-    Raises RangeError for t, DivergenceError where the motion cannot be followed, ArrayError where J loses rank.
+    Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx
+    = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only
+    if the motion begins with it: where the start misses x_0, the arm starts with the least velocity
+    that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero. Raises
+    RangeError for t, DivergenceError where the motion cannot be followed, ArrayError where J loses
+    rank.
     """
-    T_AB, T_end = task.segment_time, task.segments * task.segment_time
+    T_AB = task.segment_time
+    T_end = task.segments * task.segment_time
     if not 0.0 <= t[0] <= t[-1] <= T_end:
         raise RangeError('t', t[0] if t[0] < 0.0 else t[-1], 0.0, T_end, 's')
     segment_of = np.minimum(t // T_AB, task.segments - 1).astype(int)  # (N,)
-    y, rows = _start(scheme, model, task), []  # (2n,), N of it
+    y = _start(scheme, model, task)
+    rows = []  # (2n,), N of it
     for segment in range(segment_of[-1] + 1):
         span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
         flow = _flow(scheme, model, task, segment)
@@ -73,7 +77,9 @@ def _flow(
     scheme: Scheme, model: RobotModel, task: Task, segment: int
 ) -> Callable[[float, np.ndarray], np.ndarray]:
     """The right side of (q, dq)' = (dq, ddq), (2n,), on one segment."""
-    A, B, T_AB = task.waypoints[segment], task.waypoints[segment + 1], task.segment_time
+    A = task.waypoints[segment]
+    B = task.waypoints[segment + 1]
+    T_AB = task.segment_time
 
     def flow(t: float, y: np.ndarray) -> np.ndarray:
         q, dq = np.split(y, 2)

@@ -1,4 +1,6 @@
-"""How far a velocity law is from the scheme of second order that it was made from, sampled and in continuous time."""
+"""How far a velocity law is from the scheme of second order that it was made from, sampled and in
+continuous time.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -22,8 +24,9 @@ PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
 class Difference:
     """|dq_I - dq_II| of a law (I) and its scheme (II), over the ticks that both took.
 
-    t: (ticks,) [s]; norm: (ticks,) [rad/s], each in a closed loop of its own; same_past: (ticks,) [rad/s], the scheme
-    being given at each tick what the law had. Where a loop amplifies rounding, only the latter stays small.
+    t: (ticks,) [s]; norm: (ticks,) [rad/s], each in a closed loop of its own; same_past: (ticks,)
+    [rad/s], the scheme being given at each tick what the law had. Where a loop amplifies rounding,
+    only the latter stays small.
     """
 
     t: np.ndarray
@@ -37,7 +40,9 @@ class Difference:
 
     @property
     def holds_until(self) -> float:
-        """First time [s] at which the closed loops differ by more than ZERO; infinity if they never do."""
+        """First time [s] at which the closed loops differ by more than ZERO; infinity if they never
+        do.
+        """
         return next(
             (float(t) for t, norm in zip(self.t, self.norm, strict=True) if norm > ZERO), np.inf
         )
@@ -46,14 +51,16 @@ class Difference:
 def difference(
     law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None
 ) -> Difference:
-    """The task executed by a law and by its yardstick, each in its own closed loop. model: None for the task's arm.
+    """The task executed by a law and by its yardstick, each in its own closed loop. model: None for
+    the task's arm.
 
     Raises UnknownNameError for a law without a yardstick, RangeError for damping or T.
     """
     model = model or RobotModel.named(task.robot)
     scheme = yardstick(law_name, damping, T)
     law = _Accompanied(Controller(model, make_law(law_name, damping=damping), T), scheme)
-    one, two = run(law, task), run(SecondOrderController(model, scheme, T), task)
+    one = run(law, task)
+    two = run(SecondOrderController(model, scheme, T), task)
     ticks = min(len(one.data), len(two.data))
     norm = np.linalg.norm(one.vectors('dq1')[:ticks] - two.vectors('dq1')[:ticks], axis=1)
     return Difference(one['t'][:ticks], norm, np.array(law.apart[:ticks]))
@@ -62,9 +69,10 @@ def difference(
 def yardstick(law_name: str, damping: float, T: float) -> Scheme:
     """The scheme of second order that a law is compared with.
 
-    minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes for k_d = 1/T
-    (Appendix B), whatever its damping. minimum_kinetic_energy is of first order, too, and has no scheme in the paper.
-    Raises UnknownNameError for a law without one, RangeError for damping.
+    minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes
+    for k_d = 1/T (Appendix B), whatever its damping. minimum_kinetic_energy is of first order, too,
+    and has no scheme in the paper. Raises UnknownNameError for a law without one, RangeError for
+    damping.
     """
     if law_name == 'minimum_velocity':
         return make_scheme('minimum_acceleration', 1.0 / T)
@@ -73,7 +81,9 @@ def yardstick(law_name: str, damping: float, T: float) -> Scheme:
 
 @dataclass(frozen=True)
 class Amplification:
-    """t: (ticks,) [s]; gain: (ticks,) [1/s], |change of dq| per rad of a small displacement at the start."""
+    """t: (ticks,) [s]; gain: (ticks,) [1/s], |change of dq| per rad of a small displacement at the
+    start.
+    """
 
     t: np.ndarray
     gain: np.ndarray
@@ -93,16 +103,20 @@ def amplification(
     displacement: float = 1e-10,
     seed: int = 0,
 ) -> Amplification:
-    """What a law's closed loop makes of a small self-motion displacement [rad] of the start, in a random direction.
+    """What a law's closed loop makes of a small self-motion displacement [rad] of the start, in a
+    random direction.
 
-    A gain g turns rounding errors of 1e-15 rad into differences of g 1e-15 rad/s: no closed loop shows an equivalence
-    better. It can grow no further than |dq| / displacement, where the two motions have nothing in common any more.
+    A gain g turns rounding errors of 1e-15 rad into differences of g 1e-15 rad/s: no closed loop
+    shows an equivalence better. It can grow no further than |dq| / displacement, where the two
+    motions have nothing in common any more.
     """
     model = model or RobotModel.named(task.robot)
-    law, J = make_law(law_name, damping=damping), model.state(task.start, np.zeros(model.n)).J
+    law = make_law(law_name, damping=damping)
+    J = model.state(task.start, np.zeros(model.n)).J
     direction = project(J, np.random.default_rng(seed).normal(size=model.n))  # J direction = 0
     aside = replace(task, start=task.start + displacement * direction / np.linalg.norm(direction))
-    one, two = run(Controller(model, law, T), task), run(Controller(model, law, T), aside)
+    one = run(Controller(model, law, T), task)
+    two = run(Controller(model, law, T), aside)
     ticks = min(len(one.data), len(two.data))
     norm = np.linalg.norm(one.vectors('dq1')[:ticks] - two.vectors('dq1')[:ticks], axis=1)
     return Amplification(one['t'][:ticks], norm / displacement)
@@ -110,11 +124,13 @@ def amplification(
 
 @dataclass(frozen=True)
 class Convergence:
-    """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and |dq_k - dq(t_k)|.
+    """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and
+    |dq_k - dq(t_k)|.
 
-    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s]. A law holds dq_k from t_k to
-    t_{k+1}, so that up to T ddq of dq_errors is but a shift in time; where gravity enters the null space at the start,
-    the first tick alone makes dq_errors exactly proportional to T, and q_errors say more.
+    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s]. A law holds
+    dq_k from t_k to t_{k+1}, so that up to T ddq of dq_errors is but a shift in time; where gravity
+    enters the null space at the start, the first tick alone makes dq_errors exactly proportional to
+    T, and q_errors say more.
     """
 
     periods: np.ndarray
@@ -141,15 +157,19 @@ def convergence(
     stretch: float = 3.0,
     model: RobotModel | None = None,
 ) -> Convergence:
-    """A law at several sampling times beside its scheme in continuous time, for a stretch [s] of the task, k_d fixed.
+    """A law at several sampling times beside its scheme in continuous time, for a stretch [s] of
+    the task, k_d fixed.
 
     The stretch begins with the task. Its segments have to be over in time at every sampling time.
-    Raises UnknownNameError for a law that has no scheme of second order, RangeError for damping, T or stretch.
+    Raises UnknownNameError for a law that has no scheme of second order, RangeError for damping, T
+    or stretch.
     """
     if not 0.0 < stretch <= task.segments * task.segment_time:
         raise RangeError('stretch', stretch, 0.0, task.segments * task.segment_time, 's')
     model = model or RobotModel.named(task.robot)
-    scheme, law, errors = make_scheme(law_name, damping), make_law(law_name, damping=damping), []
+    scheme = make_scheme(law_name, damping)
+    law = make_law(law_name, damping=damping)
+    errors = []
     part = replace(task, waypoints=task.waypoints[: int(np.ceil(stretch / task.segment_time)) + 1])
     for T in periods:
         sampled = run(Controller(model, law, T), part)
@@ -168,17 +188,23 @@ def _slope(periods: np.ndarray, errors: np.ndarray) -> float:
 
 
 class _Accompanied:
-    """A controller, and at every tick how far from its command a scheme would be that has the same past."""
+    """A controller, and at every tick how far from its command a scheme would be that has the same
+    past.
+    """
 
     def __init__(self, controller: Controller, scheme: Scheme) -> None:
-        self.model, self.T = controller.model, controller.T
-        self._controller, self._scheme = controller, scheme
-        self._J_prev, self._dx_prev = np.zeros((self.model.m, self.model.n)), np.zeros(self.model.m)
+        self.model = controller.model
+        self.T = controller.T
+        self._controller = controller
+        self._scheme = scheme
+        self._J_prev = np.zeros((self.model.m, self.model.n))
+        self._dx_prev = np.zeros(self.model.m)
         self.apart: list[float] = []  # [rad/s], one a tick
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
         command = self._controller.update(q, dx)
         dq = step(self.model, self._scheme, self.T, command.state, self._J_prev, dx, self._dx_prev)
         self.apart.append(float(np.linalg.norm(command.dq - dq)))
-        self._J_prev, self._dx_prev = command.state.J, dx
+        self._J_prev = command.state.J
+        self._dx_prev = dx
         return command

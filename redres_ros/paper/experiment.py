@@ -1,4 +1,6 @@
-"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated arm."""
+"""The paper's experiment without ROS: controller and planner at the fake robot with its simulated
+arm.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,9 +29,10 @@ AFTERMATH = (
 class Experiment:
     """What was commanded, and what the arm did.
 
-    recording: one row a tick until the last point was reached or the robot stopped; q and all that follows from it
-    alone are measured, dq and the norms those of the commands. stop_reason: the robot's own words, empty if nothing
-    stopped it. q: (N, n) measured joint positions [rad] from the recording's first tick to AFTERMATH after its last.
+    recording: one row a tick until the last point was reached or the robot stopped; q and all that
+    follows from it alone are measured, dq and the norms those of the commands. stop_reason: the
+    robot's own words, empty if nothing stopped it. q: (N, n) measured joint positions [rad] from
+    the recording's first tick to AFTERMATH after its last.
     """
 
     recording: Recording
@@ -43,10 +46,12 @@ class Experiment:
 
 
 def experiment(client: Client, task: Task, arm: Arm) -> Experiment:
-    """The task with the simulated arm behind the fake robot controller; the same call gives the same bits.
+    """The task with the simulated arm behind the fake robot controller; the same call gives the
+    same bits.
 
-    In monitor mode the client mirrors the measured position; the task begins in command mode. What is computed from
-    the state of tick k is used from tick k + 1. The robot limits speeds and stops as it does for the nodes.
+    In monitor mode the client mirrors the measured position; the task begins in command mode. What
+    is computed from the state of tick k is used from tick k + 1. The robot limits speeds and stops
+    as it does for the nodes.
     """
     robot = FriRobot(
         MujocoPlant(arm, client.T, task.start),
@@ -60,7 +65,9 @@ class _Run:
     """One client at one robot."""
 
     def __init__(self, client: Client, task: Task, robot: FriRobot) -> None:
-        self._client, self._task, self._robot = client, task, robot
+        self._client = client
+        self._task = task
+        self._robot = robot
         self._answer: Answer | None = None  # to the state of the tick before
         while not robot.session.commanding and not robot.session.reason:
             self._advance(robot.q)
@@ -83,11 +90,9 @@ class _Run:
     def _follow(self) -> Recording:
         """Until the task is finished, the robot has stopped, or too much time is over."""
         rows: list[list[float]] = []
-        n, T, limit = (
-            self._client.model.n,
-            self._client.T,
-            PATIENCE * self._task.segments * self._task.segment_time,
-        )
+        n = self._client.model.n
+        T = self._client.T
+        limit = PATIENCE * self._task.segments * self._task.segment_time
         while (t := self._t) < limit:
             reference = self._reference()
             if reason := self._robot.session.reason:
@@ -113,6 +118,9 @@ class _Run:
         self._advance(self._robot.q)
 
     def _advance(self, q_ref: np.ndarray) -> None:
-        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] answers its present state."""
-        answer, self._answer = self._answer, Answer(self._robot.tick, q_ref)
+        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] answers its present
+        state.
+        """
+        answer = self._answer
+        self._answer = Answer(self._robot.tick, q_ref)
         self._robot.advance(answer)

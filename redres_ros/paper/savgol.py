@@ -1,4 +1,6 @@
-"""Velocities and accelerations from measured positions by a Savitzky-Golay filter, as in the paper's experiments."""
+"""Velocities and accelerations from measured positions by a Savitzky-Golay filter, as in the
+paper's experiments.
+"""
 
 from dataclasses import dataclass
 
@@ -23,11 +25,13 @@ class Motion:
 
 
 def differentiate(q: np.ndarray, T: float) -> Motion:
-    """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on, but for the first and last W/2.
+    """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on, but for the first
+    and last W/2.
 
-    Each sample gets the derivatives of the polynomial of fifth degree that fits it and W/2 samples on either side best.
-    That is W + 1 samples: with an even number the estimates would belong to instants half a cycle beside the samples.
-    Polynomials up to the fifth degree are differentiated exactly. Raises ArrayError for fewer than W + 1 samples.
+    Each sample gets the derivatives of the polynomial of fifth degree that fits it and W/2 samples
+    on either side best. That is W + 1 samples: with an even number the estimates would belong to
+    instants half a cycle beside the samples. Polynomials up to the fifth degree are differentiated
+    exactly. Raises ArrayError for fewer than W + 1 samples.
     """
     if len(q) <= WINDOW:
         raise ArrayError(

@@ -1,8 +1,10 @@
-"""The original schemes on the acceleration and torque level, sampled: the yardsticks of the velocity laws.
+"""The original schemes on the acceleration and torque level, sampled: the yardsticks of the
+velocity laws.
 
-Written as the paper states them, with explicit pseudoinverses and the arm's forward dynamics instead of `resolve`, so
-that a law and its scheme can only agree because the conversion is right. J is taken to have full rank, as in Sections 3
-and 4: unlike a law, a scheme damps nothing near a singularity.
+Written as the paper states them, with explicit pseudoinverses and the arm's forward dynamics
+instead of `resolve`, so that a law and its scheme can only agree because the conversion is right. J
+is taken to have full rank, as in Sections 3 and 4: unlike a law, a scheme damps nothing near a
+singularity.
 """
 
 from abc import ABC, abstractmethod
@@ -18,10 +20,11 @@ from redres_ros.robot_model import RobotModel, RobotState, finite_vector
 
 @dataclass(frozen=True)
 class Scheme(ABC):
-    """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4), the best in a norm.
+    """A redundancy resolution scheme of second order: of all ddq with J ddq + dJ dq = ddx, Eq. (4),
+    the best in a norm.
 
-    Its dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with `param`, are its
-    gains.
+    Its dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with
+    `param`, are its gains.
     """
 
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
@@ -33,25 +36,32 @@ class Scheme(ABC):
     def acceleration(
         self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
     ) -> np.ndarray:
-        """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], of which dq alone brings about dJ_dq (m,)."""
+        """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], of which dq alone brings
+        about dJ_dq (m,).
+        """
 
     @abstractmethod
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
         """J_W^#, (n, m), in the metric W in which the scheme chooses among the ddq."""
 
     def preferred(self, state: RobotState) -> np.ndarray:
-        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a subclass wants another."""
+        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a
+        subclass wants another.
+        """
         return -self.damping * state.dq_prev
 
 
 @dataclass(frozen=True)
 class MinimumAcceleration(Scheme):
-    """Least joint acceleration: Eq. (22), which is Eq. (16) for damping = 0 and Eq. (18) for another ddq_N."""
+    """Least joint acceleration: Eq. (22), which is Eq. (16) for damping = 0 and Eq. (18) for
+    another ddq_N.
+    """
 
     def acceleration(
         self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
     ) -> np.ndarray:
-        J_pinv, ddq_N = self.pseudoinverse(state), self.preferred(state)
+        J_pinv = self.pseudoinverse(state)
+        ddq_N = self.preferred(state)
         return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J @ ddq_N)  # Eq. (18)
 
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
@@ -62,8 +72,8 @@ class MinimumAcceleration(Scheme):
 class TorqueScheme(Scheme):
     """A scheme that commands tau; the arm's dynamics, Eq. (6), make ddq of it.
 
-    Each chooses the tau nearest to tau_N = M ddq_N in a norm of its own. For ddq_N = -k_d dq that is Eq. (34), which
-    opposes the generalized momentum M dq.
+    Each chooses the tau nearest to tau_N = M ddq_N in a norm of its own. For ddq_N = -k_d dq that
+    is Eq. (34), which opposes the generalized momentum M dq.
     """
 
     def acceleration(
@@ -78,11 +88,16 @@ class TorqueScheme(Scheme):
 
 @dataclass(frozen=True)
 class MinimumWeightedTorque(TorqueScheme):
-    """Least torque in the norm of M^-2: Eq. (25), with damping as ddq_N in the null space, as in Eq. (18)."""
+    """Least torque in the norm of M^-2: Eq. (25), with damping as ddq_N in the null space, as in
+    Eq. (18).
+    """
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        J, M, n = state.J, state.M, state.n
-        J_pinv, ddq_N = self.pseudoinverse(state), self.preferred(state)
+        J = state.J
+        M = state.M
+        n = state.n
+        J_pinv = self.pseudoinverse(state)
+        ddq_N = self.preferred(state)
         tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, n)))  # Eq. (25)
         return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))  # M P ddq_N
 
@@ -95,7 +110,9 @@ class DynamicallyConsistent(TorqueScheme):
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        J, M, n = state.J, state.M, state.n
+        J = state.J
+        M = state.M
+        n = state.n
         tau_N = M @ self.preferred(state)  # Eq. (34)
         force = _solve(J @ np.linalg.solve(M, J.T), ddx - dJ_dq + J @ np.linalg.solve(M, n))  # (m,)
         JT_pinv = self.pseudoinverse(state).T  # Eq. (30), (m, n)
@@ -108,15 +125,18 @@ class DynamicallyConsistent(TorqueScheme):
 
 @dataclass(frozen=True)
 class MinimumTorque(TorqueScheme):
-    """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1, (A.13) with y = tau.
+    """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1,
+    (A.13) with y = tau.
 
-    This is what the law's bias stands for: with T ddq = dq_k - dq_{k-1} and b = (1 - k_d T) dq_{k-1} - T M^-1 n,
-    Eq. (6) gives M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that |dq_k - b| in the norm of M^2 is T |tau - tau_N|.
+    This is what the law's bias stands for: with T ddq = dq_k - dq_{k-1} and b = (1 - k_d T)
+    dq_{k-1} - T M^-1 n, Eq. (6) gives M (dq_k - b) = T (tau + k_d M dq_{k-1}), so that |dq_k - b|
+    in the norm of M^2 is T |tau - tau_N|.
     """
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
         A = np.linalg.solve(state.M, state.J.T).T  # J M^-1, (m, n)
-        A_pinv, tau_N = _pseudoinverse(A), state.M @ self.preferred(state)
+        A_pinv = _pseudoinverse(A)
+        tau_N = state.M @ self.preferred(state)
         return (
             A_pinv @ (ddx - dJ_dq + A @ state.n) + tau_N - A_pinv @ (A @ tau_N)
         )  # Eq. (7) for tau_N = 0
@@ -132,7 +152,9 @@ SCHEMES: dict[str, type[Scheme]] = {
     'minimum_weighted_torque': MinimumWeightedTorque,
     'dynamically_consistent': DynamicallyConsistent,
     'minimum_torque': MinimumTorque,
-}  # by the law that a scheme becomes; the other laws are of first order, and no scheme of the paper becomes one of them
+    # by the law that a scheme becomes; the other laws are of first order, and no scheme of the paper
+    # becomes one of them
+}
 
 
 def make_scheme(name: str, damping: float = 10.0) -> Scheme:
@@ -143,28 +165,34 @@ def make_scheme(name: str, damping: float = 10.0) -> Scheme:
 
 
 class SecondOrderController:
-    """Turns task velocities into joint velocities by a scheme of second order, sampled and integrated.
+    """Turns task velocities into joint velocities by a scheme of second order, sampled and
+    integrated.
 
-    model, scheme, T [s] as they say; used like a Controller. Before the first update everything is at rest.
-    Raises RangeError for T.
+    model, scheme, T [s] as they say; used like a Controller. Before the first update everything is
+    at rest. Raises RangeError for T.
     """
 
     def __init__(self, model: RobotModel, scheme: Scheme, T: float) -> None:
         if not 1e-5 <= T <= 1.0:
             raise RangeError('T', T, 1e-5, 1.0, 's')
-        self.model, self.scheme, self.T = model, scheme, T
+        self.model = model
+        self.scheme = scheme
+        self.T = T
         self._last: Command | None = None
         self._dx_prev = np.zeros(model.m)
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
-        """The command for the joint positions q (n,) [rad] and the task velocity dx (m,) [m/s]. Raises ArrayError."""
+        """The command for the joint positions q (n,) [rad] and the task velocity dx (m,) [m/s].
+        Raises ArrayError.
+        """
         dx = finite_vector(dx, self.model.m, 'dx')
         state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
         J_prev = state.J if self._last is None else self._last.state.J
         dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
         q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
         null = dq - self.scheme.pseudoinverse(state) @ (state.J @ dq)
-        self._last, self._dx_prev = Command(dq, q_ref, lambda: null, state, self.T), dx
+        self._last = Command(dq, q_ref, lambda: null, state, self.T)
+        self._dx_prev = dx
         return self._last
 
 
@@ -177,7 +205,9 @@ def step(
     dx: np.ndarray,
     dx_prev: np.ndarray,
 ) -> np.ndarray:
-    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and the last J_{k-1} (m, n) and dx_{k-1} (m,)."""
+    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and the last J_{k-1} (m, n) and
+    dx_{k-1} (m,).
+    """
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J - J_prev) / T  # Eq. (9)
     ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)

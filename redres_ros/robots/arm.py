@@ -1,4 +1,6 @@
-"""An arm: its URDF with tool, base offset and choice of dynamics filled in, and figures a URDF has no place for."""
+"""An arm: its URDF with tool, base offset and choice of dynamics filled in, and figures a URDF has
+no place for.
+"""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
@@ -11,16 +13,19 @@ from redres_ros.errors import FileError, RangeError, UnknownNameError
 
 DYNAMICS = ('lwr', 'cylinders')
 
-CYLINDER_MASS, CYLINDER_RADIUS, CYLINDER_MIN_LENGTH = 1.0, 0.06, 0.001  # [kg], [m], [m]
+CYLINDER_MASS = 1.0
+CYLINDER_RADIUS = 0.06
+CYLINDER_MIN_LENGTH = 0.001  # [kg], [m], [m]
 
 
 @dataclass(frozen=True)
 class Arm:
     """An arm as data. `description()` is the one URDF that Pinocchio, MuJoCo and RViz read alike.
 
-    base_offset [m] raises base_link above the URDF's root link; tool_offset [m] is the way from the flange to the tip
-    along the flange's z. dynamics: 'lwr', the URDF's own inertias with rotors and friction; 'cylinders', the paper's
-    Section 5.2 with each link a body of 1 kg, here a solid cylinder because an ideal rod makes M singular.
+    base_offset [m] raises base_link above the URDF's root link; tool_offset [m] is the way from the
+    flange to the tip along the flange's z. dynamics: 'lwr', the URDF's own inertias with rotors and
+    friction; 'cylinders', the paper's Section 5.2 with each link a body of 1 kg, here a solid
+    cylinder because an ideal rod makes M singular.
     """
 
     urdf: Path
@@ -47,7 +52,8 @@ class Arm:
     def description(self) -> str:
         """The URDF's text with offsets and dynamics filled in: what ROS calls robot_description.
 
-        Raises FileError when the file cannot be read, is no URDF, or lacks a joint that an offset needs.
+        Raises FileError when the file cannot be read, is no URDF, or lacks a joint that an offset
+        needs.
         """
         try:
             robot = ET.fromstring(self.urdf.read_text(encoding='utf-8'))
@@ -71,7 +77,9 @@ def _mount(robot: ET.Element, joint: str, urdf: Path) -> ET.Element:
 
 
 def _make_cylinders(robot: ET.Element) -> None:
-    """Replace each moving link's inertia by a cylinder from its joint along z to the next joint, or to the tip."""
+    """Replace each moving link's inertia by a cylinder from its joint along z to the next joint, or
+    to the tip.
+    """
     for joint in robot.findall("joint[@type='revolute']"):
         link = joint.find('child').get('link')
         offset = _length_along_z(robot, link)
@@ -87,7 +95,9 @@ def _make_cylinders(robot: ET.Element) -> None:
 
 
 def _length_along_z(robot: ET.Element, link: str) -> float:
-    """Distance from a link's frame along z, through fixed joints, to the next moving joint or the chain's end [m]."""
+    """Distance from a link's frame along z, through fixed joints, to the next moving joint or the
+    chain's end [m].
+    """
     for joint in robot.findall('joint'):
         if joint.find('parent').get('link') == link:
             z = float(joint.find('origin').get('xyz').split()[2])
@@ -102,7 +112,8 @@ _LWR4 = Arm(
     urdf=Path(str(resources.files(__package__) / 'lwr4.urdf')),
     tip_frame='tool0',
     elbow_frame='link_4',
-    # Ia3..Ia7 as identified by Jubien, Gautier and Janot (2014); Ia1 and Ia2 are their ZZ1 and ZZ2 less the links'
+    # Ia3..Ia7 as identified by Jubien, Gautier and Janot (2014); Ia1 and Ia2 are their ZZ1 and ZZ2
+    # less the links'
     # share.
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
     # From the KRC2 file.
@@ -120,7 +131,9 @@ ARMS: dict[str, Arm] = {
 
 
 def find_arm(name: str, **changes: object) -> Arm:
-    """The arm of that name, with the given fields changed unless None. Raises UnknownNameError, RangeError."""
+    """The arm of that name, with the given fields changed unless None. Raises UnknownNameError,
+    RangeError.
+    """
     if name not in ARMS:
         raise UnknownNameError('robot', name, ARMS)
     return replace(

@@ -1,4 +1,6 @@
-"""Limits of an arm's joints: from its URDF and, for acceleration, which has no place there, from the table of arms."""
+"""Limits of an arm's joints: from its URDF and, for acceleration, which has no place there, from
+the table of arms.
+"""
 
 import math
 import xml.etree.ElementTree as ET
@@ -28,7 +30,8 @@ class JointLimits:
     def of(cls, arm: Arm) -> 'JointLimits':
         """The limits of an arm, joints in the order from base to tip.
 
-        Raises FileError for a joint without a positive velocity limit, ArrayError for wrong acceleration limits.
+        Raises FileError for a joint without a positive velocity limit, ArrayError for wrong
+        acceleration limits.
         """
         joints = _moving_joints(ET.fromstring(arm.description()))
         acceleration = np.array(arm.acceleration_limit or [np.inf] * len(joints))  # (n,)
@@ -72,7 +75,9 @@ def _link(joint: ET.Element, end: str) -> str:
 
 
 def _limit(joint: ET.Element, attribute: str) -> float:
-    """A limit as the joint gives it; infinite for positions without one, NaN for a missing velocity."""
+    """A limit as the joint gives it; infinite for positions without one, NaN for a missing
+    velocity.
+    """
     limit = joint.find('limit')
     given = None if limit is None else limit.get(attribute)
     if given is None or (joint.get('type') == 'continuous' and attribute != 'velocity'):

@@ -18,7 +18,9 @@ PATIENCE = 3.0  # a task may take this many times its nominal duration
 
 
 class Client(Protocol):
-    """What answers the robot's states: a Controller, or one of second order. T [s] is the robot's cycle."""
+    """What answers the robot's states: a Controller, or one of second order. T [s] is the robot's
+    cycle.
+    """
 
     model: RobotModel
     T: float
@@ -36,12 +38,14 @@ def run(
 ) -> Recording:
     """The task from its start until the last point is reached, which gives no row of its own.
 
-    delay: ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a robot that takes up at tick
-    k + 1 what was computed from the state at tick k. switches: tick -> law to go over to. progress is told the share of
-    the nominal duration that is over. A loop that diverges or does not arrive in time is returned as far as it went,
-    with finished False.
+    delay: ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a robot
+    that takes up at tick k + 1 what was computed from the state at tick k. switches: tick -> law to
+    go over to. progress is told the share of the nominal duration that is over. A loop that
+    diverges or does not arrive in time is returned as far as it went, with finished False.
     """
-    planner, q, T = Planner(task), task.start, controller.T
+    planner = Planner(task)
+    q = task.start
+    T = controller.T
     nominal = task.segments * task.segment_time
     on_the_way = deque([q] * delay)  # references not yet taken up
     rows: list[list[float]] = []

@@ -11,7 +11,8 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import NORMS, save
 from redres_ros.simulation.recording import Recording
 
-_WIDE = 10.0  # where the largest peak is that many times the median one, a norm is drawn on a logarithmic scale
+# where the largest peak is that many times the median one, a norm is drawn on a logarithmic scale
+_WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 
 
@@ -19,9 +20,9 @@ _SHOWN = 1e4  # the range of such a scale
 class Effort:
     """Peaks of the norms and integrals over the motion.
 
-    acceleration [rad/s^2], velocity [rad/s], torque [Nm]: largest norms; squared_acceleration [rad^2/s^3] and
-    squared_torque [Nm^2 s]: integrals of the squared norms over time; kinetic_energy [J s]: the integral of
-    1/2 dq' M dq; elbow [m]: the length of the elbow's path.
+    acceleration [rad/s^2], velocity [rad/s], torque [Nm]: largest norms; squared_acceleration
+    [rad^2/s^3] and squared_torque [Nm^2 s]: integrals of the squared norms over time;
+    kinetic_energy [J s]: the integral of 1/2 dq' M dq; elbow [m]: the length of the elbow's path.
     """
 
     acceleration: float
@@ -36,7 +37,9 @@ class Effort:
     @classmethod
     def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
         """From a recording of at least one tick."""
-        T, q, dq = recording.T, recording.vectors('q1'), recording.vectors('dq1')
+        T = recording.T
+        q = recording.vectors('q1')
+        dq = recording.vectors('dq1')
         M = np.array(
             [model.state(position, velocity).M for position, velocity in zip(q, dq, strict=True)]
         )  # (N, n, n)

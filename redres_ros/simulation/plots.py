@@ -36,8 +36,9 @@ def draw_motion(
 ) -> None:
     """One page: the way of tip and elbow on the left, norms over time on the right.
 
-    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the robot was stopped,
-    written under the title and marked at the end of the curves. Raises FileError.
+    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the
+    robot was stopped, written under the title and marked at the end of the curves. Raises
+    FileError.
     """
     figure = Figure(figsize=(11.0, 7.0), layout='constrained')
     figure.suptitle(f'{title}\nstopped at the red line: {stopped}' if stopped else title)
@@ -57,7 +58,9 @@ def draw_motion(
 
 
 def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: Task) -> None:
-    """The tip in black and the elbow in blue, with the task's points, as the paper's figures show them."""
+    """The tip in black and the elbow in blue, with the task's points, as the paper's figures show
+    them.
+    """
     elbow = np.array(
         [model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]]
     )

@@ -1,4 +1,6 @@
-"""A motion as a table: one row a tick, the same columns whether it was simulated or recorded from the nodes."""
+"""A motion as a table: one row a tick, the same columns whether it was simulated or recorded from
+the nodes.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +14,9 @@ from redres_ros.planner import Reference
 
 
 def columns(n: int) -> tuple[str, ...]:
-    """Column names for an arm of n joints; positions [rad], velocities [rad/s], lengths [m], torque [Nm], time [s]."""
+    """Column names for an arm of n joints; positions [rad], velocities [rad/s], lengths [m], torque
+    [Nm], time [s].
+    """
     joints = range(1, n + 1)
     return (
         't',
@@ -36,7 +40,8 @@ def columns(n: int) -> tuple[str, ...]:
 
 def row(t: float, command: Command, reference: Reference) -> list[float]:
     """One tick in the order of `columns`; all norms are Euclidean."""
-    norm, state = np.linalg.norm, command.state
+    norm = np.linalg.norm
+    state = command.state
     return [
         t,
         *state.q,
@@ -55,7 +60,9 @@ def row(t: float, command: Command, reference: Reference) -> list[float]:
 
 @dataclass(frozen=True)
 class Recording:
-    """data: (ticks, columns); n: joints; T [s]; finished: the last point was reached; ending: the end in words."""
+    """data: (ticks, columns); n: joints; T [s]; finished: the last point was reached; ending: the
+    end in words.
+    """
 
     data: np.ndarray
     n: int
@@ -81,7 +88,9 @@ class Recording:
         return self.data[:, columns(self.n).index(name)]
 
     def vectors(self, first: str) -> np.ndarray:
-        """The columns of a vector by its first one: 'q1' and 'dq1' give (ticks, n), 'x' and 'x_d' give (ticks, 3)."""
+        """The columns of a vector by its first one: 'q1' and 'dq1' give (ticks, n), 'x' and 'x_d'
+        give (ticks, 3).
+        """
         start = columns(self.n).index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
@@ -91,7 +100,9 @@ class Recording:
         return float(self[name][at]), float(self['t'][at])
 
     def write_csv(self, path: Path) -> None:
-        """All rows with a heading, at full precision: reading them back gives the same bits. Raises FileError."""
+        """All rows with a heading, at full precision: reading them back gives the same bits. Raises
+        FileError.
+        """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             np.savetxt(

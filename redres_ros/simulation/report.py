@@ -11,7 +11,9 @@ from redres_ros.simulation.recording import Recording
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, if that is a terminal; yields a function that is told the share done, 0 to 1."""
+    """A bar on standard error, if that is a terminal; yields a function that is told the share
+    done, 0 to 1.
+    """
     console = Console(stderr=True)
     parts = (
         TextColumn('{task.description}'),

@@ -16,7 +16,9 @@ _WIDTH = 118
 
 @dataclass(frozen=True)
 class Finding:
-    """held: whether the claim holds as it stands; measured: figures; remark: where and why ours are not the paper's."""
+    """held: whether the claim holds as it stands; measured: figures; remark: where and why ours are
+    not the paper's.
+    """
 
     held: bool
     measured: str
@@ -36,7 +38,8 @@ def check_all(
     claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None] | None = None
 ) -> dict[Claim, Finding]:
     """The findings in the order of the claims. progress is told the share that is done."""
-    claims, findings = list(claims), {}
+    claims = list(claims)
+    findings = {}
     for done, claim in enumerate(claims, start=1):
         findings[claim] = claim.measure(runs)
         if progress:

@@ -18,7 +18,8 @@ _ALIKE = 0.05  # share of the joints' way up to which two motions count as very 
 def stopped(runs: Runs) -> Finding:
     """The run of Figs. 9 and 10."""
     tried = runs.experiment_minimum_velocity
-    ended, (peak, at) = tried.recording['t'][-1], tried.recording.peak('joint_acceleration_norm')
+    ended = tried.recording['t'][-1]
+    (peak, at) = tried.recording.peak('joint_acceleration_norm')
     return Finding(
         bool(tried.stop_reason) and 7.0 < ended < 9.0 and at > 7.0,
         f'stopped at {ended:.2f} s, {tried.stop_reason}; '
@@ -51,7 +52,8 @@ def alike(runs: Runs) -> Finding:
     """Joint paths of the two laws over the first segment."""
     one = _until(runs.experiment_minimum_velocity.recording, runs.task.segment_time)
     two = _until(runs.experiment_damped.recording, runs.task.segment_time)
-    apart, way = float(np.abs(one - two).max()), float(np.ptp(one, axis=0).max())
+    apart = float(np.abs(one - two).max())
+    way = float(np.ptp(one, axis=0).max())
     return Finding(
         apart < _ALIKE * way,
         f'over the first segment at most {apart:.4f} rad apart, on a way of {way:.2f} rad',
@@ -70,7 +72,8 @@ def practically_35(runs: Runs) -> Finding:
 
 def reverse_order(runs: Runs) -> Finding:
     """Law (35) with the points in either order."""
-    there, back = runs.experiment_35_forward, runs.experiment_35
+    there = runs.experiment_35_forward
+    back = runs.experiment_35
     return Finding(
         'position limit' in there.stop_reason and back.recording.finished,
         f'as in the other runs: {there.recording.ending}; in reverse order: {back.recording.ending}',

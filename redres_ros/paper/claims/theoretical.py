@@ -23,24 +23,34 @@ def states(
     recording: Recording, model: RobotModel, every: int = _EVERY
 ) -> Iterator[tuple[RobotState, np.ndarray]]:
     """States along a recording and the velocities commanded there."""
-    q, dq = recording.vectors('q1'), recording.vectors('dq1')
+    q = recording.vectors('q1')
+    dq = recording.vectors('dq1')
     for k in range(every, len(q), every):
         yield model.state(q[k], dq[k - 1]), dq[k]
 
 
 def square_task(runs: Runs) -> Finding:
-    """Six joints and six task variables: the sampled acceleration law against J^-1 dx, along a recorded motion."""
-    T, model, recording = SIMULATION_T, RobotModel.named(runs.task.robot, 'pose'), runs.ideal_damped
-    q, dq = recording.vectors('q1'), recording.vectors('dq1')[:, :6]  # joint 7 stands still
-    worst, J_prev, dq_prev = 0.0, np.zeros((6, 6)), np.zeros(6)
+    """Six joints and six task variables: the sampled acceleration law against J^-1 dx, along a
+    recorded motion.
+    """
+    T = SIMULATION_T
+    model = RobotModel.named(runs.task.robot, 'pose')
+    recording = runs.ideal_damped
+    q = recording.vectors('q1')
+    dq = recording.vectors('dq1')[:, :6]  # joint 7 stands still
+    worst = 0.0
+    J_prev = np.zeros((6, 6))
+    dq_prev = np.zeros(6)
     for k in range(len(q) // 3):
         J = model.state(q[k], np.zeros(7)).J[:, :6]
-        dx, dx_prev = J @ dq[k], J_prev @ dq_prev
+        dx = J @ dq[k]
+        dx_prev = J_prev @ dq_prev
         ddq = np.linalg.solve(J, (dx - dx_prev) / T - (J - J_prev) / T @ dq_prev)  # Eq. (12)
         worst = max(
             worst, float(np.linalg.norm(dq_prev + T * ddq - np.linalg.solve(J, dx)))
         )  # Eq. (13) against (14)
-        J_prev, dq_prev = J, dq[k]
+        J_prev = J
+        dq_prev = dq[k]
     return Finding(
         worst <= ROUNDING, f'largest difference {worst:.1e} rad/s over the first third of the task'
     )
@@ -50,7 +60,9 @@ def two_forms(runs: Runs) -> Finding:
     """(15) against (17) with an explicit pseudoinverse."""
     worst = 0.0
     for state, dq in states(runs.ideal_undamped, runs.model):
-        J_pinv, dx, b = np.linalg.pinv(state.J), state.J @ dq, state.dq_prev
+        J_pinv = np.linalg.pinv(state.J)
+        dx = state.J @ dq
+        b = state.dq_prev
         form_15 = J_pinv @ dx + (np.eye(len(b)) - J_pinv @ state.J) @ b
         form_17 = b + J_pinv @ (dx - state.J @ b)
         worst = max(worst, float(np.linalg.norm(form_15 - form_17)))
@@ -59,9 +71,11 @@ def two_forms(runs: Runs) -> Finding:
 
 def special_case_35(runs: Runs) -> Finding:
     """(32) with the damping torque (34) against (35), written out."""
-    T, worst = SIMULATION_T, 0.0
+    T = SIMULATION_T
+    worst = 0.0
     for state, dq in states(runs.ideal_35, runs.model):
-        Minv, dx = np.linalg.inv(state.M), state.J @ dq
+        Minv = np.linalg.inv(state.M)
+        dx = state.J @ dq
         J_M = Minv @ state.J.T @ np.linalg.inv(state.J @ Minv @ state.J.T)  # Eq. (A.5)
         P_M = np.eye(len(dq)) - J_M @ state.J  # Eq. (33)
         tau_N = -state.M @ state.dq_prev / T  # Eq. (34)
@@ -72,12 +86,17 @@ def special_case_35(runs: Runs) -> Finding:
 
 
 def optimality(runs: Runs) -> Finding:
-    """Z' W (dq - b), Z spanning the null space of J, relative to its terms: zero at the constrained minimum."""
+    """Z' W (dq - b), Z spanning the null space of J, relative to its terms: zero at the constrained
+    minimum.
+    """
     worst = {}
     for name in LAWS:
-        law, residuals = make_law(name), []
+        law = make_law(name)
+        residuals = []
         for state, moved in states(runs.ideal_damped, runs.model):
-            b, W, Z = law.bias(state, SIMULATION_T), law.weight(state), null_space(state.J)
+            b = law.bias(state, SIMULATION_T)
+            W = law.weight(state)
+            Z = null_space(state.J)
             W = np.eye(len(b)) if W is None else W
             dq = resolve(state.J, state.J @ moved, b, W)
             residuals.append(
@@ -92,8 +111,11 @@ def optimality(runs: Runs) -> Finding:
 
 def resting_place(runs: Runs) -> Finding:
     """A task that has vanished: where the joints come to rest, against (B.2)."""
-    T, dq, q = SIMULATION_T, np.linspace(-1.0, 1.0, 7), runs.task.start
-    start, first = q, dq
+    T = SIMULATION_T
+    dq = np.linspace(-1.0, 1.0, 7)
+    q = runs.task.start
+    start = q
+    first = dq
     forgetting = make_law('minimum_acceleration', damping=SIMULATION_DAMPING).forgetting(T)
     for _ in range(5000):
         q = q + T * dq

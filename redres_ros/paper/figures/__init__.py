@@ -32,12 +32,14 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
 def draw_all(
     out: Path, progress: Callable[[float], None] | None = None, runs: Runs | None = None
 ) -> dict[int, Path]:
-    """Write every figure as out/figure_NN.png, and convergence.png, which the paper does not have; the files by number.
+    """Write every figure as out/figure_NN.png, and convergence.png, which the paper does not have;
+    the files by number.
 
-    progress is told the share that is done; runs: what to draw, so that it can be used for more than that. Raises
-    FileError.
+    progress is told the share that is done; runs: what to draw, so that it can be used for more
+    than that. Raises FileError.
     """
-    runs, files = runs or Runs(), {}
+    runs = runs or Runs()
+    files = {}
     for done, (number, draw) in enumerate(FIGURES.items(), start=1):
         files[number] = out / f'figure_{number:02d}.png'
         save(draw(runs), files[number])

@@ -1,4 +1,6 @@
-"""Figures 5, 8, 13, 16: how far the velocity laws (I) are from the schemes of second order (II) that they come from."""
+"""Figures 5, 8, 13, 16: how far the velocity laws (I) are from the schemes of second order (II)
+that they come from.
+"""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -59,8 +61,11 @@ def _simulations(title: str, law: Recording, scheme: Recording) -> Figure:
 
 
 def _experiments(title: str, law: Experiment, scheme: Experiment) -> Figure:
-    """The measured velocities of both, and the commanded one of the law, which is what the paper's captions name."""
-    dq_I, dq_II = law.motion.dq, scheme.motion.dq
+    """The measured velocities of both, and the commanded one of the law, which is what the paper's
+    captions name.
+    """
+    dq_I = law.motion.dq
+    dq_II = scheme.motion.dq
     return _draw(
         title,
         law.motion.t,

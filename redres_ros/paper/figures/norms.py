@@ -50,7 +50,8 @@ def figure_15(runs: Runs) -> Figure:
     """Law (35): torque and velocity."""
     title = 'Figure 15. Experiment: least torque, law (35), points in reverse order, T = 2 ms'
     tried = runs.experiment_35
-    tau, dq = torque_norm(tried.motion, runs.experiment_model), _norm(tried.motion.dq)
+    tau = torque_norm(tried.motion, runs.experiment_model)
+    dq = _norm(tried.motion.dq)
     return _experiment(
         title, tried, {'joint_torque_norm': tau, 'joint_velocity_norm': dq}, runs.reversed_task
     )

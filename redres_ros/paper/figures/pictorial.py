@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from redres_ros.paper.figures.runs import Runs
 from redres_ros.resolution import project, resolve
 
-J, DX = np.array([[0.5, 1.0]]), np.array([1.6])  # a task of one dimension
+J = np.array([[0.5, 1.0]])
+DX = np.array([1.6])  # a task of one dimension
 DQ_N = np.array([1.9, 1.5])  # the bias [rad/s]
 
 _REACH = 4.0  # [rad/s] half length of the lines
@@ -15,7 +16,9 @@ _REACH = 4.0  # [rad/s] half length of the lines
 
 def figure_2(runs: Runs) -> Figure:
     """Solution (2): the velocity on the task's line that is nearest to dq_N."""
-    minimum, dq, null = resolve(J, DX, np.zeros(2)), resolve(J, DX, DQ_N), project(J, DQ_N)
+    minimum = resolve(J, DX, np.zeros(2))
+    dq = resolve(J, DX, DQ_N)
+    null = project(J, DQ_N)
     figure = Figure(figsize=(8.4, 7.0), layout='constrained')
     ax = figure.add_subplot()
     _line(ax, minimum, r'task: $J\dot q=\dot x$', color='black', lw=1.8)

@@ -13,11 +13,10 @@ from redres_ros.simulation.closed_loop import Client, run
 from redres_ros.simulation.recording import Recording
 from redres_ros.waypoints import Task, load_task
 
-SIMULATION_T, EXPERIMENT_T = 0.001, 0.002  # [s]
-SIMULATION_DAMPING, EXPERIMENT_DAMPING = (
-    10.0,
-    5.0,
-)  # k_d [1/s]; lambda = 0.99 at either sampling time
+SIMULATION_T = 0.001
+EXPERIMENT_T = 0.002  # [s]
+SIMULATION_DAMPING = 10.0
+EXPERIMENT_DAMPING = 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
 EXPERIMENT_DYNAMICS = (
     'lwr'  # identified, of arm and controller alike; the simulations have the paper's equal links
@@ -25,14 +24,17 @@ EXPERIMENT_DYNAMICS = (
 
 
 class Runs:
-    """Recordings of Section 5, with an ideal arm, and experiments of Section 6, with the arm behind the fake robot.
+    """Recordings of Section 5, with an ideal arm, and experiments of Section 6, with the arm behind
+    the fake robot.
 
-    A number in a name is that of the paper's equation. The schemes of second order, (16), (22) and (29), start at
-    once, so the laws that are compared with them in an experiment do so too: those are the runs called `unblended`.
+    A number in a name is that of the paper's equation. The schemes of second order, (16), (22) and
+    (29), start at once, so the laws that are compared with them in an experiment do so too: those
+    are the runs called `unblended`.
     """
 
     def __init__(self) -> None:
-        self.task, self.reversed_task = load_task('rectangle'), load_task('rectangle_reversed')
+        self.task = load_task('rectangle')
+        self.reversed_task = load_task('rectangle_reversed')
         self.model = RobotModel.named(self.task.robot)
         self.experiment_model = RobotModel.named(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
 
@@ -115,7 +117,9 @@ class Runs:
 
     @cached_property
     def convergences(self) -> dict[str, Convergence]:
-        """Laws at several sampling times against their schemes in continuous time, on the first segment."""
+        """Laws at several sampling times against their schemes in continuous time, on the first
+        segment.
+        """
         laws = 'minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent'
         return {law: convergence(law, SIMULATION_DAMPING, self.task) for law in laws}
 
