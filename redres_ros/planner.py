@@ -58,9 +58,8 @@ class Planner:
         approaches = (
             x_start is not None and np.linalg.norm(x_start - task.waypoints[0]) > start_tolerance
         )
-        self._points = (
-            np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()
-        )  # (N, 3)
+        # (N, 3)
+        self._points = np.vstack((x_start, task.waypoints)) if approaches else task.waypoints.copy()
         self._first_segment = 0 if approaches else 1
         self._index = 0
         self._t_segment = 0.0

@@ -13,9 +13,8 @@ from scipy.linalg.lapack import dposv, dpotri
 
 from redres_ros.errors import ArrayError
 
-SINGULAR_RATIO = (
-    1e-3  # task directions whose singular value is below this share of the largest one are damped
-)
+# task directions whose singular value is below this share of the largest one are damped
+SINGULAR_RATIO = 1e-3
 
 
 def resolve(

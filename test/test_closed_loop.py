@@ -80,9 +80,8 @@ def test_without_damping_the_motion_is_the_same_for_as_long_as_rounding_allows(l
     q, twin = (loops[:, UNDAMPED.index(law)] for loops in undamped_loops(T))
     got = run(Controller(MODEL, make_law(law, damping=0.0), T), one_segment()).vectors('q1')
     apart = np.abs(q - twin).max(axis=1) > 1e-9  # from 1e-12 at the start
-    steady = (
-        int(np.argmax(apart)) if apart.any() else len(q)
-    )  # ticks in which errors grow up to 1000 times
+    # ticks in which errors grow up to 1000 times
+    steady = int(np.argmax(apart)) if apart.any() else len(q)
     assert steady * T > (0.5 if law == 'minimum_torque' else 1.9)
     assert np.abs(got[:steady] - q[:steady]).max() < 1e-6
 

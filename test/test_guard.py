@@ -138,9 +138,8 @@ def test_a_protective_stop_names_joint_window_got_and_allowed():
 
 
 def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
-    jump = (
-        LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]
-    )  # [rad/s] ten times the limit within a cycle
+    # [rad/s] ten times the limit within a cycle
+    jump = LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]
     for share, stops in ((0.99, False), (1.09, False), (1.11, True)):
         assert bool(Guard(LIMITS, T).violation(ZERO, share * jump)) is stops
 
@@ -172,9 +171,8 @@ def test_an_excess_is_forgotten_as_it_is_made_up_for():
 
 def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
     random = np.random.default_rng(0)
-    noise = (
-        random.uniform(-0.5, 0.5, (5000, 7)) * LIMITS.acceleration * T * T
-    )  # twice the limit from cycle to cycle
+    # twice the limit from cycle to cycle
+    noise = random.uniform(-0.5, 0.5, (5000, 7)) * LIMITS.acceleration * T * T
     ramp = np.array(
         [accelerated(0.5 * a, j, 40)[:, j] for j, a in enumerate(LIMITS.acceleration)]
     ).T  # (40, 7)

@@ -45,9 +45,8 @@ SIDE = np.array(
 # [s] at most from sim/reset to command mode: 100 good packets, a new word on the session,
 # monitor_time
 RECOVERY = 6.0
-STANDSTILL = (
-    1.5  # [s] at most from the loss of a part to rest: bridging or command_timeout, then braking
-)
+# [s] at most from the loss of a part to rest: bridging or command_timeout, then braking
+STANDSTILL = 1.5
 
 
 class Graph(NamedTuple):

@@ -73,9 +73,8 @@ def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation(
     for q, dq in random_motion(100):
         state = model.state(q, dq)
         for e, column in zip(STEP * np.eye(7), state.J[3:].T):
-            spin = (
-                (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)
-            )  # skew-symmetric [w]x
+            # skew-symmetric [w]x
+            spin = (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)
             assert column == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=DIFFERENCES)
 
 

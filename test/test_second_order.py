@@ -167,9 +167,8 @@ def test_no_other_torque_is_nearer_to_the_damping_torque_in_the_norm_of_the_sche
     scheme = make_scheme(name, damping)
     assert isinstance(scheme, TorqueScheme)
     for state, ddx, dJ_dq in ((tick.state, tick.ddx, tick.dJ_dq) for tick in ticks):
-        way = (
-            scheme.torque(state, ddx, dJ_dq) + damping * state.M @ state.dq_prev
-        )  # tau - tau_N, Eq. (34)
+        # tau - tau_N, Eq. (34)
+        way = scheme.torque(state, ddx, dJ_dq) + damping * state.M @ state.dq_prev
         others = state.M @ null_space(
             state.J
         )  # torques that leave the task alone: J M^-1 tau = 0, (n, n - m)
@@ -185,9 +184,8 @@ def test_the_weighted_torque_gives_the_acceleration_of_26(damping, model, ticks)
         J_pinv = np.linalg.pinv(state.J)
         P = np.eye(7) - J_pinv @ state.J
         M_inv = np.linalg.inv(state.M)
-        ddq = (
-            J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev
-        )  # Eq. (26) and (21)
+        # Eq. (26) and (21)
+        ddq = J_pinv @ (ddx - dJ_dq) - P @ M_inv @ state.n - damping * P @ state.dq_prev
         assert same(
             make_scheme('minimum_weighted_torque', damping).acceleration(model, state, ddx, dJ_dq),
             ddq,

@@ -9,9 +9,8 @@ import numpy as np
 
 from redres_ros.bench.timing import Times
 
-_TICK = (
-    1.0 / 100.0
-)  # [s] of /proc/<pid>/stat: Linux counts in hundredths for user space, whatever the kernel's HZ
+# [s] of /proc/<pid>/stat: Linux counts in hundredths for user space, whatever the kernel's HZ
+_TICK = 1.0 / 100.0
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,8 @@ from redres_ros.waypoints import Task
 
 START_PATIENCE = 30.0  # [s] from starting the processes to command mode
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
-CLOCK_PATIENCE = (
-    5.0  # [s] that an ordinary machine may stall; the fake arm's clock then stands still
-)
+# [s] that an ordinary machine may stall; the fake arm's clock then stands still
+CLOCK_PATIENCE = 5.0
 MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 

@@ -63,9 +63,8 @@ def replay(
             finished = reference.finished
             law = next(law for since, law in reversed(laws) if since <= stamp or law is laws[0][1])
             if not finished:
-                elapsed = (
-                    (stamp - stamp_prev) / 1e9 if stamp_prev else T
-                )  # more than T where a cycle was missed
+                # more than T where a cycle was missed
+                elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T
                 null = partial(
                     project, state.J, dq, law.weight(state)
                 )  # P_W dq = P_W b, because P_W J_W^# = 0

@@ -39,9 +39,8 @@ class Channel(Generic[M]):
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
         self.link = link or Link()
         self._random = Random(seed)
-        self._under_way: deque[tuple[int, M]] = (
-            deque()
-        )  # with the tick when each is due, in the order of arrival
+        # with the tick when each is due, in the order of arrival
+        self._under_way: deque[tuple[int, M]] = deque()
         self._overtaken: list[M] = []  # to arrive right after the next message
         self._still_to_lose = 0
 

@@ -56,9 +56,8 @@ class Guard:
         self._lower = limits.lower + settings.position_margin
         self._upper = limits.upper - settings.position_margin
         self._cycles = max(1, round(settings.acceleration_window / period))
-        self._tolerance = (
-            self.limits.acceleration * settings.acceleration_tolerance / period
-        )  # (n,) [rad/s^2], summed
+        # (n,) [rad/s^2], summed
+        self._tolerance = self.limits.acceleration * settings.acceleration_tolerance / period
         self.begin()
 
     def begin(self) -> None:

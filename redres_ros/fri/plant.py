@@ -135,9 +135,8 @@ class MujocoPlant:
         """
         data = self._data
         tip = self._tip
-        data.xfrc_applied[tip, :3] = (
-            force  # at the body's centre of mass: it takes a torque to have it at the tip
-        )
+        # at the body's centre of mass: it takes a torque to have it at the tip
+        data.xfrc_applied[tip, :3] = force
         data.xfrc_applied[tip, 3:] = np.cross(data.xpos[tip] - data.xipos[tip], force)
 
     def reset(self, q: np.ndarray) -> None:

@@ -31,9 +31,8 @@ ELEVATION = -14.0
 _SIZE = 480, 600  # width and height [pixels]
 _LOOK_AT = (-0.2, 0.0, 0.49)
 _DISTANCE = 2.12  # [m]
-_FLOOR = (
-    -0.3
-)  # [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
+# [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
+_FLOOR = -0.3
 _SPARE = 100  # shapes that MuJoCo may add of its own, such as lights and frames
 _BLACK = (0.05, 0.05, 0.05, 1.0)
 _BLUE = (0.12, 0.47, 0.71, 1.0)

@@ -35,9 +35,8 @@ COMMANDING = (
 )  # session states of the two profiles in which the robot takes commands
 
 _NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
-_SESSION_PATIENCE = (
-    5 * NANOSECONDS
-)  # for such a robot to tell its session: DDS may take 3 s to bring a latched word
+# for such a robot to tell its session: DDS may take 3 s to bring a latched word
+_SESSION_PATIENCE = 5 * NANOSECONDS
 
 
 @dataclass(frozen=True)

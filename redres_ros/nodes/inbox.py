@@ -116,9 +116,8 @@ class Inbox:
         self._refusals.accept('joint_command')
         if not self._timed:
             return Answer(tick, arrival.q)
-        delayed = (
-            (now - arrival.tick) * self._clock.period / NANOSECONDS
-        )  # [s] by faults, after it had come
+        # [s] by faults, after it had come
+        delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS
         return Answer(tick, arrival.q, self._clock.latency(tick, arrival.time + delayed))
 
     def _tick(self, stamp: int, now: int) -> int:

@@ -32,9 +32,8 @@ from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.waypoints import load_task
 
-LOCKSTEP_EPOCH = (
-    NANOSECONDS  # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
-)
+# stamp of the first state in lock-step [ns]; a stamp of zero would mean now
+LOCKSTEP_EPOCH = NANOSECONDS
 
 # of a cycle for the answer to come before the arm moves on: its way would cross that computation's
 _HEADSTART = 0.5

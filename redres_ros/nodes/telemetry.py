@@ -8,9 +8,8 @@ from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.nodes.qos import PUBLISH
 
-LOOK_PERIOD = (
-    0.2  # [s] how often it is seen who listens; asking in every cycle would cost more than the rest
-)
+# [s] how often it is seen who listens; asking in every cycle would cost more than the rest
+LOOK_PERIOD = 0.2
 
 
 class Telemetry:

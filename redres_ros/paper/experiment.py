@@ -20,9 +20,8 @@ from redres_ros.simulation.closed_loop import PATIENCE, Client
 from redres_ros.simulation.recording import Recording, row
 from redres_ros.waypoints import Task
 
-AFTERMATH = (
-    1.0  # [s] for which the arm is still watched once the task is over or the robot has stopped
-)
+# [s] for which the arm is still watched once the task is over or the robot has stopped
+AFTERMATH = 1.0
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
 from redres_ros.waypoints import Task
 
-_PRACTICAL = (
-    0.02  # share of the largest velocity up to which two experiments count as practically the same
-)
+# share of the largest velocity up to which two experiments count as practically the same
+_PRACTICAL = 0.02
 _ALIKE = 0.05  # share of the joints' way up to which two motions count as very similar
 
 

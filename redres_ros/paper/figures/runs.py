@@ -18,9 +18,8 @@ EXPERIMENT_T = 0.002  # [s]
 SIMULATION_DAMPING = 10.0
 EXPERIMENT_DAMPING = 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
-EXPERIMENT_DYNAMICS = (
-    'lwr'  # identified, of arm and controller alike; the simulations have the paper's equal links
-)
+# identified, of arm and controller alike; the simulations have the paper's equal links
+EXPERIMENT_DYNAMICS = 'lwr'
 
 
 class Runs:
