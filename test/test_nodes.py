@@ -101,7 +101,7 @@ def test_a_node_that_cannot_start_says_why_in_one_line(
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_every_node_ends_with_status_0_on_a_signal(
-    tmp_path: Path, number: signal.Telemetry
+    tmp_path: Path, number: signal.Signals
 ) -> None:
     with nodes(tmp_path, sim={}, controller={}, planner={}) as (probe, processes):
         await_that(
