@@ -12,15 +12,13 @@ import pytest
 
 from redres_ros import RobotModel
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
-from redres_ros.fri.plant import Witness
 from redres_ros.robots import ARMS, Arm, find_arm
 from redres_ros.robots.arm import DYNAMICS
 
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
 QUANTITIES = ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n', 'free_acceleration')  # of a state
-EVERY_ARM = pytest.mark.parametrize(
-    ('name', 'dynamics'), [(name, dynamics) for name in ARMS for dynamics in DYNAMICS]
-)
+BOTH_LWR = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])  # others: test_arms.py
+EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
 
 def random_motion(count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -107,18 +105,6 @@ def test_the_position_of_a_frame_is_in_the_base_frame(model):
 # --- dynamics, computed three ways ----------------------------------------------------------------
 
 
-@EVERY_ARM
-def test_pinocchio_and_mujoco_agree(name, dynamics):
-    arm = find_arm(name, dynamics=dynamics)
-    model = RobotModel(arm, 'pose')
-    witness = Witness(arm)
-    for q, dq in random_motion(1000):
-        state = model.state(q, dq)
-        seen = witness.kinematics(q) + witness.dynamics(q, dq)
-        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
-            assert np.abs(got - expected).max() < AGREEMENT
-
-
 def urdf_links(d: np.ndarray) -> independent.Links:
     """The LWR's inertias as its URDF states them."""
     inertials = [
@@ -137,7 +123,8 @@ def urdf_links(d: np.ndarray) -> independent.Links:
     return independent.Links(d, mass, com, inertia, np.array(ARMS['lwr4'].rotor_inertia))
 
 
-@EVERY_ARM
+@BOTH_LWR
+@EVERY_DYNAMICS
 def test_a_derivation_of_its_own_agrees(name, dynamics):
     d = {'lwr4': independent.BARE, 'lwr4_paper': independent.PAPER}[name]
     links = independent.cylinders(d) if dynamics == 'cylinders' else urdf_links(d)
@@ -202,16 +189,6 @@ def gravity_moment(**joints: float) -> np.ndarray:
 )
 def test_first_moments_are_those_identified(joint, moment, digit, pose):
     assert gravity_moment(**pose)[joint - 1] == pytest.approx(moment, abs=digit / 2)
-
-
-@EVERY_ARM
-def test_without_torque_the_arm_falls(name, dynamics):
-    model = RobotModel.named(name, dynamics=dynamics)
-    for q, dq in random_motion(100):
-        state = model.state(q, dq)
-        assert (
-            np.abs(state.M @ state.free_acceleration + state.n).max() < AGREEMENT
-        )  # Eq. (6) with tau = 0
 
 
 def test_rotors_add_what_was_identified_and_couple_nothing():
@@ -304,7 +281,9 @@ def test_kinematics_refuse_the_same(model, bad):
 
 
 def test_an_unknown_robot_is_refused_with_those_that_exist():
-    with pytest.raises(UnknownNameError, match="unknown robot 'iiwa'; allowed: lwr4, lwr4_paper"):
+    with pytest.raises(
+        UnknownNameError, match="unknown robot 'iiwa'; allowed: fr3, gen3, iiwa7, lwr4"
+    ):
         RobotModel.named('iiwa')
 
 

@@ -1,0 +1,157 @@
+"""A URDF as a tree of elements: its joints, and its numbers with the defaults that URDF gives."""
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from redres_ros.errors import FileError
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint's element, name, type, and the links that it connects."""
+
+    element: ET.Element
+    name: str
+    type: str
+    parent: str
+    child: str
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A URDF, whose elements may be changed; `source` names it in errors."""
+
+    robot: ET.Element
+    source: str
+
+    @classmethod
+    def read(cls, source: Path | str) -> 'Urdf':
+        """A URDF from a file (Path), or from its text (str).
+
+        Raises:
+            FileError: The file cannot be read, or is no URDF.
+        """
+        name = str(source) if isinstance(source, Path) else 'the robot description'
+        try:
+            text = source if isinstance(source, str) else source.read_text(encoding='utf-8')
+            robot = ET.fromstring(text)
+        except OSError as error:
+            raise FileError(f'cannot read the URDF {name}: {error.strerror}') from None
+        except (ET.ParseError, ValueError) as error:
+            raise FileError(f'{name} is no URDF: {error}') from None
+        if robot.tag != 'robot' or not robot.findall('link'):
+            raise FileError(f'{name} is no URDF: expected a robot with at least one link')
+        return cls(robot, name)
+
+    def text(self) -> str:
+        """The URDF as it is now."""
+        return ET.tostring(self.robot, encoding='unicode')
+
+    def error(self, problem: str) -> FileError:
+        """An error to raise, which names this URDF."""
+        return FileError(f'{self.source}: {problem}')
+
+    @cached_property
+    def links(self) -> dict[str, ET.Element]:
+        """The links by name."""
+        return {link.get('name', ''): link for link in self.robot.findall('link')}
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints as they are listed. Raises FileError for one without its name or links."""
+        return tuple(self._joint(element) for element in self.robot.findall('joint'))
+
+    def _joint(self, element: ET.Element) -> Joint:
+        name = element.get('name', '')
+        ends = []
+        for end in ('parent', 'child'):
+            found = element.find(end)
+            link = '' if found is None else found.get('link', '')
+            if link not in self.links:
+                raise self.error(f'joint {name!r} has the {end} link {link!r}, which is not there')
+            ends.append(link)
+        return Joint(element, name, element.get('type', ''), *ends)
+
+    def numbers(
+        self, element: ET.Element | None, attribute: str, default: str, owner: str
+    ) -> np.ndarray:
+        """An attribute's numbers.
+
+        Args:
+            element: Where the attribute is; None counts as without it.
+            attribute: Its name.
+            default: Its text where it is missing; says how many numbers there are.
+            owner: The joint or link in words, for errors.
+
+        Raises:
+            FileError: Too few or too many numbers, or NaN or infinity.
+        """
+        text = default if element is None else element.get(attribute, default)
+        expected = len(default.split())
+        try:
+            values = [float(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != expected or not all(map(math.isfinite, values)):
+            noun = 'a finite number' if expected == 1 else f'{expected} finite numbers'
+            raise self.error(f'{owner} has {attribute} {text!r}; expected {noun}')
+        return np.array(values)
+
+    def number(self, element: ET.Element | None, attribute: str, default: str, owner: str) -> float:
+        """As `numbers`, for a single one."""
+        return float(self.numbers(element, attribute, default, owner)[0])
+
+    def placement(self, element: ET.Element, owner: str) -> np.ndarray:
+        """The pose (4, 4) that an element's origin gives; the identity without one."""
+        origin = element.find('origin')
+        H = np.eye(4)
+        H[:3, 3] = self.numbers(origin, 'xyz', '0 0 0', owner)
+        H[:3, :3] = rotation_from_rpy(self.numbers(origin, 'rpy', '0 0 0', owner))
+        return H
+
+
+def child(element: ET.Element, tag: str) -> ET.Element:
+    """The element's first child of that tag, made if there is none."""
+    found = element.find(tag)
+    return ET.SubElement(element, tag) if found is None else found
+
+
+def words(values: np.ndarray) -> str:
+    """Numbers as URDF writes them, at full precision."""
+    return ' '.join(repr(float(value)) for value in values)
+
+
+def set_placement(element: ET.Element, H: np.ndarray) -> None:
+    """Write the pose H (4, 4) into the element's origin."""
+    origin = child(element, 'origin')
+    origin.set('xyz', words(H[:3, 3]))
+    origin.set('rpy', words(rpy_from_rotation(H[:3, :3])))
+
+
+def rotation_from_rpy(rpy: np.ndarray) -> np.ndarray:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3), from URDF's three angles [rad]."""
+    X = rotation_about(np.array((1.0, 0.0, 0.0)), rpy[0])
+    Y = rotation_about(np.array((0.0, 1.0, 0.0)), rpy[1])
+    Z = rotation_about(np.array((0.0, 0.0, 1.0)), rpy[2])
+    R: np.ndarray = Z @ Y @ X
+    return R
+
+
+def rpy_from_rotation(R: np.ndarray) -> np.ndarray:
+    """URDF's three angles [rad] of R (3, 3); at a pitch of 90 degrees, those without yaw."""
+    cos_pitch = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], cos_pitch)
+    if cos_pitch < 1e-9:
+        return np.array((math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0))
+    return np.array((math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])))
+
+
+def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """The rotation (3, 3) by an angle [rad] about a unit vector (3,): Rodrigues' formula."""
+    K = np.cross(np.eye(3), axis)  # K @ v = v x axis
+    return np.eye(3) - math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
