@@ -94,7 +94,8 @@ def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
 
 def test_an_unknown_name_is_refused_with_those_that_exist():
     message = refusal('circle', UnknownNameError)
-    assert message.startswith("unknown task 'circle'; allowed: a path ending in .yaml, rectangle")
+    assert message.startswith("unknown task 'circle'; allowed: a path ending in .yaml, ")
+    assert 'rectangle' in message
 
 
 def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
