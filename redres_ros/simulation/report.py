@@ -1,12 +1,54 @@
-"""What a person sees in the terminal: a progress bar and a table of peaks."""
+"""What a person sees in the terminal: progress bars and tables."""
 
-from collections.abc import Callable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
 
 from redres_ros.simulation.recording import Recording
+
+_WIDE = 200  # columns, where the output is no terminal and nothing has to be broken
+
+
+def table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = '', note: str = ''
+) -> Table:
+    """A table whose first column is text and whose others are figures, aligned to the right.
+
+    Args:
+        heads: one for each column, with its unit, as 'median [us]'.
+        rows: the cells; a row of one cell is the heading of a section, an empty one a gap.
+        title: above the table.
+        note: below it.
+    """
+    shown = Table(
+        title=Text(title, style='bold') if title else None,
+        caption=Text(note) if note else None,
+        box=box.SIMPLE_HEAD,
+        title_justify='left',
+        caption_justify='left',
+    )
+    for place, head in enumerate(heads):
+        shown.add_column(Text(head), justify='right' if place else 'left', no_wrap=not place)
+    for row in rows:
+        if row:
+            style = 'bold' if len(row) == 1 and len(heads) > 1 else None
+            shown.add_row(*map(Text, row), style=style)
+        else:
+            shown.add_section()
+    return shown
+
+
+def print_tables(*tables: Table) -> None:
+    """Print tables, as wide as the terminal is, or as they need to be where there is none."""
+    console = Console(width=None if sys.stdout.isatty() else _WIDE)
+    for each in tables:
+        console.print(each)
 
 
 @contextmanager
