@@ -9,7 +9,7 @@ from redres_ros import RobotModel, RobotState, Task, load_task
 @pytest.fixture(scope='session')
 def model() -> RobotModel:
     """The paper's arm with the dynamics of Section 5.2."""
-    return RobotModel.named('lwr4_paper')
+    return RobotModel.named('lwr4_paper', dynamics='cylinders')
 
 
 @pytest.fixture(scope='session')

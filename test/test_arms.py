@@ -148,7 +148,7 @@ def test_limits_are_finite_and_positive(name):
 
 @EVERY_ARM
 def test_the_arm_holds_itself_at_its_start_with_less_than_its_effort(name):
-    model = RobotModel.named(name, dynamics='lwr')
+    model = RobotModel.named(name, dynamics='identified')
     gravity = model.state(np.array(ARMS[name].start), np.zeros(model.n)).n
     efforts = re.findall(r'effort="([\d.]+)"', ARMS[name].urdf.read_text())
     assert (np.abs(gravity) < 0.8 * np.array(efforts, dtype=float)).all()

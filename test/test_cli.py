@@ -77,7 +77,7 @@ def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor,
 @pytest.mark.parametrize(
     'options',
     [
-        ('--dynamics', 'lwr'),
+        ('--dynamics', 'cylinders'),
         ('--delay', '1'),
         ('--switch-time', '0.1'),
         ('--law', 'minimum_torque'),
@@ -125,7 +125,7 @@ REFUSED = [
     (('--law', 'fastest'), "unknown law 'fastest'; allowed: dynamically_consistent, "),
     (('--task', 'circle'), "unknown task 'circle'; allowed: "),
     (('--task', 'none.yaml'), 'cannot read the task none.yaml'),
-    (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, lwr"),
+    (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
     (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
     (('--damping', '-1'), 'damping is -1.0; allowed: 0 to'),

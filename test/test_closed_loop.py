@@ -13,7 +13,7 @@ from redres_ros import LAWS, Controller, RobotModel, Task, load_task, make_law
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
-MODEL = RobotModel.named('lwr4_paper')
+MODEL = RobotModel.named('lwr4_paper', dynamics='cylinders')
 TASK = load_task('rectangle')
 PERIODS = pytest.mark.parametrize('T', [0.001, 0.002])
 K_D = 10.0  # [1/s]

@@ -77,7 +77,7 @@ def underway(model, task) -> Callable[[str, float], Drive]:
 @pytest.fixture(scope='module')
 def identified_underway(task) -> Callable[[str, float], Drive]:
     """The same with the identified dynamics, with which no law is violent by itself."""
-    return underway_with(RobotModel.named('lwr4_paper', dynamics='lwr'), task)
+    return underway_with(RobotModel.named('lwr4_paper', dynamics='identified'), task)
 
 
 def underway_with(model: RobotModel, task: Task) -> Callable[[str, float], Drive]:

@@ -29,7 +29,7 @@ PERIODS = (0.008, 0.004, 0.002)  # [s]
 @pytest.fixture(scope='module')
 def heavy() -> RobotModel:
     """The paper's arm with the identified dynamics, on which no law with damping is unstable."""
-    return RobotModel.named('lwr4_paper', dynamics='lwr')
+    return RobotModel.named('lwr4_paper', dynamics='identified')
 
 
 @pytest.fixture(scope='module')

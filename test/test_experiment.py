@@ -17,7 +17,7 @@ from redres_ros.simulation.closed_loop import run
 
 T = 0.002  # [s]
 TASK = load_task('rectangle')
-ARM = find_arm(TASK.robot, dynamics='lwr')
+ARM = find_arm(TASK.robot, dynamics='identified')
 # Half of the first segment: long enough to move, short enough for a test.
 SHORT = replace(
     TASK, waypoints=np.array((TASK.waypoints[0], TASK.waypoints[:2].mean(axis=0))), segment_time=1.5

@@ -106,7 +106,7 @@ values = st.one_of(
     st.booleans(),
     texts,
     st.sampled_from((0.0, 0.1, 1, 10.0)),
-    st.sampled_from(('minimum_torque', 'minimum_velocity', 'command', 'lwr')),
+    st.sampled_from(('minimum_torque', 'minimum_velocity', 'command', 'identified')),
     st.just([]),
     st.lists(st.floats(), min_size=1, max_size=8),
     st.lists(st.booleans(), min_size=1, max_size=2),

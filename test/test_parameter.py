@@ -3,9 +3,12 @@
 from dataclasses import dataclass, fields
 
 import pytest
+import yaml
 
 from redres_ros.errors import RangeError, RedresError, UnknownNameError
 from redres_ros.parameter import Parameter, check_parameters, check_value, param, parameters
+from redres_ros.robots import Arm
+from redres_ros.share import share_path
 
 
 @dataclass(frozen=True)
@@ -90,3 +93,11 @@ def test_a_range_may_be_open_on_one_side(limits, good, bad):
     for value in (bad, float('nan'), None):
         with pytest.raises(RangeError, match='x'):
             check_value('x', value, Parameter('', **limits))
+
+
+def test_the_parameter_file_leaves_alone_what_follows_from_the_robot():
+    # Else `robot: lwr4` with this file would be the bare arm with the paper's tool.
+    content = yaml.safe_load(share_path('config/redres.yaml').read_text(encoding='utf-8'))
+    set_there = {key for node in content.values() for key in node['ros__parameters']}
+    assert 'robot' in set_there
+    assert set_there & {field.name for field in fields(Arm)} == set()

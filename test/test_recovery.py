@@ -31,7 +31,7 @@ from redres_ros.robots.joint_limits import JointLimits
 
 NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 RATE = 100.0  # [Hz]
-ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'lwr'}
+ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
 OWN = {
     'sim': {'bridged_misses': BRIDGED},
@@ -330,7 +330,7 @@ def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(moving: Gr
 
 
 def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_limits() -> None:
-    model = RobotModel.named('lwr4_paper', dynamics='lwr')
+    model = RobotModel.named('lwr4_paper', dynamics='identified')
     T = 0.002
     laws = [make_law(name) for name in LAWS]
     limits = JointLimits.of(find_arm('lwr4_paper'))

@@ -157,9 +157,15 @@ def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, 
 
 
 def test_cylinders_have_no_rotors():
-    assert find_arm('lwr4_paper').armature == ()
+    assert find_arm('lwr4_paper', dynamics='cylinders').armature == ()
     q, dq = random_motion(1)[0]
-    assert RobotModel.named('lwr4_paper').state(q, dq).M[6, 6] == pytest.approx(0.06**2 / 2)
+    model = RobotModel.named('lwr4_paper', dynamics='cylinders')
+    assert model.state(q, dq).M[6, 6] == pytest.approx(0.06**2 / 2)
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_an_arm_is_the_identified_one_unless_told_otherwise(name):
+    assert find_arm(name).dynamics == 'identified'
 
 
 # --- the identified dynamics ----------------------------------------------------------------------
@@ -288,7 +294,9 @@ def test_an_unknown_robot_is_refused_with_those_that_exist():
 
 
 def test_unknown_dynamics_are_refused_with_those_that_exist():
-    with pytest.raises(UnknownNameError, match="unknown dynamics 'rods'; allowed: cylinders, lwr"):
+    with pytest.raises(
+        UnknownNameError, match="unknown dynamics 'rods'; allowed: cylinders, identified"
+    ):
         RobotModel.named('lwr4', dynamics='rods')
 
 

@@ -122,7 +122,7 @@ def test_the_reference_integrates_the_velocity(name, model, task):
 
 @EVERY_SCHEME
 def test_a_closed_loop_runs_it_like_a_controller(name, task):
-    model = RobotModel.named('lwr4_paper', dynamics='lwr')
+    model = RobotModel.named('lwr4_paper', dynamics='identified')
     short = replace(task, waypoints=task.waypoints[:2], segment_time=0.5)
     assert run(SecondOrderController(model, make_scheme(name), 0.005), short).finished
 
@@ -298,7 +298,7 @@ def test_the_velocity_product_is_the_change_of_the_jacobian_times_the_velocity(t
         assert model.velocity_product(q, dq) == pytest.approx(change @ dq, rel=1e-7, abs=1e-8)
 
 
-@pytest.mark.parametrize('dynamics', ['cylinders', 'lwr'])  # without and with rotors
+@pytest.mark.parametrize('dynamics', ['cylinders', 'identified'])  # without and with rotors
 def test_the_forward_dynamics_undo_the_equation_of_motion(dynamics, states):
     model = RobotModel.named('lwr4_paper', dynamics=dynamics)
     random = np.random.default_rng(2)

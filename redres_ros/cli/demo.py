@@ -27,9 +27,9 @@ def add(commands: Any) -> None:
     )
     demo.add_argument(
         '--dynamics',
-        default='lwr',
+        default='identified',
         metavar='NAME',
-        help='lwr (identified) or cylinders, of arm and controller alike',
+        help='identified, or cylinders (Section 5.2), of arm and controller alike',
     )
     demo.add_argument(
         '--switch',

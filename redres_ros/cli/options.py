@@ -47,8 +47,9 @@ def add_loop(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--dynamics',
+        default='identified',
         metavar='NAME',
-        help="cylinders (Section 5.2) or lwr; default: the task's robot's own",
+        help="inertias: identified, or cylinders (the paper's Section 5.2)",
     )
 
 

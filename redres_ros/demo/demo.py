@@ -52,7 +52,7 @@ class DemoOptions:
     law: str
     damping: float
     rate: float
-    dynamics: str = 'lwr'
+    dynamics: str = 'identified'
     switches: tuple[tuple[str, float], ...] = ()
     lockstep: bool = False
     composed: bool = False

@@ -110,17 +110,15 @@ class RobotParameters:
         return RobotModel(self.arm, self.task_space)
 
 
-def declare_robot(node: Node, **preferred: Any) -> RobotParameters:
-    """Declare the parameters of the arm; the other defaults follow from `robot`, unless the node
-    prefers its own.
-    """
+def declare_robot(node: Node) -> RobotParameters:
+    """Declare the parameters of the arm; the other defaults follow from `robot`."""
     field, parameter = next(
         (f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot'
     )
     arm = find_arm(declare_one(node, field.name, field.default, parameter))
     defaults = {
         f.name: getattr(arm, f.name) for f in fields(RobotParameters) if hasattr(arm, f.name)
-    } | preferred
+    }
     values = {
         f.name: declare_one(node, f.name, defaults.get(f.name, f.default), p)
         for f, p in parameters(RobotParameters).items()

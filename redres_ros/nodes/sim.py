@@ -66,7 +66,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__('sim')
-        self._description = declare_robot(self, dynamics='lwr')
+        self._description = declare_robot(self)
         self._settings = declare(self, SimParameters())
         arm = self._description.arm
         period = 1.0 / self._settings.rate

@@ -17,6 +17,7 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.waypoints import Task
 
 ZERO = 1e-9  # [rad/s]; a difference up to here is taken for rounding
+SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
 PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
 
 
@@ -52,11 +53,11 @@ def difference(
     law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None
 ) -> Difference:
     """The task executed by a law and by its yardstick, each in its own closed loop. model: None for
-    the task's arm.
+    the task's arm with the equal links of Section 5.2.
 
     Raises UnknownNameError for a law without a yardstick, RangeError for damping or T.
     """
-    model = model or RobotModel.named(task.robot)
+    model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = yardstick(law_name, damping, T)
     law = _Accompanied(Controller(model, make_law(law_name, damping=damping), T), scheme)
     one = run(law, task)
@@ -110,7 +111,7 @@ def amplification(
     shows an equivalence better. It can grow no further than |dq| / displacement, where the two
     motions have nothing in common any more.
     """
-    model = model or RobotModel.named(task.robot)
+    model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     law = make_law(law_name, damping=damping)
     J = model.state(task.start, np.zeros(model.n)).J
     direction = project(J, np.random.default_rng(seed).normal(size=model.n))  # J direction = 0
@@ -166,7 +167,7 @@ def convergence(
     """
     if not 0.0 < stretch <= task.segments * task.segment_time:
         raise RangeError('stretch', stretch, 0.0, task.segments * task.segment_time, 's')
-    model = model or RobotModel.named(task.robot)
+    model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = make_scheme(law_name, damping)
     law = make_law(law_name, damping=damping)
     errors = []

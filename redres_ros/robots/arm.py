@@ -8,7 +8,7 @@ from redres_ros.robots.chain import chain_to
 from redres_ros.robots.inertia import make_cylinders
 from redres_ros.robots.urdf import Urdf, child
 
-DYNAMICS = ('lwr', 'cylinders')
+DYNAMICS = ('identified', 'cylinders')
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,9 @@ class Arm:
         elbow_frame: The link whose origin counts as the elbow; empty: none.
         base_offset: Height of the arm above the URDF's root link [m].
         tool_offset: Way from the flange to the tip along the flange's z [m].
-        dynamics: 'lwr', the URDF's own inertias with rotors and friction; 'cylinders', the paper's
-            Section 5.2 with each link a body of 1 kg, here a solid cylinder because an ideal rod
-            makes M singular.
+        dynamics: 'identified', the URDF's own inertias with rotors and friction; 'cylinders', the
+            paper's Section 5.2 with each link a body of 1 kg, here a solid cylinder because an
+            ideal rod makes M singular.
         rotor_inertia: Reflected to the joints, (n,) [kg m^2]; empty: none.
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
@@ -39,7 +39,7 @@ class Arm:
     elbow_frame: str = ''
     base_offset: float = 0.0
     tool_offset: float = 0.0
-    dynamics: str = 'lwr'
+    dynamics: str = 'identified'
     rotor_inertia: tuple[float, ...] = ()
     acceleration_limit: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
@@ -55,7 +55,7 @@ class Arm:
     @property
     def armature(self) -> tuple[float, ...]:
         """Rotor inertias that belong to the chosen dynamics, (n,) [kg m^2]; empty: none."""
-        return self.rotor_inertia if self.dynamics == 'lwr' else ()
+        return self.rotor_inertia if self.dynamics == 'identified' else ()
 
     def description(self) -> str:
         """The URDF's text with offsets and dynamics filled in: what ROS calls robot_description.

@@ -35,7 +35,6 @@ _LWR4_PAPER = replace(  # Section 5
     _LWR4,
     base_offset=0.0125,
     tool_offset=0.135,
-    dynamics='cylinders',
     start=_radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
     task='rectangle',
 )

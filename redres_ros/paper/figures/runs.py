@@ -4,7 +4,7 @@ from functools import cached_property
 
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
-from redres_ros.paper.equivalence import Convergence, convergence
+from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, Convergence, convergence
 from redres_ros.paper.experiment import Experiment, experiment
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.robot_model import RobotModel
@@ -18,8 +18,7 @@ EXPERIMENT_T = 0.002  # [s]
 SIMULATION_DAMPING = 10.0
 EXPERIMENT_DAMPING = 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
-# identified, of arm and controller alike; the simulations have the paper's equal links
-EXPERIMENT_DYNAMICS = 'lwr'
+EXPERIMENT_DYNAMICS = 'identified'  # of arm and controller alike
 
 
 class Runs:
@@ -34,7 +33,7 @@ class Runs:
     def __init__(self) -> None:
         self.task = load_task('rectangle')
         self.reversed_task = load_task('rectangle_reversed')
-        self.model = RobotModel.named(self.task.robot)
+        self.model = RobotModel.named(self.task.robot, dynamics=SIMULATION_DYNAMICS)
         self.experiment_model = RobotModel.named(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
 
     @cached_property
