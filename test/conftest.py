@@ -6,6 +6,13 @@ import pytest
 from redres_ros import RobotModel, RobotState, Task, load_task
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What runs against the clock is slow, too."""
+    for item in items:
+        if item.get_closest_marker('realtime'):
+            item.add_marker('slow')
+
+
 @pytest.fixture(scope='session')
 def model() -> RobotModel:
     """The paper's arm with the dynamics of Section 5.2."""
@@ -24,5 +31,7 @@ def states(model: RobotModel) -> list[RobotState]:
     random = np.random.default_rng(0)
     return [
         model.state(q, dq)
-        for q, dq in zip(random.uniform(-2.0, 2.0, (100, 7)), random.normal(0.0, 1.0, (100, 7)))
+        for q, dq in zip(
+            random.uniform(-2.0, 2.0, (100, 7)), random.normal(0.0, 1.0, (100, 7)), strict=True
+        )
     ]

@@ -54,7 +54,7 @@ def cylinders(d: np.ndarray) -> Links:
         d,
         np.ones(7),
         com,
-        np.array([np.diag(row) for row in zip(across, across, along)]),
+        np.array([np.diag(row) for row in zip(across, across, along, strict=True)]),
         np.zeros(7),
     )
 
@@ -137,7 +137,7 @@ def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float
     links = cylinders(PAPER)
     rows = np.arange(len(laws))
     power, memory, gravity = (
-        np.array(column)[:, None] for column in zip(*(LAWS[law] for law in laws))
+        np.array(column)[:, None] for column in zip(*(LAWS[law] for law in laws), strict=True)
     )
     forgetting = 1.0 - k_d[:, None] * T
     dq = np.zeros_like(q)

@@ -237,6 +237,7 @@ def test_a_short_bench_is_complete(tmp_path, capsys):
         assert word in out or word in json.dumps(content)
 
 
+@pytest.mark.realtime
 def test_a_short_loop_has_every_kind(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, 'REPETITIONS', 1)
     monkeypatch.setattr(loop, 'SETTLING', 0.1)

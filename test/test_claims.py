@@ -11,6 +11,8 @@ from redres_ros.paper import claims, figures
 from redres_ros.paper.claims import CLAIMS, Claim, Finding, check_all, table, theoretical, write_csv
 from redres_ros.paper.figures import Runs
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope='module')
 def runs() -> Runs:

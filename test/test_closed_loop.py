@@ -13,6 +13,8 @@ from redres_ros import LAWS, Controller, RobotModel, Task, load_task, make_law
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
+pytestmark = pytest.mark.slow
+
 MODEL = RobotModel.named('lwr4_paper', dynamics='cylinders')
 TASK = load_task('rectangle')
 PERIODS = pytest.mark.parametrize('T', [0.001, 0.002])
@@ -47,14 +49,16 @@ UNDAMPED = [
 @cache
 def damped_loops(T: float) -> np.ndarray:
     """q (ticks, rows of DAMPED, 7) of the whole task."""
-    laws, k_d = zip(*DAMPED)
+    laws, k_d = zip(*DAMPED, strict=True)
     dampings = np.where(np.array(k_d) == FORGETFUL, 1.0 / T, k_d)
     return independent.loop(list(laws), dampings, T, np.tile(independent.Q0, (len(laws), 1)), 9.0)
 
 
 @cache
 def undamped_loops(T: float) -> tuple[np.ndarray, np.ndarray]:
-    """q (ticks, rows of UNDAMPED, 7) of the first segment, and of twins that start 1e-12 rad away."""
+    """q (ticks, rows of UNDAMPED, 7) of the first segment; and of twins that start 1e-12 rad
+    away.
+    """
     twins = independent.Q0 + 1e-12 * np.random.default_rng(0).normal(size=(len(UNDAMPED), 7))
     start = np.concatenate((np.tile(independent.Q0, (len(UNDAMPED), 1)), twins))
     with np.errstate(all='ignore'):  # the torque laws run away in the end

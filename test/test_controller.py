@@ -250,13 +250,13 @@ def test_an_unknown_source_of_integration_is_refused(model):
 
 
 def test_too_much_damping_is_refused_at_construction(model):
-    with pytest.raises(RangeError, match='damping is 501.0; allowed: 0 to 500 .*1/T'):
+    with pytest.raises(RangeError, match=r'damping is 501\.0; allowed: 0 to 500 .*1/T'):
         Controller(model, make_law('minimum_acceleration', damping=501.0), T)
 
 
 def test_too_much_damping_is_refused_at_a_switch_and_the_law_stays(model):
     controller = controller_of(model)
-    with pytest.raises(RangeError, match='damping is 501.0'):
+    with pytest.raises(RangeError, match=r'damping is 501\.0'):
         controller.switch_law(make_law('minimum_velocity', damping=501.0))
     assert controller.law == make_law('minimum_acceleration')
 
@@ -350,7 +350,8 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
             )
     assert (
         jumps > 10
-        # a third, most of them to a law without memory; without this the test may have tested nothing
+        # a third, most of them to a law without memory; without this the test may have tested
+        # nothing
     )
 
 
@@ -429,7 +430,7 @@ def test_asking_for_the_law_in_force_changes_nothing(underway):
     drive = underway('minimum_acceleration', 4.5)
     asked = drive.copy()
     asked.controller.switch_law(make_law('minimum_acceleration'))
-    for command, expected in zip(asked.run(0.1), drive.run(0.1)):
+    for command, expected in zip(asked.run(0.1), drive.run(0.1), strict=True):
         assert (command.dq == expected.dq).all()
 
 

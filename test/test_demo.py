@@ -20,6 +20,8 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import columns
 from redres_ros.waypoints import load_task
 
+pytestmark = pytest.mark.slow
+
 JOINTS = slice(1, 8)  # columns q1..q7
 
 
@@ -110,6 +112,7 @@ def test_composed_in_one_process_the_nodes_do_the_same(tmp_path: Path, lockstep:
     np.testing.assert_array_equal(composed[:, JOINTS], apart[:, JOINTS])
 
 
+@pytest.mark.realtime
 def test_the_law_of_least_acceleration_finishes_in_real_time(tmp_path: Path) -> None:
     done = demo(tmp_path, '--law', 'minimum_acceleration')
     assert done.returncode == 0, done.stdout + done.stderr
@@ -123,6 +126,7 @@ def test_the_law_of_least_acceleration_finishes_in_real_time(tmp_path: Path) -> 
         assert word in done.stdout
 
 
+@pytest.mark.realtime
 def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
     done = demo(tmp_path, '--law', 'minimum_velocity')
     assert done.returncode == 1, done.stdout + done.stderr
@@ -130,6 +134,7 @@ def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
     assert 7.0 < motion(tmp_path)[-1, 0] < 8.5
 
 
+@pytest.mark.realtime
 def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(tmp_path: Path) -> None:
     duration = 600 if os.environ.get('REDRES_NIGHTLY') == '1' else 12
     done = demo(tmp_path, '--duration', str(duration), timeout=duration + 120)
@@ -153,6 +158,7 @@ def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(tmp_path: Path
     assert 0.9 * sent < heard <= sent
 
 
+@pytest.mark.realtime
 def test_a_law_switched_on_the_way_is_blended(tmp_path: Path, short_task: str) -> None:
     switches = ('--switch', 'minimum_velocity@0.5', '--switch', 'minimum_acceleration@1.2')
     done = demo(tmp_path, '--lockstep', '--plant', 'ideal', '--task', short_task, *switches)
@@ -169,6 +175,7 @@ def test_a_law_switched_on_the_way_is_blended(tmp_path: Path, short_task: str) -
     assert acceleration.max() < 1.5 * max(alone)
 
 
+@pytest.mark.realtime
 def test_ctrl_c_ends_the_demo_and_leaves_no_process(tmp_path: Path) -> None:
     handle = signal.signal(
         signal.SIGINT, signal.default_int_handler
@@ -194,6 +201,7 @@ def test_ctrl_c_ends_the_demo_and_leaves_no_process(tmp_path: Path) -> None:
     assert not [pid for pid in children if is_running(pid)]
 
 
+@pytest.mark.realtime
 def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
     process = subprocess.Popen(
         command(tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

@@ -22,6 +22,8 @@ from redres_ros.paper.equivalence import (
 )
 from redres_ros.paper.second_order import SCHEMES, MinimumAcceleration, make_scheme
 
+pytestmark = pytest.mark.slow
+
 EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
 PERIODS = (0.008, 0.004, 0.002)  # [s]
 
@@ -184,11 +186,11 @@ def test_a_point_out_of_reach_has_no_continuous_motion(side, model):
 
 @pytest.mark.parametrize('t', [(-0.1, 1.0), (0.0, 3.1), (np.nan,)])
 def test_times_outside_the_task_are_refused(t, side, model):
-    with pytest.raises(RangeError, match='t is .*; allowed: 0 to 3 '):
+    with pytest.raises(RangeError, match=r't is .*; allowed: 0 to 3 '):
         integrate(make_scheme('minimum_acceleration'), model, side, np.array(t))
 
 
 @pytest.mark.parametrize('stretch', [0.0, -1.0, 3.1, np.nan])
 def test_a_stretch_outside_the_task_is_refused(stretch, side):
-    with pytest.raises(RangeError, match='stretch is .*; allowed: 0 to 3 '):
+    with pytest.raises(RangeError, match=r'stretch is .*; allowed: 0 to 3 '):
         convergence('minimum_acceleration', 10.0, side, stretch=stretch)

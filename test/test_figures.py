@@ -22,6 +22,8 @@ from redres_ros.paper.savgol import Motion
 from redres_ros.robots import Arm, find_arm
 from redres_ros.waypoints import Task
 
+pytestmark = pytest.mark.slow
+
 FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
 WITH_UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
 

@@ -36,6 +36,8 @@ from redres_ros.nodes.sim import SimNode
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
+pytestmark = pytest.mark.slow
+
 CASES = 10_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 1000
 FIRST = 10**18  # [ns] stamp of the first state
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))

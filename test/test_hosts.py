@@ -18,6 +18,8 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import PATIENCE
 
+pytestmark = pytest.mark.realtime
+
 CUT = 1.0  # [s]
 ROS = {
     'ROS_DOMAIN_ID': '7',
@@ -38,7 +40,10 @@ with spun(Witness) as witness:
             case 'await command': print(f'{witness.await_command_mode():.3f}', flush=True)
             case 'await motion': witness.await_motion(); print('moves', flush=True)
             case 'await stop':
-                await_that(lambda: not witness.commanding and witness.reasons and witness.reasons[-1], 'a stop')
+                await_that(
+                    lambda: not witness.commanding and witness.reasons and witness.reasons[-1],
+                    'a stop',
+                )
                 print(witness.reasons[-1], flush=True)
             case 'await rest': print(f'{witness.await_standstill(witness.at):.3f}', flush=True)
             case 'reset': print(f'{witness.reset():.3f}', flush=True)

@@ -23,6 +23,8 @@ from redres_ros.nodes.intra_process import IntraProcess
 from redres_ros.nodes.qos import NEWEST, PUBLISH
 from redres_ros.nodes.runtime import Spinner
 
+pytestmark = pytest.mark.slow
+
 
 class Talker(Node):
     """Says numbers on three topics."""

@@ -271,13 +271,20 @@ def test_the_package_offers_what_it_names():
         redres_ros.nothing  # noqa: B018
 
 
+HELP = """
+import sys
+from redres_ros.cli import main
+
+try:
+    main(['--help'])
+except SystemExit:
+    pass
+heavy = {'numpy', 'pinocchio', 'mujoco', 'rclpy', 'matplotlib'}
+print(*heavy & set(sys.modules), file=sys.stderr)
+"""
+
+
 def test_help_loads_nothing_heavy():
-    program = (
-        'import sys\nfrom redres_ros.cli import main\ntry:\n    main(["--help"])\nexcept SystemExit:\n    pass\n'
-        'print(*{"numpy", "pinocchio", "mujoco", "rclpy", "matplotlib"} & set(sys.modules), file=sys.stderr)'
-    )
-    done = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, '-c', HELP], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == ''
     assert 'COMMAND' in done.stdout

@@ -31,6 +31,8 @@ from redres_ros.laws import LAWS, make_law
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
 
+pytestmark = pytest.mark.slow
+
 DX = np.array([0.02, -0.05, 0.03])
 
 
@@ -100,9 +102,7 @@ def test_a_node_that_cannot_start_says_why_in_one_line(
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_every_node_ends_with_status_0_on_a_signal(
-    tmp_path: Path, number: signal.Signals
-) -> None:
+def test_every_node_ends_with_status_0_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
     with nodes(tmp_path, sim={}, controller={}, planner={}) as (probe, processes):
         await_that(
             lambda: {'sim', 'controller', 'planner'} <= set(probe.get_node_names()), 'the nodes'
@@ -312,7 +312,10 @@ def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: P
 def test_silence_of_the_states_is_told_once_and_its_end_too(tmp_path: Path) -> None:
     with nodes(tmp_path, controller={'state_timeout': 0.5}) as (probe, _):
         probe.ask(START)
-        lines = lambda word: sum(word in line for line in log_lines(tmp_path, 'controller'))
+
+        def lines(word: str) -> int:
+            return sum(word in line for line in log_lines(tmp_path, 'controller'))
+
         told = lines('no joint_states')
         await_that(lambda: lines('no joint_states') == told + 1, 'the warning')
         time.sleep(1.0)

@@ -13,6 +13,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[1]
 # All that a build reads: the rest of a checkout may be large (virtual environments, results).
 PARTS = (
@@ -26,7 +28,12 @@ PARTS = (
     'redres_ros',
 )
 NODES = ('composed', 'controller', 'planner', 'sim')
-PROBE = "import sys\n\n\ndef main():\n    print('{name}', sys.executable, __file__, *sys.argv[1:], sep='\\n')\n"
+PROBE = """import sys
+
+
+def main():
+    print('{name}', sys.executable, __file__, *sys.argv[1:], sep='\\n')
+"""
 FLAGS = ['--flag', 'two words']
 NO_COLCON = importlib.util.find_spec('colcon_core') is None
 
@@ -164,7 +171,7 @@ def assert_executable(path: Path) -> None:
 
 
 def assert_ran(said: str, name: str, folder: Path) -> None:
-    """The probe of that name ran, on this Python, from inside the folder, and got FLAGS unchanged."""
+    """The probe of that name ran on this Python, from inside the folder, with FLAGS unchanged."""
     who, python, module, *arguments = said.splitlines()
     assert (who, python, arguments) == (name, sys.executable, FLAGS)
     assert Path(module).is_relative_to(folder)

@@ -272,7 +272,8 @@ ONE_LINK = """<robot name="one">
   <link name="l"><inertial><origin xyz="0 0 0.5"/><mass value="2"/>
     <inertia ixx="0.3" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><geometry><mesh filename="package://nowhere/b.stl"/></geometry></collision></link>
-  <joint name="f" type="fixed"><parent link="l"/><child link="tip"/><origin xyz="0 0 1"/></joint><link name="tip"/>
+  <joint name="f" type="fixed"><parent link="l"/><child link="tip"/><origin xyz="0 0 1"/></joint>
+  <link name="tip"/>
 </robot>"""
 
 

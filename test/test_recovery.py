@@ -29,6 +29,8 @@ from redres_ros.demo.processes import NodeProcess
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
+pytestmark = pytest.mark.realtime
+
 NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
@@ -50,7 +52,9 @@ STANDSTILL = 1.5
 
 
 class Graph(NamedTuple):
-    """The three nodes at work, the arm moving; start(name) starts another process of one of them."""
+    """The three nodes at work, the arm moving; start(name) starts another process of one of
+    them.
+    """
 
     witness: Witness
     processes: dict[str, NodeProcess]

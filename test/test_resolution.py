@@ -78,7 +78,7 @@ def test_the_identity_as_weight_changes_nothing():
 
 @WEIGHTS
 def test_the_null_part_does_not_move_the_tip(weighted):
-    for J, dx, b, W in problems(weighted):
+    for J, _, b, W in problems(weighted):
         assert J @ project(J, b, W) == pytest.approx(0.0, abs=ROUNDING)
 
 
@@ -99,7 +99,7 @@ def test_arguments_are_left_as_they_are():
     for problem in PROBLEMS:
         before = [array.copy() for array in problem]
         resolve(*problem)
-        assert all((array == copy).all() for array, copy in zip(problem, before))
+        assert all((array == copy).all() for array, copy in zip(problem, before, strict=True))
 
 
 # --- near a singularity ---------------------------------------------------------------------------

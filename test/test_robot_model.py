@@ -24,7 +24,8 @@ EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 def random_motion(count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
     """Pairs of q and dq, both (7,), all around and fast."""
     random = np.random.default_rng(seed)
-    return list(zip(random.uniform(-np.pi, np.pi, (count, 7)), random.normal(0.0, 2.0, (count, 7))))
+    positions = random.uniform(-np.pi, np.pi, (count, 7))
+    return list(zip(positions, random.normal(0.0, 2.0, (count, 7)), strict=True))
 
 
 def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
@@ -70,7 +71,7 @@ def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation(
     model = RobotModel.named('lwr4_paper', 'pose')
     for q, dq in random_motion(100):
         state = model.state(q, dq)
-        for e, column in zip(STEP * np.eye(7), state.J[3:].T):
+        for e, column in zip(STEP * np.eye(7), state.J[3:].T, strict=True):
             # skew-symmetric [w]x
             spin = (model.tip(q + e)[1] - model.tip(q - e)[1]) @ state.R.T / (2 * STEP)
             assert column == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=DIFFERENCES)
@@ -130,10 +131,10 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
     links = independent.cylinders(d) if dynamics == 'cylinders' else urdf_links(d)
     model = RobotModel.named(name, dynamics=dynamics)
     motion = random_motion(100, seed=1)
-    expected = independent.evaluate(links, *map(np.array, zip(*motion)))
+    expected = independent.evaluate(links, *map(np.array, zip(*motion, strict=True)))
     for row, (q, dq) in enumerate(motion):
         state = model.state(q, dq)
-        for got, array in zip((state.x, state.J, state.M, state.n), expected):
+        for got, array in zip((state.x, state.J, state.M, state.n), expected, strict=True):
             assert np.abs(got - array[row]).max() < AGREEMENT
 
 
@@ -238,7 +239,7 @@ def test_no_later_call_overwrites_a_tip_or_a_position(model):
     before = x.copy(), R.copy(), elbow.copy()
     model.tip(other)
     model.position(other, 'link_4')
-    assert all((now == then).all() for now, then in zip((x, R, elbow), before))
+    assert all((now == then).all() for now, then in zip((x, R, elbow), before, strict=True))
 
 
 def test_a_state_keeps_no_reference_to_its_arguments(model):
@@ -308,7 +309,7 @@ def test_an_unknown_task_space_is_refused_with_those_that_exist():
 
 
 def test_an_unknown_frame_is_refused_with_those_that_exist(model):
-    with pytest.raises(UnknownNameError, match="unknown frame 'hand'; allowed: .*tool0"):
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'hand'; allowed: .*tool0"):
         model.position(np.zeros(7), 'hand')
     with pytest.raises(UnknownNameError, match="unknown frame 'hand'"):
         RobotModel(replace(ARMS['lwr4'], tip_frame='hand'))

@@ -140,7 +140,7 @@ def test_a_task_velocity_that_cannot_be_used_leaves_the_controller_as_it_was(nam
     controller, undisturbed = (SecondOrderController(model, make_scheme(name), T) for _ in range(2))
     for each in (controller, undisturbed):
         each.update(task.start, DX)
-    with pytest.raises(ArrayError, match='^dx '):
+    with pytest.raises(ArrayError, match=r'^dx '):
         controller.update(task.start, dx)
     assert (controller.update(task.start, DX).dq == undisturbed.update(task.start, DX).dq).all()
 

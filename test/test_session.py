@@ -1,4 +1,6 @@
-"""Session and connection: every way into and out of command mode, and the books on which it rests."""
+"""Session and connection: every way into and out of command mode, and the books on which it
+rests.
+"""
 
 import math
 import statistics
