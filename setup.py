@@ -3,14 +3,29 @@ PyPI along.
 """
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 NAME = 'redres_ros'
+
+# Version, description, licence and maintainer stand in package.xml alone.
+PACKAGE = ElementTree.parse(Path(__file__).parent / 'package.xml').getroot()
+MAINTAINER = PACKAGE.find('maintainer')
+
+# The library asks for little, so that it fits beside a robot's driver. What `redres` needs beyond
+# that: the fake robot, plots, tables.
+TOOLS = [
+    'mujoco>=3.10',  # whose mj_fullM takes the data
+    'matplotlib>=3.9',
+    'rich>=13.0',
+]
 ROS = [
+    *TOOLS,
+    # ros-rclpy alone would bring a newer ROS than Jazzy
     'ros-jazzy-rclpy[fastrtps]',
     'ros-jazzy-common-interfaces',
-]  # ros-rclpy alone would bring a newer ROS than Jazzy
+]
 
 
 def shared(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
@@ -23,13 +38,13 @@ def shared(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version='0.1.0',
-    description='Redundancy resolution at the velocity level for robot arms, as ROS 2 nodes and as a Python library',
-    license='Apache-2.0',
-    author='redres_ros maintainers',
-    author_email='maintainers@redres-ros.example',
-    maintainer='redres_ros maintainers',
-    maintainer_email='maintainers@redres-ros.example',
+    version=PACKAGE.findtext('version'),
+    description=PACKAGE.findtext('description'),
+    license=PACKAGE.findtext('license'),
+    author=MAINTAINER.text,
+    author_email=MAINTAINER.get('email'),
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get('email'),
     keywords=['ROS', 'robotics', 'redundancy resolution', 'inverse kinematics'],
     classifiers=[
         'Intended Audience :: Science/Research',
@@ -47,12 +62,10 @@ setup(
         'numpy>=2.2',
         'scipy>=1.14.1',
         'pin>=3.3.1',
-        'mujoco>=3.10',  # whose mj_fullM takes the data
-        'matplotlib>=3.9',
         'PyYAML>=6.0.1',
-        'rich>=13.0',
     ],
     extras_require={
+        'tools': TOOLS,
         'ros': ROS,
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
             'pin-pink>=4.4',
@@ -65,7 +78,14 @@ setup(
         'test': [
             *ROS,
             'pytest>=7.4',
+            'pytest-cov>=6.0',
+            'pytest-xdist>=3.5',
             'hypothesis>=6.90',
+            # Their verdict changes from version to version.
+            'ruff==0.17.6',
+            'mypy==2.4.1',
+            'scipy-stubs',
+            'types-PyYAML',
             'colcon-common-extensions',
             # from 70.1 on it builds wheels by itself; colcon needs one below 80
             'setuptools>=70.1,<80',
