@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from redres_ros.fri.faults import Faults
-from redres_ros.fri.refusal import Refusal
+from redres_ros.fri.session import Refusal
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / 'docs' / 'when_things_go_wrong.md'

@@ -7,6 +7,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
+from fri_helpers import Door
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,9 +17,8 @@ from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.plant import IdealPlant, MujocoPlant
-from redres_ros.fri.refusal import Refusal
-from redres_ros.fri.robot import Answer, FriRobot
-from redres_ros.fri.session import Session, SessionSettings
+from redres_ros.fri.robot import FriRobot
+from redres_ros.fri.session import Refusal, Session, SessionSettings
 from redres_ros.parameter import parameters
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -366,8 +366,8 @@ class Loop:
         self.session = Session(T, settings)
         plant = FaultyPlant(IdealPlant(LIMITS.joint_names, T, np.zeros(7)))
         self.robot = FriRobot(plant, Guard(LIMITS, T), self.session)
+        self.door = Door(self.robot, seed=seed)
         self.states: Channel[int] = Channel(f'{seed} states')
-        self.commands: Channel[Answer] = Channel(f'{seed} commands')
         self.start = np.zeros(7)
         self.begun = 0  # where and at which tick the swing begins
         self.references = [self.robot.reference]
@@ -376,21 +376,18 @@ class Loop:
 
     def inject(self, faults: Faults) -> None:
         self.states.link = faults.states
-        self.commands.link = faults.commands
+        self.door.inbox.link = faults.commands
 
     def run(self, cycles: int) -> 'Loop':
         for _ in range(cycles):
             tick = self.robot.tick
             commanded = self.session.commanding
-            self.states.send(tick, tick)
-            self.robot.advance(*self.commands.receive(tick))
+            self.door.advance()
             self.references.append(self.robot.reference)
             self.stopped_at = tick if commanded and not self.session.commanding else self.stopped_at
+            self.states.send(tick, tick)
             for answered in self.states.receive(tick):
-                self.commands.send(
-                    Answer(answered, self._command(answered), latency=(tick - answered) * T),
-                    tick + 1,
-                )
+                self.door.send(answered, self._command(answered))
         return self
 
     def _command(self, tick: int) -> np.ndarray:

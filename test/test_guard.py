@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from redres_ros.errors import ArrayError, FileError, RangeError
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard, GuardSettings
-from redres_ros.fri.refusal import Refusal
 from redres_ros.robots import Arm, find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -87,27 +86,6 @@ def test_acceleration_limits_for_other_joints_are_an_error():
 
 
 # --- guard ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize('joint', range(7))
-def test_a_command_that_is_not_finite_is_refused_by_name(joint, value):
-    command = ZERO.copy()
-    command[joint] = value
-    refused = Guard(LIMITS, T).refusal(command)
-    assert refused.kind is Refusal.NOT_FINITE
-    assert str(refused) == f'{LIMITS.joint_names[joint]} commanded {value} rad'
-
-
-@pytest.mark.parametrize('command', [np.zeros(6), np.zeros(8), np.zeros((7, 1)), np.array(0.0)])
-def test_a_command_of_another_shape_is_refused(command):
-    refused = Guard(LIMITS, T).refusal(command)
-    assert refused.kind is Refusal.WRONG_LENGTH
-    assert str(refused) == f'command has shape {command.shape}, expected (7,)'
-
-
-def test_a_proper_command_is_not_refused():
-    assert Guard(LIMITS, T).refusal(ZERO) is None
 
 
 @pytest.mark.parametrize('joint', range(7))

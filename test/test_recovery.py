@@ -52,9 +52,7 @@ STANDSTILL = 1.5
 
 
 class Graph(NamedTuple):
-    """The three nodes at work, the arm moving; start(name) starts another process of one of
-    them.
-    """
+    """The three nodes at work, the arm moving; start(name) starts another process of one."""
 
     witness: Witness
     processes: dict[str, NodeProcess]

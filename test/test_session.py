@@ -1,6 +1,4 @@
-"""Session and connection: every way into and out of command mode, and the books on which it
-rests.
-"""
+"""Session and timing: every way into and out of command mode, and the books on which it rests."""
 
 import math
 import statistics
@@ -13,9 +11,8 @@ from hypothesis import strategies as st
 from redres_ros.errors import RangeError
 from redres_ros.fri.profile import State
 from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics
-from redres_ros.fri.refusal import Refusal, Refused
-from redres_ros.fri.session import Session, SessionSettings
-from redres_ros.fri.timing import WINDOW, Connection
+from redres_ros.fri.session import AnswerError, Refusal, Session, SessionSettings
+from redres_ros.fri.timing import WINDOW, TimingMonitor
 
 T = 0.002  # [s]
 
@@ -134,7 +131,7 @@ def test_an_unacceptable_connection_ends_command_mode_even_if_every_gap_is_bridg
 def test_the_text_of_a_refusal_reaches_the_reason():
     session = commanding(bridged_misses=1)
     answered(session, 100)
-    session.refuse(Refused(Refusal.NOT_FINITE, 'lwr_a1_joint commanded nan rad'))
+    session.refuse(AnswerError(Refusal.NOT_FINITE, 'lwr_a1_joint commanded nan rad'))
     session.record(None)
     session.record(None)
     assert session.reason.endswith('last refused: lwr_a1_joint commanded nan rad')
@@ -142,7 +139,7 @@ def test_the_text_of_a_refusal_reaches_the_reason():
 
 def test_a_refusal_before_the_last_answer_is_not_the_reason():
     session = answered(commanding(bridged_misses=0), 100)
-    session.refuse(Refused(Refusal.WRONG_NAMES, 'wrong joint names'))
+    session.refuse(AnswerError(Refusal.WRONG_NAMES, 'wrong joint names'))
     answered(session).record(None)
     assert session.reason == 'timing: the newest answer is 1 cycles late, 0 are bridged'
 
@@ -151,7 +148,7 @@ def test_refusals_are_counted_by_kind():
     session = Session(T)
     for times, kind in enumerate(Refusal):
         for _ in range(times):
-            session.refuse(Refused(kind, 'whatever'))
+            session.refuse(AnswerError(kind, 'whatever'))
     assert session.refusals == {kind: times for times, kind in enumerate(Refusal)}
     assert session.counts.refused == sum(range(len(Refusal)))
     assert session.counts.cycles == 0  # a refusal is no cycle
@@ -210,10 +207,10 @@ def test_command_mode_never_goes_with_a_reason_and_begins_only_with_a_good_first
 
 
 def test_statistics_are_those_of_the_packets():
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for lateness, latency in [(0, 0.001), (None, 9.0), (0, 0.002), (1, 0.003)]:
-        connection.record(lateness, latency)
-    figures = connection.statistics
+        timing.record(lateness, latency)
+    figures = timing.statistics
     assert figures.answer_rate == 3 / 4
     assert figures.miss_rate == 2 / 4
     assert figures.miss_count == 2
@@ -222,13 +219,11 @@ def test_statistics_are_those_of_the_packets():
 
 
 def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not():
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for lateness in [None] * 30 + [2] * 20 + [0] * WINDOW:
-        connection.record(lateness, 0.0005 if lateness == 0 else 9.0)
-    assert connection.statistics == Statistics(
-        1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50
-    )
-    counts = connection.counts(bridged=0, refused=0)
+        timing.record(lateness, 0.0005 if lateness == 0 else 9.0)
+    assert timing.statistics == Statistics(1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50)
+    counts = timing.counts(bridged=0, refused=0)
     assert (counts.cycles, counts.in_time, counts.late, counts.missed, counts.longest_run) == (
         150,
         100,
@@ -246,14 +241,14 @@ def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not()
     )
 )
 def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for lateness, latency in packets:
-        connection.record(lateness, latency)
+        timing.record(lateness, latency)
     latenesses = [lateness for lateness, _ in packets][-WINDOW:]
     latencies = [latency for lateness, latency in packets if lateness is not None][-WINDOW:] or [
         0.0
     ]
-    figures = connection.statistics
+    figures = timing.statistics
     n = len(latenesses)
     assert figures.answer_rate == (n - latenesses.count(None)) / n
     assert figures.miss_rate == (n - latenesses.count(0)) / n
@@ -264,10 +259,10 @@ def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
 
 
 def test_no_latency_leaves_a_trace_once_it_is_out_of_the_window():
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for latency in [math.nan, math.inf, 1e9, 3000.0, -math.inf] * 20 + [0.0005] * WINDOW:
-        connection.record(0, latency)
-    assert connection.statistics == Statistics(
+        timing.record(0, latency)
+    assert timing.statistics == Statistics(
         1.0, 0.0005, 0.0, 0.0, 0
     )  # exactly, or sums would drift for hours
 
@@ -282,29 +277,29 @@ CAUSES = {
 
 @pytest.mark.parametrize('cause', CAUSES)
 def test_what_is_at_fault_is_named_as_soon_as_the_quality_falls(cause):
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for _ in range(WINDOW):
-        connection.record(0, 0.0)
-        assert (connection.quality, connection.at_fault, connection.complaint) == (
+        timing.record(0, 0.0)
+        assert (timing.quality, timing.at_fault, timing.complaint) == (
             Quality.PERFECT,
             '',
             '',
         )
     lateness, latency = CAUSES[cause]
     for k in range(WINDOW):
-        connection.record(
+        timing.record(
             *((0, 0.0) if cause in ('miss_rate', 'jitter') and k % 5 else (lateness, latency))
         )
-        assert (connection.at_fault == '') is (connection.quality is Quality.PERFECT)
-    assert connection.at_fault == cause
+        assert (timing.at_fault == '') is (timing.quality is Quality.PERFECT)
+    assert timing.at_fault == cause
 
 
 def test_what_is_at_fault_is_what_the_next_better_quality_asks_for():
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for k in range(WINDOW):
-        connection.record(None if k % 20 == 0 else 0, 2.5 * T)  # 5 % missed is allowed for PERFECT
-    assert (connection.quality, connection.at_fault) == (Quality.BAD, 'latency')
-    assert connection.complaint == 'latency 5 ms, allowed 4 ms'
+        timing.record(None if k % 20 == 0 else 0, 2.5 * T)  # 5 % missed is allowed for PERFECT
+    assert (timing.quality, timing.at_fault) == (Quality.BAD, 'latency')
+    assert timing.complaint == 'latency 5 ms, allowed 4 ms'
 
 
 @pytest.mark.parametrize('name', ['answer_rate', 'latency', 'jitter', 'miss_rate'])
@@ -316,7 +311,7 @@ def test_a_statistic_that_is_no_number_breaks_its_bound(name):
 
 
 def test_before_the_first_packet_it_is_the_lack_of_answers_that_is_at_fault():
-    assert Connection(T).at_fault == 'answer_rate'
+    assert TimingMonitor(T).at_fault == 'answer_rate'
 
 
 @pytest.mark.parametrize(
@@ -332,10 +327,10 @@ def test_before_the_first_packet_it_is_the_lack_of_answers_that_is_at_fault():
     ],
 )
 def test_quality_falls_with_the_miss_rate(missed, quality):
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     for packet in range(WINDOW):
-        connection.record(None if packet < missed else 0, 0.0)
-    assert connection.quality is quality
+        timing.record(None if packet < missed else 0, 0.0)
+    assert timing.quality is quality
 
 
 @pytest.mark.parametrize(
@@ -350,12 +345,12 @@ def test_quality_falls_with_the_miss_rate(missed, quality):
 )
 @pytest.mark.parametrize('figure', ['latency', 'jitter'])
 def test_quality_falls_with_latency_and_jitter(figure, cycles, quality):
-    connection = Connection(T)
+    timing = TimingMonitor(T)
     mean = cycles * (figure == 'latency')
     deviation = cycles * (figure == 'jitter')
     for packet in range(WINDOW):
-        connection.record(0, T * (mean + deviation * (-1) ** packet))
-    assert connection.quality is quality
+        timing.record(0, T * (mean + deviation * (-1) ** packet))
+    assert timing.quality is quality
 
 
 def test_thresholds_get_laxer_from_the_best_quality_down():

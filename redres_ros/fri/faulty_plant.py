@@ -12,7 +12,7 @@ from redres_ros.fri.robot import Plant
 
 
 class PushablePlant(Plant, Protocol):
-    """A plant whose tip can be pushed with a force (3,) [N] in the base frame, until the next call."""
+    """A plant whose tip is pushed with a force (3,) [N] in the base frame, until the next call."""
 
     def push(self, force: np.ndarray) -> None: ...
 

@@ -58,7 +58,7 @@ class Follower:
         self._lag = command - self._reference
 
     def brake(self) -> None:
-        """Come to a standstill, each joint as fast as its acceleration limit allows; at rest, stay."""
+        """Come to a standstill, each joint as fast as its acceleration allows; at rest, stay."""
         self._move(self._reference + (self._step - _bounded(self._step, self._max_change)))
 
     def _move(self, target: np.ndarray) -> None:

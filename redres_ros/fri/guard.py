@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -68,22 +67,6 @@ class Guard:
         )  # the oldest is one window ago
         # (n,) [rad/s^2] by which the acceleration was above its limit, summed over cycles
         self._excess = standstill
-
-    def refusal(self, command: np.ndarray) -> Refused | None:
-        """Why this is no command at all, its shape or a value that is not finite; None if it is
-        one.
-        """
-        n = len(self.limits.joint_names)
-        if command.shape != (n,):
-            return Refused(
-                Refusal.WRONG_LENGTH, f'command has shape {command.shape}, expected ({n},)'
-            )
-        j = _first_false(np.isfinite(command))
-        if j is None:
-            return None
-        return Refused(
-            Refusal.NOT_FINITE, f'{self.limits.joint_names[j]} commanded {command[j]} rad'
-        )
 
     def violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
         """Why the arm must stop at a command, position (n,) [rad] at velocity (n,) [rad/s]; empty

@@ -140,7 +140,7 @@ class MujocoPlant:
         data.xfrc_applied[tip, 3:] = np.cross(data.xpos[tip] - data.xipos[tip], force)
 
     def reset(self, q: np.ndarray) -> None:
-        """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the joint limits."""
+        """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the limits."""
         q = _finite_vector(q, self._model.nq, 'q')
         for name, value, lower, upper in zip(
             self.joint_names, q, *_joint_range(self._model, np.inf), strict=True
@@ -308,8 +308,8 @@ def _whole_steps(period: float, step: float) -> int:
     steps = round(period / step)
     if not (steps >= 1 and abs(period / step - steps) < 1e-6 * steps):
         raise RedresError(
-            f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not a whole '
-            f'number of plant steps of {1e3 * step:g} ms'
+            f'rate {1.0 / period:.1f} Hz gives a cycle of {1e3 * period:.4g} ms, which is not a '
+            f'whole number of plant steps of {1e3 * step:g} ms'
         )
     return steps
 

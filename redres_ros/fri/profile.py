@@ -81,7 +81,7 @@ LWR_FRI1 = Profile(
             (State.CMD, Event.RESET): State.MON,
         }
     ),
-    thresholds=MappingProxyType(THRESHOLDS),
+    thresholds=THRESHOLDS,
     entry=Quality.PERFECT,
     lowest=Quality.BAD,
 )
@@ -117,7 +117,7 @@ SUNRISE = Profile(
             },
         }
     ),
-    thresholds=MappingProxyType(SUNRISE_THRESHOLDS),
+    thresholds=SUNRISE_THRESHOLDS,
     entry=SunriseQuality.GOOD,
     lowest=SunriseQuality.GOOD,
 )

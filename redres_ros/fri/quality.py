@@ -1,5 +1,6 @@
 """How good a connection is: the figures that tell, and what each quality asks of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -71,7 +72,8 @@ class Threshold:
         bound = getattr(self, name)
         if name in ('latency', 'jitter'):
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
-        return f'{name.replace("_", " ")} {value:.0%}, {"needed" if name == "answer_rate" else "allowed"} {bound:.0%}'
+        asked = 'needed' if name == 'answer_rate' else 'allowed'
+        return f'{name.replace("_", " ")} {value:.0%}, {asked} {bound:.0%}'
 
 
 PERFECT = Threshold(
@@ -80,12 +82,13 @@ PERFECT = Threshold(
 OK = Threshold(answer_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
 BAD = Threshold(answer_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
 
-THRESHOLDS = {
+# best first; the worst asks for nothing
+THRESHOLDS: Mapping[IntEnum, Threshold] = {
     Quality.PERFECT: PERFECT,
     Quality.OK: OK,
     Quality.BAD: BAD,
-}  # best first; the worst asks for nothing
-SUNRISE_THRESHOLDS = {
+}
+SUNRISE_THRESHOLDS: Mapping[IntEnum, Threshold] = {
     SunriseQuality.EXCELLENT: PERFECT,
     SunriseQuality.GOOD: OK,
     SunriseQuality.FAIR: BAD,

@@ -10,9 +10,7 @@ import numpy as np
 from redres_ros.errors import JointNamesError, RedresError
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard
-from redres_ros.fri.refusal import Refusal, Refused
 from redres_ros.fri.session import Session
-from redres_ros.fri.timing import WINDOW
 
 
 class Plant(Protocol):
@@ -34,7 +32,7 @@ class Plant(Protocol):
 
 @dataclass(frozen=True)
 class Answer:
-    """A client's answer to the state of one tick.
+    """A client's valid answer to the state of one tick.
 
     q: (n,) commanded position [rad], outside command mode the position where the arm stands;
     latency: time from the state to the arrival of the answer [s], 0 where nobody measures it.
@@ -123,13 +121,16 @@ class FriRobot:
         return self._follower.reference
 
     def advance(self, *answers: Answer | None) -> None:
-        """Move from tick k to k + 1, given the answers that arrived since the last call, in that
-        order; None is none.
+        """Move from tick k to k + 1.
 
         An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An
         older one is late: the command is taken to have gone on since then at its last velocity, as
-        it does when no answer comes. A second answer to the same state counts as none. Outside
-        command mode the arm holds its position; from any motion it is braked there.
+        it does when no answer comes. Outside command mode the arm holds its position; from any
+        motion it is braked there.
+
+        Args:
+            answers: those that came since the last call, valid as an Inbox gives them: each to an
+                earlier tick than this one, and to a later one than the answer before. None is none.
         """
         if self._tick > 0:  # before, no state has been sent that could be answered
             self._receive(answers)
@@ -145,39 +146,17 @@ class FriRobot:
         self.session.reset()
 
     def _receive(self, answers: tuple[Answer | None, ...]) -> None:
-        """Enter what arrived in the session's books; new and valid answers give the commands'
-        course.
-        """
+        """Enter the cycle in the session's books; the answers give the commands' course."""
         lateness = None
         latency = 0.0
         for answer in answers:
-            if answer is None or answer.tick == self._course.tick:
-                continue
-            if refused := self._refusal(answer):
-                self.session.refuse(refused)
-                continue
-            self._course = self._course.through(answer)
-            lateness = self._tick - 1 - answer.tick
-            latency = answer.latency
+            if answer is not None:
+                self._course = self._course.through(answer)
+                lateness = self._tick - 1 - answer.tick
+                latency = answer.latency
         self.session.record(lateness, latency)
         if self.session.ready and self._follower.at_rest:
             self._begin()
-
-    def _refusal(self, answer: Answer) -> Refused | None:
-        if not 0 <= answer.tick < self._tick:
-            return self._refuse(
-                Refusal.NO_STATE, answer, f'expected one from 0 to {self._tick - 1}'
-            )
-        if answer.tick < self._tick - 1 - WINDOW:
-            return self._refuse(Refusal.OUT_OF_DATE, answer, f'more than {WINDOW} cycles late')
-        if answer.tick < self._course.tick:
-            return self._refuse(
-                Refusal.OUT_OF_ORDER, answer, f'after one to tick {self._course.tick}'
-            )
-        return self._guard.refusal(np.asarray(answer.q))
-
-    def _refuse(self, kind: Refusal, answer: Answer, why: str) -> Refused:
-        return Refused(kind, f'answer to tick {answer.tick} at tick {self._tick}, {why}')
 
     def _begin(self) -> None:
         """Let the session decide whether command mode begins with this command, as from a

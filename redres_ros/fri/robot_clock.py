@@ -5,15 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from redres_ros.errors import RedresError
-
 NANOSECONDS = 1_000_000_000
 
 _REMEMBERED = 256  # ticks whose time of sending is kept, to know the latency of their answers
-
-
-class StampError(RedresError):
-    """A stamp that is that of no state."""
 
 
 class RobotClock:
@@ -34,12 +28,10 @@ class RobotClock:
         """Stamp of a tick [ns]."""
         return self._epoch + tick * self.period
 
-    def tick(self, stamp: int) -> int:
-        """Tick of a stamp [ns]. Raises StampError for one between or before the ticks."""
+    def tick(self, stamp: int) -> int | None:
+        """Tick of a stamp [ns]; None for one between or before the ticks."""
         tick, rest = divmod(stamp - self._epoch, self.period)
-        if rest or tick < 0:
-            raise StampError(f'stamp {stamp} ns is that of no state')
-        return tick
+        return None if rest or tick < 0 else tick
 
     def send(self, tick: int) -> None:
         """The state of a tick goes out now."""

@@ -1,14 +1,40 @@
-"""Who may command: the session between robot controller and client. No physics, no arrays, no ROS."""
+"""Who may command: the session between robot controller and client. No physics, no arrays."""
 
 import math
 from collections import Counter
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 
+from redres_ros.errors import RedresError
 from redres_ros.fri.profile import LWR_FRI1, PROFILES, Event, Profile, State
-from redres_ros.fri.refusal import Refusal, Refused
-from redres_ros.fri.timing import Connection, Counts, Statistics
+from redres_ros.fri.quality import Statistics
+from redres_ros.fri.timing import Counts, TimingMonitor
 from redres_ros.parameter import check_parameters, param
+
+
+class Refusal(Enum):
+    """Why an answer is no valid command: kinds that are counted apart."""
+
+    WRONG_NAMES = 'wrong joint names'
+    WRONG_LENGTH = 'wrong length'
+    NOT_FINITE = 'not finite'
+    NO_STATE = 'answers no state'
+    OUT_OF_DATE = 'out of date'
+    OUT_OF_ORDER = 'out of order'
+    SECOND_PUBLISHER = 'second publisher'
+
+
+class AnswerError(RedresError):
+    """An answer that is no valid command: of what kind, and in words what was got.
+
+    Args:
+        kind: the kind that is counted.
+        why: what was got and what is allowed.
+    """
+
+    def __init__(self, kind: Refusal, why: str) -> None:
+        self.kind = kind
+        super().__init__(why)
 
 
 @dataclass(frozen=True)
@@ -46,12 +72,12 @@ class Session:
         self.period = period
         self._settings = settings or SessionSettings()
         self._profile = PROFILES[self._settings.profile]
-        self._connection = Connection(period, self._profile.thresholds)
+        self._timing = TimingMonitor(period, self._profile.thresholds)
         self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
         self._good_cycles = 0
         self._bridged = 0
         self._refusals = Counter[Refusal]()
-        self._refused = ''  # and the last one in words, if no answer came since
+        self._answer_error: AnswerError | None = None
         self._state = self._profile.states[0]
         self._reason = ''
 
@@ -78,29 +104,34 @@ class Session:
     @property
     def quality(self) -> IntEnum:
         """Quality of the connection, as the profile names it."""
-        return self._connection.quality
+        return self._timing.quality
 
     @property
     def at_fault(self) -> str:
         """Name of the statistic that keeps the quality from being a better one; empty if it is the
         best.
         """
-        return self._connection.at_fault
+        return self._timing.at_fault
 
     @property
     def statistics(self) -> Statistics:
         """The five figures that FRI reports."""
-        return self._connection.statistics
+        return self._timing.statistics
 
     @property
     def counts(self) -> Counts:
         """What became of every cycle so far."""
-        return self._connection.counts(self._bridged, self._refusals.total())
+        return self._timing.counts(self._bridged, self._refusals.total())
 
     @property
     def refusals(self) -> dict[Refusal, int]:
         """How many answers were refused, for every kind of refusal."""
         return {kind: self._refusals[kind] for kind in Refusal}
+
+    @property
+    def answer_error(self) -> AnswerError | None:
+        """What is wrong with the answer that was refused last; None if a valid one came since."""
+        return self._answer_error
 
     @property
     def ready(self) -> bool:
@@ -110,7 +141,7 @@ class Session:
         return (
             self._profile.awaits_command(self._state)
             and not self._reason
-            and self._connection.age == 0
+            and self._timing.age == 0
             and self._good_cycles >= self._cycles_needed
         )
 
@@ -121,22 +152,22 @@ class Session:
         latency [s]: from the state to its answer, 0 where nobody measures it. In command mode bad
         timing ends the session.
         """
-        self._connection.record(lateness, latency)
+        self._timing.record(lateness, latency)
         self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
         if lateness is not None:
-            self._refused = ''
+            self._answer_error = None
         if self.commanding and (fault := self._timing_fault()):
             self.stop(fault)
             return
-        self._bridged += self.commanding and self._connection.age > 0
-        self._take(self._timing())
+        self._bridged += self.commanding and self._timing.age > 0
+        self._take(self._timing_event())
 
-    def refuse(self, refused: Refused) -> None:
+    def refuse(self, error: AnswerError) -> None:
         """Count an answer that is no valid command. A cycle that has no other answer is recorded as
         one without.
         """
-        self._refusals[refused.kind] += 1
-        self._refused = refused.text
+        self._refusals[error.kind] += 1
+        self._answer_error = error
 
     def offer(self, gap: float) -> None:
         """Begin command mode if the session is ready and the command is within the tolerance of the
@@ -151,8 +182,8 @@ class Session:
             self._take(Event.FIRST_COMMAND)
         else:
             self.stop(
-                f'interpolation error: the first command is {gap:.3g} rad from the mirrored position, '
-                f'allowed {self._settings.entry_tolerance:g}'
+                f'interpolation error: the first command is {gap:.3g} rad from the mirrored '
+                f'position, allowed {self._settings.entry_tolerance:g}'
             )
 
     def stop(self, reason: str) -> None:
@@ -169,18 +200,20 @@ class Session:
 
     def _timing_fault(self) -> str:
         """Why the timing ends command mode; empty if it does not."""
-        age = self._connection.age
+        age = self._timing.age
         bridged = self._settings.bridged_misses
-        refused = f'; last refused: {self._refused}' if self._refused else ''
+        refused = f'; last refused: {self._answer_error}' if self._answer_error else ''
         if age > bridged:
             return f'timing: the newest answer is {age} cycles late, {bridged} are bridged{refused}'
         if self.quality < self._profile.lowest:
-            return f'timing: the connection is {self.quality.name}: {self._connection.complaint}{refused}'
+            return (
+                f'timing: the connection is {self.quality.name}: {self._timing.complaint}{refused}'
+            )
         return ''
 
-    def _timing(self) -> Event:
+    def _timing_event(self) -> Event:
         """What the timing up to this cycle is to the session."""
-        if self._connection.silent:
+        if self._timing.silent:
             return Event.SILENCE
         if self.quality < self._profile.entry:
             return Event.POOR_TIMING

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics, Threshold
-
-__all__ = ['WINDOW', 'Connection', 'Counts', 'Quality']
+from redres_ros.fri.quality import THRESHOLDS, Statistics, Threshold
 
 WINDOW = 100  # packets
 
@@ -37,7 +35,7 @@ class Counts:
     refused: int = 0
 
 
-class Connection:
+class TimingMonitor:
     """Keeps the books on one client, packet by packet, for a cycle of `period` [s].
 
     thresholds: what every quality but the worst asks for, best first. Recording only counts; the
@@ -80,7 +78,7 @@ class Connection:
 
     @property
     def age(self) -> int:
-        """Cycles by which the newest answer is older than it should be: so many have to be bridged."""
+        """Cycles by which the newest answer is older than it should be: they have to be bridged."""
         return self._age
 
     @property
@@ -95,7 +93,7 @@ class Connection:
 
     @property
     def quality(self) -> IntEnum:
-        """The best quality whose threshold the statistics meet; the worst before the first packet."""
+        """The best quality whose threshold the statistics meet; before any packet the worst."""
         return self._judge().quality
 
     @property

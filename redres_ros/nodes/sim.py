@@ -17,13 +17,13 @@ from redres_ros.fri.channel import Channel
 from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard, GuardSettings
+from redres_ros.fri.inbox import Inbox
 from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
 from redres_ros.fri.robot import FriRobot
 from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.fri.session import Session, SessionSettings
-from redres_ros.nodes.conversions import JointOrder, to_joint_state, to_nanoseconds
+from redres_ros.fri.session import AnswerError, Session, SessionSettings
+from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
-from redres_ros.nodes.inbox import Inbox
 from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.runtime import Waiting, run_nodes
@@ -76,18 +76,17 @@ class SimNode(Node):
         guard = Guard(JointLimits.of(arm), period, declare(self, GuardSettings()))
         self._session = Session(period, declare(self, SessionSettings()))
         self._robot = FriRobot(self._plant, guard, self._session)
-        self._joints = JointOrder(self._plant.joint_names)
         self._refusals = Refusals(self)
+        self._told_refusal: AnswerError | None = None
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else self.get_clock().now().nanoseconds
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         self._under_way: Channel[JointState] = Channel(f'{seed} states', faults.states)
         self._inbox = Inbox(
-            self._joints,
+            self._plant.joint_names,
             self._robot_clock,
             self._session,
-            self._refusals,
-            faults.commands,
-            seed,
+            link=faults.commands,
+            seed=seed,
             timed=not self._settings.lockstep,
         )
         self._arrival = threading.Event()
@@ -146,6 +145,7 @@ class SimNode(Node):
                 self._reset_wanted = False
                 self._robot.reset()
             self._robot.advance(*answers)
+            self._tell_refusals()
             self._tell_session()
             wait(stopped, waiting)
 
@@ -156,7 +156,7 @@ class SimNode(Node):
     def _publish_state(self) -> None:
         tick = self._robot.tick
         self._state = to_joint_state(
-            self._robot_clock.stamp(tick), self._joints.names, self._robot.q, self._robot.dq
+            self._robot_clock.stamp(tick), self._plant.joint_names, self._robot.q, self._robot.dq
         )
         self._arrival.clear()
         self._robot_clock.send(tick)
@@ -185,7 +185,8 @@ class SimNode(Node):
         return self._inbox.newest < to_nanoseconds(self._state.header.stamp)
 
     def _on_command(self, message: JointState) -> None:
-        self._inbox.put(message)
+        stamp = to_nanoseconds(message.header.stamp)
+        self._inbox.put(stamp, message.name, np.array(message.position))
         self._client_lives = True
         self._arrival.set()
 
@@ -210,7 +211,17 @@ class SimNode(Node):
         faults = self._with(changes)
         self._plant.faults = faults
         self._under_way.link = faults.states
-        self._inbox.set_link(faults.commands)
+        self._inbox.link = faults.commands
+
+    def _tell_refusals(self) -> None:
+        refused = self._session.answer_error
+        if refused is self._told_refusal:
+            return
+        self._told_refusal = refused
+        if refused:
+            self._refusals.refuse('joint_command', refused)
+        else:
+            self._refusals.accept('joint_command')
 
     def _tell_session(self) -> None:
         if self._session.reason and self._session.reason != self._told['sim/stop_reason']:
