@@ -1,6 +1,25 @@
 """Errors that a user can mend: each says in one line what was got and what is allowed."""
 
 from collections.abc import Iterable
+from numbers import Real
+from typing import Any
+
+_LONGEST = 60  # characters of a value that an error quotes
+
+
+def quoted(value: Any) -> str:
+    """The value as an error shows it: on one line, and cut where it is too long to be read."""
+    if isinstance(value, Real) and hasattr(value, 'item'):
+        value = value.item()  # of numpy, whose repr names the type
+    try:
+        text = ' '.join(repr(value).split())
+    except ValueError:  # an integer with more digits than Python is willing to print
+        text = f'a number of {value.bit_length()} bits'
+    except RecursionError:
+        text = 'a value that is nested too deeply'
+    if len(text) <= _LONGEST:
+        return text
+    return f'{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}'
 
 
 class RedresError(Exception):
@@ -14,7 +33,7 @@ class UnknownNameError(RedresError):
         self.kind = kind
         self.got = got
         self.allowed = tuple(sorted(allowed))
-        super().__init__(f'unknown {kind} {got!r}; allowed: {", ".join(self.allowed)}')
+        super().__init__(f'unknown {kind} {quoted(got)}; allowed: {", ".join(self.allowed)}')
 
 
 class RangeError(RedresError):
@@ -25,9 +44,8 @@ class RangeError(RedresError):
         self.got = got
         self.lower = lower
         self.upper = upper
-        super().__init__(
-            f'{name} is {got}; allowed: {lower:g} to {upper:g}' + (f' ({why})' if why else '')
-        )
+        remark = f' ({why})' if why else ''
+        super().__init__(f'{name} is {quoted(got)}; allowed: {lower:g} to {upper:g}{remark}')
 
 
 class ArrayError(RedresError):
@@ -52,9 +70,8 @@ class JointNamesError(RedresError):
             )
             if names
         ]
-        super().__init__(
-            f'wrong joint names: {"; ".join(parts)}; expected {", ".join(self.expected)} in any order'
-        )
+        wanted = ', '.join(self.expected)
+        super().__init__(f'wrong joint names: {"; ".join(parts)}; expected {wanted} in any order')
 
 
 class FileError(RedresError):

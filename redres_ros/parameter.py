@@ -4,6 +4,7 @@ and docs.
 
 import math
 from dataclasses import Field, dataclass, field, fields
+from numbers import Real
 from typing import Any
 
 from redres_ros.errors import RangeError, UnknownNameError
@@ -39,27 +40,53 @@ def param(
     )
 
 
-def parameters(of: Any) -> dict[Field, Parameter]:
+def parameters(of: Any) -> dict[Field[Any], Parameter]:
     """The fields of a dataclass, or of an instance, that were declared with `param`."""
     return {f: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
 
 
 def check_parameters(instance: Any) -> None:
     """Raise RangeError or UnknownNameError for a value outside what its field allows; NaN is
-    outside every range.
+    outside every range. A numpy scalar in a field becomes the Python number that it holds.
     """
     for f, parameter in parameters(instance).items():
-        check_value(f.name, getattr(instance, f.name), parameter)
+        value = getattr(instance, f.name)
+        check_value(f.name, value, parameter)
+        if isinstance(value, Real) and hasattr(value, 'item'):
+            object.__setattr__(instance, f.name, value.item())
 
 
 def check_value(name: str, value: Any, parameter: Parameter) -> None:
-    """The same for one value."""
-    if parameter.choices and value not in parameter.choices:
-        raise UnknownNameError(name, value, parameter.choices)
+    """The same for one value; of a tuple, every member has to lie within the range.
+
+    Args:
+        name: How the value is called where it is refused.
+        value: A number, a text, or a tuple of either.
+        parameter: What is allowed.
+
+    Raises:
+        RangeError: A number outside the range, or no number where one is expected.
+        UnknownNameError: A text that is not among the choices.
+    """
+    members = value if isinstance(value, tuple) else (value,)
+    for member in members:
+        if parameter.choices:
+            _check_choice(name, member, parameter.choices)
+        else:
+            _check_range(name, member, parameter)
+
+
+def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    if not isinstance(value, str) or value not in choices:
+        raise UnknownNameError(name, value, choices)
+
+
+def _check_range(name: str, value: Any, parameter: Parameter) -> None:
     lower = -math.inf if parameter.lower is None else parameter.lower
     upper = math.inf if parameter.upper is None else parameter.upper
-    if isinstance(value, (int, float)):
-        if not lower <= value <= upper:
-            raise RangeError(name, value, lower, upper)
-    elif not isinstance(value, (str, tuple)):
+    is_number = isinstance(value, Real)
+    is_free_text = isinstance(value, str) and parameter.lower is parameter.upper is None
+    if is_number and not lower <= value <= upper:
+        raise RangeError(name, value, lower, upper)
+    if not is_number and not is_free_text:
         raise RangeError(name, value, lower, upper, 'a number')

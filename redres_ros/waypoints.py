@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.errors import FileError, UnknownNameError, quoted
 from redres_ros.parameter import check_parameters, param
 from redres_ros.share import share_path
+from redres_ros.yaml_file import read_yaml
 
 SWITCHING = ('at_rest', 'within_tolerance')
+
+_FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
+_MOST_DEGREES = 36000.0
 
 
 @dataclass(frozen=True)
@@ -52,17 +55,11 @@ def load_task(name_or_path: str) -> Task:
     path = Path(name_or_path)
     if path.suffix not in ('.yaml', '.yml'):
         folder = share_path('config/tasks')
-        path = folder / f'{name_or_path}.yaml'
-        if not path.is_file():
-            known = [file.stem for file in folder.glob('*.yaml')]
+        known = {file.stem: file for file in folder.glob('*.yaml')}
+        if name_or_path not in known:
             raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml'])
-    try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise FileError(f'cannot read the task {path}: {error.strerror}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise FileError(f'{path} is no YAML: {" ".join(str(error).split())}') from None
-    return _to_task(content, path)
+        path = known[name_or_path]
+    return _to_task(read_yaml(path), path)
 
 
 def _to_task(content: Any, path: Path) -> Task:
@@ -76,37 +73,45 @@ def _to_task(content: Any, path: Path) -> Task:
     for key in content:
         if key not in required + optional:
             raise UnknownNameError(f'key in {path}', str(key), required + optional)
-    numbers = {
+    given: dict[str, Any] = {
         key: _number(content[key], key, path)
         for key in optional
         if key != 'switching' and key in content
     }
-    words = {'switching': content['switching']} if 'switching' in content else {}
-    start = np.radians(_numbers(content['start'], 'start', 1, path))
-    waypoints = _numbers(content['waypoints'], 'waypoints', 2, path)
+    if 'switching' in content:
+        given['switching'] = content['switching']
+    start = np.radians(_numbers(content['start'], 'start', 1, _MOST_DEGREES, path))
+    waypoints = _numbers(content['waypoints'], 'waypoints', 2, _FARTHEST, path)
     if waypoints.shape[1] != 3 or len(waypoints) < 2:
         raise FileError(
             f'{path}: waypoints has shape {waypoints.shape}; '
             'expected at least two points of three coordinates'
         )
-    return Task(str(content['robot']), start, waypoints, **numbers, **words)
+    return Task(_name(content['robot'], 'robot', path), start, waypoints, **given)
+
+
+def _name(value: Any, key: str, path: Path) -> str:
+    if not isinstance(value, str):
+        raise FileError(f'{path}: {key} is {quoted(value)}; expected a name')
+    return value
 
 
 def _number(value: Any, key: str, path: Path) -> float:
     try:  # YAML 1.1 takes 1e-3, which has no dot, for a text
         if not isinstance(value, bool):
             return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pass
-    raise FileError(f'{path}: {key} is {value!r}; expected a number')
+    raise FileError(f'{path}: {key} is {quoted(value)}; expected a number')
 
 
-def _numbers(value: Any, key: str, dimensions: int, path: Path) -> np.ndarray:
+def _numbers(value: Any, key: str, dimensions: int, largest: float, path: Path) -> np.ndarray:
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(())
-    if array.ndim != dimensions or not np.isfinite(array).all():
+    if array.ndim != dimensions or not (np.abs(array) <= largest).all():
         shape = 'a list' if dimensions == 1 else 'rows'
-        raise FileError(f'{path}: {key} is {value!r}; expected {shape} of finite numbers')
+        expected = f'{shape} of finite numbers, none beyond {largest:g}'
+        raise FileError(f'{path}: {key} is {quoted(value)}; expected {expected}')
     return array

@@ -124,7 +124,7 @@ def test_simulate_fails_when_the_arm_does_not_arrive(short, tmp_path, capsys):
 REFUSED = [
     (('--law', 'fastest'), "unknown law 'fastest'; allowed: dynamically_consistent, "),
     (('--task', 'circle'), "unknown task 'circle'; allowed: "),
-    (('--task', 'none.yaml'), 'cannot read the task none.yaml'),
+    (('--task', 'none.yaml'), 'cannot read none.yaml'),
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
     (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),

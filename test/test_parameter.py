@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, fields
 
+import numpy as np
 import pytest
 import yaml
 
-from redres_ros.errors import RangeError, RedresError, UnknownNameError
+from redres_ros.errors import RangeError, RedresError, UnknownNameError, quoted
 from redres_ros.parameter import Parameter, check_parameters, check_value, param, parameters
 from redres_ros.robots import Arm
 from redres_ros.share import share_path
@@ -101,3 +102,37 @@ def test_the_parameter_file_leaves_alone_what_follows_from_the_robot():
     set_there = {key for node in content.values() for key in node['ros__parameters']}
     assert 'robot' in set_there
     assert set_there & {field.name for field in fields(Arm)} == set()
+
+
+@pytest.mark.parametrize('kind', [np.float32, np.float64, np.int64, np.uint8])
+def test_a_numpy_scalar_is_taken_as_the_number_that_it_holds(kind):
+    settings = Settings(gain=kind(5))
+    assert settings.gain == 5
+    assert type(settings.gain) in (int, float)
+
+
+@pytest.mark.parametrize('value', ['5', 1j, np.complex128(1), np.array(5.0), [5.0], None])
+def test_what_is_no_real_number_is_refused(value):
+    with pytest.raises(RangeError, match='a number'):
+        Settings(gain=value)
+
+
+@pytest.mark.parametrize('members', [(0.0, float('nan')), (11.0,), (1.0, '2')])
+def test_every_member_of_a_tuple_has_to_be_in_the_range(members):
+    check_value('x', (0.0, 10.0), Parameter('', 0.0, 10.0))
+    with pytest.raises(RangeError):
+        check_value('x', members, Parameter('', 0.0, 10.0))
+
+
+def test_every_member_of_a_tuple_has_to_be_a_choice():
+    check_value('x', ('a', 'b'), Parameter('', choices=('a', 'b')))
+    with pytest.raises(UnknownNameError):
+        check_value('x', ('a', 'c'), Parameter('', choices=('a', 'b')))
+
+
+@pytest.mark.parametrize(
+    'value', ['x' * 1000, 'two\nlines', 10**400, 10**9000, [[0.0] * 1000]], ids='abcde'
+)
+def test_a_value_is_quoted_on_one_short_line(value):
+    assert '\n' not in quoted(value)
+    assert 0 < len(quoted(value)) < 70

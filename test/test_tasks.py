@@ -100,14 +100,12 @@ def test_an_unknown_name_is_refused_with_those_that_exist():
 
 def test_a_file_that_is_not_there_is_refused_by_path(tmp_path):
     path = f'{tmp_path}/none.yaml'
-    assert refusal(path, FileError) == f'cannot read the task {path}: No such file or directory'
+    assert refusal(path, FileError) == f'cannot read {path}: No such file or directory'
 
 
 def test_a_directory_is_refused_by_path(tmp_path):
     (tmp_path / 'folder.yaml').mkdir()
-    assert f'cannot read the task {tmp_path}/folder.yaml' in refusal(
-        f'{tmp_path}/folder.yaml', FileError
-    )
+    assert f'cannot read {tmp_path}/folder.yaml' in refusal(f'{tmp_path}/folder.yaml', FileError)
 
 
 @pytest.mark.parametrize(
@@ -192,3 +190,45 @@ def test_a_number_out_of_range_is_refused_by_key(tmp_path, key, value):
 def test_an_unknown_switching_rule_is_refused_with_those_that_exist(tmp_path):
     message = refusal(written(tmp_path, switching='soon'), UnknownNameError)
     assert message == "unknown switching 'soon'; allowed: at_rest, within_tolerance"
+
+
+# --- hostile ones: each ends at once, with one line -----------------------------------------------
+
+LAUGHS = 'a0: &a0 [1, 1]\n' + ''.join(
+    f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 9)}]\n' for i in range(1, 30)
+)
+HOSTILE = {
+    'a number of 400 digits': ('waypoints: [[1' + '0' * 400 + ', 0, 0], [0, 0, 0]]', 'waypoints'),
+    'a number of 400 digits in a scalar': ('segment_time: 1' + '0' * 400, 'segment_time'),
+    'a number of 9000 digits': ('tolerance: 1' + '0' * 9000, 'is no YAML'),
+    'lists in lists': ('waypoints: ' + '[' * 3000 + ']' * 3000, 'nested too deeply'),
+    'an alias bomb': (LAUGHS, 'its aliases stand for more'),
+    'an alias of itself': ('waypoints: &a [*a]', 'its aliases'),
+    'a point at 1e300': ('waypoints: [[1.0e+300, 0, 0], [0, 0, 0]]', 'none beyond 100'),
+    'a joint at 1e300': ('start: [1.0e+300]', 'none beyond 36000'),
+    'a list for a name': ('robot: [lwr4]', 'robot'),
+    'more than there is memory for': ('# ' + 'x' * 1_000_000, 'is too large'),
+}
+
+
+@pytest.mark.parametrize(('line', 'words'), HOSTILE.values(), ids=HOSTILE)
+def test_a_hostile_file_is_refused_with_a_short_line(tmp_path, line, words):
+    path = tmp_path / 'task.yaml'
+    key = line.partition(':')[0]
+    rest = {name: value for name, value in GOOD.items() if name != key}
+    path.write_text(f'{line}\n{yaml.safe_dump(rest)}')
+    message = refusal(str(path), FileError)
+    assert words in message
+    assert len(message) < len(str(path)) + 250
+
+
+@pytest.mark.parametrize('name', ['x' * 300, 'x' * 300 + '.yaml', 'a\0b', 'a\0b.yaml', '', '..'])
+def test_a_name_that_no_file_can_have_is_refused(name):
+    refusal(name, RedresError)
+
+
+def test_a_point_that_a_program_wrote_as_an_alias_is_taken(tmp_path):
+    point = [0.1, 0.2, 0.3]
+    path = written(tmp_path, waypoints=[point, [0, 0, 1], point])
+    assert '*' in Path(path).read_text()
+    assert load_task(path).waypoints.tolist() == [point, [0, 0, 1], point]
