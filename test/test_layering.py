@@ -271,6 +271,20 @@ def test_the_package_offers_what_it_names():
         redres_ros.nothing  # noqa: B018
 
 
+def test_a_researchers_controller_costs_no_simulator_no_plots_and_no_ros():
+    program = """
+import sys
+from redres_ros import Controller, RobotModel, make_law
+Controller(RobotModel.named('lwr4_paper'), make_law('dynamically_consistent'), 0.001)
+print(*{module.partition('.')[0] for module in sys.modules})
+"""
+    done = run_blocked(program)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert {'numpy', 'pinocchio'} <= loaded
+    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'numba', 'rclpy'}
+
+
 HELP = """
 import sys
 from redres_ros.cli import main

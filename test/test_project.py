@@ -1,0 +1,49 @@
+"""The files around the package say the same as each other, and as the package."""
+
+import re
+import tomllib
+from pathlib import Path
+from xml.etree import ElementTree
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
+
+
+def package(tag: str) -> str:
+    """The text of an element of package.xml."""
+    return ElementTree.parse(ROOT / 'package.xml').getroot().findtext(tag, '')
+
+
+def test_who_cites_the_software_names_its_version_and_licence() -> None:
+    citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
+    assert citation['title'] == package('name')
+    assert citation['version'] == package('version')
+    assert citation['license'] == package('license')
+    assert citation['abstract'] == package('description')
+
+
+def test_the_newest_changes_are_those_of_this_version() -> None:
+    changelog = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
+    newest = re.search(r'^## (\S+)', changelog, re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == package('version')
+
+
+def test_the_hooks_before_a_commit_run_the_ruff_that_the_tests_run() -> None:
+    hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8'))
+    [revision] = [repo['rev'] for repo in hooks['repos'] if 'ruff' in repo['repo']]
+    assert f"'ruff=={revision.removeprefix('v')}'" in SETUP
+
+
+def test_every_python_that_is_promised_is_tested() -> None:
+    promised = re.findall(r'Python :: (3\.\d+)', SETUP)
+    workflow = yaml.safe_load((ROOT / '.github/workflows/tests.yaml').read_text(encoding='utf-8'))
+    assert workflow['jobs']['test']['strategy']['matrix']['python'] == promised
+
+
+def test_the_types_of_every_file_are_checked_by_strict_rules() -> None:
+    mypy = tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))['tool']['mypy']
+    assert mypy['strict'] is True
+    assert 'redres_ros' in mypy['files']
