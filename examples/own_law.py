@@ -1,0 +1,37 @@
+"""Write a law of your own: a weight W and a bias b, and nothing else.
+
+This one lets the arm move with its wrist rather than with its shoulder: the first joints weigh
+more. Run it with: python examples/own_law.py
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros import Controller, Law, RobotModel, RobotState, load_task, make_law
+from redres_ros.parameter import param
+from redres_ros.simulation.closed_loop import run
+
+
+@dataclass(frozen=True)
+class WristFirst(Law):
+    """Least velocity, where a joint weighs `ratio` times as much as the next one."""
+
+    ratio: float = param(2.0, 'weight of a joint, relative to the next', 1.0, 10.0)
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return np.zeros(len(state.q))  # best of all: no motion
+
+    def weight(self, state: RobotState) -> np.ndarray:
+        places = np.arange(len(state.q))
+        return np.diag(self.ratio ** -places.astype(float))
+
+
+task = load_task('rectangle')
+model = RobotModel.named(task.robot)
+
+for law in (make_law('minimum_velocity'), WristFirst(ratio=3.0)):
+    controller = Controller(model, law, T=0.002)
+    recording = run(controller, task)
+    shoulder = abs(recording['dq1']).max()
+    print(f'{type(law).__name__:<16} fastest motion of the first joint {shoulder:.3f} rad/s')

@@ -1,0 +1,52 @@
+"""Every script in examples/ runs, and shows what it says."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'
+
+pytestmark = pytest.mark.slow
+
+
+def run(name: str) -> str:
+    """What the script prints."""
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / f'{name}.py')],
+        cwd=EXAMPLES.parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r'-?\d+\.\d*|-?\d+', text)]
+
+
+def test_the_first_motion_moves_the_tip_where_it_was_told() -> None:
+    way, _ = run('first_motion').splitlines()
+    # Its 2 s with 0.1 m/s; a step of T errs by a millionth of a metre.
+    assert numbers(way) == pytest.approx([0.0, -0.2, 0.0], abs=1e-3)
+
+
+def test_of_two_laws_that_of_least_acceleration_accelerates_less() -> None:
+    velocity, acceleration = run('compare_two_laws').splitlines()
+    assert numbers(acceleration)[0] < 0.2 * numbers(velocity)[0]
+
+
+def test_the_law_of_ones_own_spares_the_joint_that_it_was_told_to_spare() -> None:
+    plain, own = run('own_law').splitlines()
+    assert own.startswith('WristFirst')
+    assert numbers(own)[0] < 0.6 * numbers(plain)[0]
+
+
+def test_every_example_has_a_test() -> None:
+    tested = re.findall(r"run\('(\w+)'\)", Path(__file__).read_text(encoding='utf-8'))
+    assert sorted(tested) == sorted(path.stem for path in EXAMPLES.glob('*.py'))
