@@ -68,6 +68,7 @@ setup(
         'tools': TOOLS,
         'ros': ROS,
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
+            'embodik>=0.23',
             'pin-pink>=4.4',
             'mink>=1.3',
             'qpsolvers>=4.13',

@@ -122,8 +122,9 @@ def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
 
 
 def test_what_is_not_required_is_imported_when_it_is_asked_for():
-    assert not any(found.on_loading for found in IMPORTS if found.library in ('pink', 'mink'))
-    assert files_with('pink') == files_with('mink') == {PEERS}
+    others = ('embodik', 'pink', 'mink')
+    assert not any(found.on_loading for found in IMPORTS if found.library in others)
+    assert {other: files_with(other) for other in others} == {other: {PEERS} for other in others}
 
 
 def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():

@@ -1,5 +1,5 @@
 """Node `echo`: hears what the controller hears, sends every state back as joint_command, and does
-nothing else.
+nothing else: what any controller on this machine would take with nothing to compute.
 """
 
 import sys
@@ -13,20 +13,13 @@ from redres_ros.nodes.runtime import run_nodes
 
 
 class EchoNode(Node):
-    """What any controller on this machine would be with nothing to compute."""
+    """The answer to every state is that state."""
 
     def __init__(self) -> None:
         super().__init__('echo')
-        echo(self)
-
-
-def echo(node: Node, prefix: str = '') -> None:
-    """Have the node echo, on topics whose names begin with the prefix."""
-    commands = node.create_publisher(JointState, f'{prefix}joint_command', PUBLISH)
-    node.create_subscription(JointState, f'{prefix}joint_states', commands.publish, NEWEST)
-    node.create_subscription(
-        TwistStamped, f'{prefix}cartesian_velocity', lambda message: None, NEWEST
-    )
+        commands = self.create_publisher(JointState, 'joint_command', PUBLISH)
+        self.create_subscription(JointState, 'joint_states', commands.publish, NEWEST)
+        self.create_subscription(TwistStamped, 'cartesian_velocity', lambda message: None, NEWEST)
 
 
 if __name__ == '__main__':

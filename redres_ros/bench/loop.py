@@ -1,176 +1,153 @@
-"""Runs the loop over DDS at several rates: echoes and controllers in turn, then the whole graph,
-again and again.
-"""
+"""The loop over DDS at several rates: from a state's way out of the robot to its answer."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from redres_ros.bench.exchange import Exchange
-from redres_ros.bench.loop_result import (
-    COMPOSED,
-    CONTROLLER,
-    ECHO,
-    GRAPH,
-    INSIDE,
-    NOMINAL,
-    UDP,
-    WEIGHTED,
-    LoopResult,
-)
-from redres_ros.bench.results import read_exchanges, to_text
-from redres_ros.bench.udp import echo_process
+from rich.table import Table
+
+from redres_ros.bench.processor_time import ProcessorMeter
+from redres_ros.bench.round_trips import RoundTrips
+from redres_ros.bench.udp import measure_udp
 from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.tape import read_tape
 from redres_ros.errors import RedresError
+from redres_ros.simulation.report import table
 
 REPETITIONS = 2  # of everything, so that a slow minute of the machine hits all alike
-TURNS = 2  # of each answerer within a repetition
-SETTLING = 1.0  # [s] from the graph's first answer to the first state that counts
+SETTLING = 1.0  # [s] from the first answer to the first state that counts
+UDP = 'bare UDP echo'
+GRAPHS = {  # what runs together; the last process of each has the robot in it
+    'bare echo node': ('bench.echo', 'sim'),
+    'controller, standing still': ('controller', 'sim'),
+    'planner, controller': ('planner', 'controller', 'sim'),
+    'the same in one process': ('composed',),
+}
 
-_PATIENCE = 60.0  # [s] beyond the time that the measurement itself takes
-# A real robot would leave command mode when this machine stalls; the states would go on, but not
-# the motion.
+_PATIENCE = 30.0  # [s] for the first answer
+_STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state
+_TAPED = ('joint_states', 'joint_command')
+# A real robot would leave command mode when this machine stalls, and the arm would stand still.
 _ROBOT = {'bridged_misses': 100}
+_PARAMETERS: dict[str, dict[str, Any]] = {
+    'planner': {'autostart': True},
+    'sim': _ROBOT,
+    'composed': {'autostart': True, **_ROBOT},
+}
 
 
 class BenchError(RedresError):
     """A measurement that did not come about."""
 
 
+@dataclass(frozen=True)
+class LoopResult:
+    """Round trips by rate [Hz] and by who answers."""
+
+    round_trips: Mapping[float, Mapping[str, RoundTrips]]
+
+    def table(self) -> Table:
+        """One line for each rate and who answers."""
+        heads = ('median', 'p99', 'p99.9', 'max')
+        rows: list[tuple[str, ...]] = []
+        for rate, kinds in self.round_trips.items():
+            rows.append((f'{rate:g} Hz',))
+            rows += [(name, *_cells(trips)) for name, trips in kinds.items()]
+        return table(
+            ('', *(f'{head} [us]' for head in heads), 'in cycle', 'lost', 'skipped', 'of a core'),
+            rows,
+            title='Loop: from a state to its answer',
+        )
+
+    def figures(self) -> dict[str, object]:
+        """For the file of results."""
+        figures: dict[str, object] = {}
+        for rate, kinds in self.round_trips.items():
+            figures[f'{rate:g}_Hz'] = {name: trips.figures() for name, trips in kinds.items()}
+        return figures
+
+
 def measure_loop(
-    rates: Sequence[float],
-    duration: float,
-    out: Path,
-    progress: Callable[[float], None] | None = None,
+    rates: Sequence[float], duration: float, out: Path, progress: Callable[[float], None]
 ) -> LoopResult:
-    """Every kind for `duration` [s] at every rate [Hz]; the nodes' logs go to the directory out.
+    """Measure everything at every rate, again and again.
 
-    Raises GraphError or BenchError when a node does not run.
+    Args:
+        rates: states per second [Hz].
+        duration: for which each is measured at each rate, in all repetitions together [s].
+        out: directory for what the nodes print.
+        progress: is told the share done.
+
+    Raises:
+        BenchError, GraphError: a node does not run or does not answer.
     """
-    parts: dict[float, dict[str, list[Exchange]]] = {rate: {} for rate in rates}
-    steps = [
-        (rate, measure)
-        for _ in range(REPETITIONS)
-        for rate in rates
-        for measure in (_lanes, _graph, _composed)
+    steps = [(rate, name) for _ in range(REPETITIONS) for rate in rates for name in (UDP, *GRAPHS)]
+    parts: dict[tuple[float, str], list[RoundTrips]] = {step: [] for step in steps}
+    for number, (rate, name) in enumerate(steps):
+        seconds = duration / REPETITIONS
+        if name == UDP:
+            trips = measure_udp(1.0 / rate, seconds)
+        else:
+            trips = _measure_graph(name, rate, seconds, out)
+        parts[rate, name].append(trips)
+        progress((number + 1) / len(steps))
+    joined: dict[float, dict[str, RoundTrips]] = {rate: {} for rate in rates}
+    for (rate, name), repetitions in parts.items():
+        joined[rate][name] = RoundTrips.joined(repetitions)
+    return LoopResult(joined)
+
+
+def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundTrips:
+    tape = out / 'robot.tape'
+    with own_domain(), ExitStack() as stack:
+        processes: dict[str, NodeProcess] = {}
+        for node in GRAPHS[name]:
+            parameters: dict[str, Any] = {'rate': rate, **_PARAMETERS.get(node, {})}
+            with_robot = node == GRAPHS[name][-1]
+            processes[node] = NodeProcess(
+                node,
+                out / f'{node}.log',
+                parameters,
+                tape=tape if with_robot else None,
+                topics=_TAPED,
+            )
+            stack.callback(processes[node].end)
+        _await_answer(tape, processes)
+        time.sleep(SETTLING)
+        meter = ProcessorMeter({node: process.pid for node, process in processes.items()})
+        begin = time.monotonic()
+        time.sleep(duration)
+        end = time.monotonic()
+        shares = meter.shares()
+        time.sleep(_STRAGGLERS)
+        for process in processes.values():
+            process.check()
+    trips = RoundTrips.from_tape(1.0 / rate, read_tape(tape), (begin, end), shares)
+    tape.unlink()
+    return trips
+
+
+def _await_answer(tape: Path, processes: Mapping[str, NodeProcess]) -> None:
+    until = time.monotonic() + _PATIENCE
+    while not (tape.exists() and any(entry.heard for entry in read_tape(tape))):
+        for process in processes.values():
+            process.check()
+        if time.monotonic() > until:
+            names = ' and '.join(processes)
+            raise BenchError(f'{names} did not answer within {_PATIENCE:g} s')
+        time.sleep(0.1)
+
+
+def _cells(trips: RoundTrips) -> list[str]:
+    cells = [f'{1e6 * trips.times.quantile(share):.0f}' for share in (0.5, 0.99, 0.999, 1.0)]
+    shares = [f'{name} {share:.0%}' for name, share in trips.processors.items()]
+    return [
+        *cells,
+        f'{trips.in_cycle:.2%}',
+        f'{trips.lost:.2%}',
+        str(trips.skipped),
+        ', '.join(shares),
     ]
-    for number, (rate, measure) in enumerate(steps):
-        with own_domain():
-            for kind, exchange in measure(rate, duration / REPETITIONS, out).items():
-                parts[rate].setdefault(kind, []).append(exchange)
-        if progress:
-            progress((number + 1) / len(steps))
-    return LoopResult(
-        {
-            rate: {kind: Exchange.joined(exchanges) for kind, exchanges in kinds.items()}
-            for rate, kinds in parts.items()
-        }
-    )
-
-
-def _lanes(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
-    """UDP, echo and controllers, in turn, by one bare robot: whoever waits for its turn costs next
-    to nothing.
-    """
-    with ExitStack() as stack:
-        udp, port = stack.enter_context(echo_process())
-        nodes = {ECHO: stack.enter_context(running('bench.echo', out, namespace=ECHO))}
-        for kind, law in _laws(rate).items():
-            parameters = {'rate': rate, 'law': law, 'state_timeout': 10.0}
-            nodes[kind] = stack.enter_context(running(CONTROLLER, out, parameters, namespace=kind))
-        answerers = {UDP: udp, INSIDE: 0, **{kind: node.pid for kind, node in nodes.items()}}
-        return measured(
-            'bench.driver',
-            out,
-            duration,
-            {
-                'rate': rate,
-                'duration': duration / TURNS,
-                'turns': TURNS,
-                'answerers': to_text(answerers),
-                'udp_port': port,
-            },
-        )
-
-
-def _laws(rate: float) -> dict[str, str]:
-    """The default law at every rate; one with a weight, which differs by little, where the goals
-    are.
-    """
-    laws = {CONTROLLER: 'minimum_acceleration', WEIGHTED: 'dynamically_consistent'}
-    return laws if rate == NOMINAL else {CONTROLLER: laws[CONTROLLER]}
-
-
-def _graph(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
-    """Robot, planner and controller as three processes."""
-    with (
-        running('controller', out, {'rate': rate}) as controller,
-        running('planner', out, {'autostart': True}) as planner,
-    ):
-        processes = {'planner': planner.pid, 'controller': controller.pid}
-        exchanges = measured(
-            'bench.sim',
-            out,
-            duration,
-            {
-                'rate': rate,
-                'duration': duration,
-                'settling': SETTLING,
-                'processes': to_text(processes),
-                **_ROBOT,
-            },
-        )
-    return {GRAPH: exchanges['sim']}
-
-
-def _composed(rate: float, duration: float, out: Path) -> dict[str, Exchange]:
-    """The three of them in one process."""
-    exchanges = measured(
-        'bench.composed',
-        out,
-        duration,
-        {
-            'rate': rate,
-            'duration': duration,
-            'settling': SETTLING,
-            'own_name': COMPOSED,
-            'autostart': True,
-            **_ROBOT,
-        },
-    )
-    return {COMPOSED: exchanges['sim']}
-
-
-@contextmanager
-def running(
-    name: str, out: Path, parameters: Mapping[str, Any] | None = None, namespace: str = ''
-) -> Iterator[NodeProcess]:
-    """A node while the block lasts."""
-    node = NodeProcess(
-        name, out / f'{"_".join(filter(None, (namespace, name)))}.log', parameters or {}, namespace
-    )
-    try:
-        yield node
-    finally:
-        node.end()
-
-
-def measured(
-    name: str, out: Path, duration: float, parameters: Mapping[str, Any]
-) -> dict[str, Exchange]:
-    """What a node that measures has written when it has ended by itself. Raises BenchError or
-    GraphError.
-    """
-    results = out / f'{name}.json'
-    until = time.monotonic() + 10.0 * duration + _PATIENCE
-    results.unlink(missing_ok=True)
-    with running(name, out, {**parameters, 'out': str(results)}) as node:
-        while node.status is None:
-            if time.monotonic() > until:
-                raise BenchError(f'{name} did not come to an end; see {out}/*.log')
-            time.sleep(0.05)
-        if node.status:
-            node.check()
-    return read_exchanges(results)

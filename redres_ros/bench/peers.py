@@ -1,28 +1,28 @@
-"""Others' ways to the same joint velocity: pink and mink; and Pinocchio's bare calls, below which
-none can get.
+"""Others' ways to the same joint velocity: embodik, pink and mink; and Pinocchio's bare calls.
 
 The one place besides robot_model.py and fri/plant.py that uses pinocchio and mujoco: what a peer
 costs must not depend on our own wrappers. Peers are imported when asked for, since they are no
 requirement of this package.
 """
 
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
 from redres_ros.robots import Arm
+from redres_ros.robots.joint_limits import JointLimits
 
 REMEDY = "pip install 'redres_ros[bench]'"
-SOLVERS = (
-    'quadprog',
-    'daqp',
-    'proxqp',
-)  # quadratic programs, by the names that qpsolvers has for them
-# of the peers' cost: small enough for the least velocity, large enough for a definite problem
+# quadratic programs for pink and mink, by the names that qpsolvers has for them
+SOLVERS = ('quadprog', 'daqp', 'proxqp')
+# in pink's and mink's cost: small enough for the least velocity, large enough for a definite matrix
 DAMPING = 1e-6
 
 _PACKAGES = {
+    'embodik': 'embodik',
     'pink': 'pink',
     'mink': 'mink',
     'quadprog': 'quadprog',
@@ -31,7 +31,10 @@ _PACKAGES = {
 }
 
 Peer = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(q, x_d) -> dq, all in SI units: the velocity at q (n,) that leads the tip to x_d (3,) within one tick."""
+"""(q, x_d) -> dq: the velocity at q (n,) [rad] that leads the tip to x_d (3,) [m] within a tick."""
+
+Floor = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""(q, dq) -> J, (6, n)."""
 
 
 def missing_peers() -> tuple[str, ...]:
@@ -40,22 +43,52 @@ def missing_peers() -> tuple[str, ...]:
 
 
 def peers(arm: Arm, T: float) -> dict[str, Peer]:
-    """Every installed peer with every installed solver, twice.
+    """Every installed peer, pink and mink with every installed solver; each of them twice.
 
-    As its documentation has it, which includes the joint limits (both libraries then make them anew
-    in every call), and without limits, which is faster, and all that our laws do.
+    With limits, as their documentation has it: joint positions and velocities, with embodik
+    accelerations too. And without, which is all that a law of the paper does.
+
+    Args:
+        arm: that all of them get.
+        T: length of a tick [s].
     """
     missing = missing_peers()
-    made = {}
-    for solver in (solver for solver in SOLVERS if solver not in missing):
-        for library, make in (('pink', _pink), ('mink', _mink)):
-            if library not in missing:
+    made: dict[str, Peer] = {}
+    if 'embodik' not in missing:
+        made['embodik'] = _embodik(arm, T, limits=True)
+        made['embodik, no limits'] = _embodik(arm, T, limits=False)
+    for library, make in {'pink': _pink, 'mink': _mink}.items():
+        for solver in SOLVERS:
+            if not {library, solver} & set(missing):
                 made[f'{library}, {solver}'] = make(arm, T, solver, None)
                 made[f'{library}, {solver}, no limits'] = make(arm, T, solver, [])
     return made
 
 
-def _pink(arm: Arm, T: float, solver: str, limits: list | None) -> Peer:
+def _embodik(arm: Arm, T: float, limits: bool) -> Peer:
+    import embodik
+
+    with tempfile.NamedTemporaryFile('w', suffix='.urdf') as file:
+        file.write(arm.description())
+        file.flush()
+        robot = embodik.RobotModel(file.name)
+    solver = embodik.KinematicsSolver(robot)
+    solver.dt = T
+    if limits:
+        solver.set_acceleration_limits(JointLimits.of(arm).acceleration)
+        solver.enable_acceleration_limits(True)
+    task = solver.add_frame_task('tip', arm.tip_frame, embodik.TaskType.FRAME_POSITION)
+    task.weight = 1.0 / T  # times the error it is the wanted velocity
+
+    def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
+        task.set_target_position(x_d)
+        dq: np.ndarray = solver.solve_velocity_dq(q, limits)
+        return dq
+
+    return velocity
+
+
+def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
     import pinocchio as pin
     from pink import Configuration, solve_ik
     from pink.tasks import FrameTask
@@ -68,12 +101,15 @@ def _pink(arm: Arm, T: float, solver: str, limits: list | None) -> Peer:
     def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
         configuration.update(q)
         task.transform_target_to_world.translation = x_d
-        return solve_ik(configuration, (task,), T, solver=solver, damping=DAMPING, limits=limits)
+        dq: np.ndarray = solve_ik(
+            configuration, (task,), T, solver=solver, damping=DAMPING, limits=limits
+        )
+        return dq
 
     return velocity
 
 
-def _mink(arm: Arm, T: float, solver: str, limits: list | None) -> Peer:
+def _mink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
     from mink import SE3, Configuration, FrameTask, solve_ik
 
     configuration = Configuration(_bare_mujoco_model(arm))
@@ -87,7 +123,7 @@ def _mink(arm: Arm, T: float, solver: str, limits: list | None) -> Peer:
     return velocity
 
 
-def _bare_mujoco_model(arm: Arm) -> object:
+def _bare_mujoco_model(arm: Arm) -> Any:
     """The arm without shapes, which would only cost time."""
     import mujoco
 
@@ -97,10 +133,8 @@ def _bare_mujoco_model(arm: Arm) -> object:
     return spec.compile()
 
 
-def floors(arm: Arm) -> Iterator[tuple[str, Callable[[np.ndarray, np.ndarray], object]]]:
-    """Pinocchio's calls (q, dq) -> J for what a law needs: kinematics; M and n besides; and all
-    that it knows.
-    """
+def floors(arm: Arm) -> dict[str, Floor]:
+    """Pinocchio's calls for what a law needs: kinematics; M and n besides; and all it knows."""
     import pinocchio as pin
 
     model = pin.buildModelFromXML(arm.description())
@@ -109,7 +143,8 @@ def floors(arm: Arm) -> Iterator[tuple[str, Callable[[np.ndarray, np.ndarray], o
 
     def jacobian() -> np.ndarray:
         pin.updateFramePlacement(model, data, tip)
-        return pin.getFrameJacobian(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
+        J: np.ndarray = pin.getFrameJacobian(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
+        return J
 
     def kinematics(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         pin.computeJointJacobians(model, data, q)
@@ -124,6 +159,8 @@ def floors(arm: Arm) -> Iterator[tuple[str, Callable[[np.ndarray, np.ndarray], o
         pin.computeAllTerms(model, data, q, dq)
         return jacobian()
 
-    yield 'kinematics', kinematics
-    yield 'kinematics, M and n', dynamics
-    yield 'computeAllTerms', everything
+    return {
+        'kinematics': kinematics,
+        'kinematics, M and n': dynamics,
+        'computeAllTerms': everything,
+    }

@@ -1,58 +1,78 @@
-"""All that was measured in one run, for the terminal and as a file."""
+"""All that was measured in one run as a file, with the machine and the versions."""
 
 import json
 import math
+import os
+import platform
 from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from redres_ros.bench.goals import Goal, goals_table
-from redres_ros.bench.machine import describe
 from redres_ros.errors import FileError
 
-
-class Result(Protocol):
-    """What came of one part of the bench."""
-
-    def table(self) -> str: ...
-
-    def goals(self) -> list[Goal]: ...
-
-    def figures(self) -> dict[str, object]: ...
-
-
-def table(results: Mapping[str, Result]) -> str:
-    """Every part's table, then all goals."""
-    goals = [goal for result in results.values() for goal in result.goals()]
-    held = sum(goal.held for goal in goals)
-    parts = [result.table() for result in results.values()]
-    if goals:
-        parts.append(f'goals: {held} of {len(goals)} held\n{goals_table(goals)}')
-    return '\n\n'.join(parts)
+_PACKAGES = (
+    'redres_ros',
+    'numpy',
+    'scipy',
+    'pin',
+    'mujoco',
+    'ros-jazzy-rclpy',
+    'embodik',
+    'pin-pink',
+    'mink',
+    'qpsolvers',
+    'quadprog',
+    'daqp',
+    'proxsuite',
+)
 
 
-def write_json(results: Mapping[str, Result], path: Path) -> None:
-    """Figures of every part with units in their names, goals, and the machine; null for what is no
-    number.
+def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
+    """Write figures with units in their names, and the machine; null for what is no number.
 
-    Raises FileError.
+    Raises:
+        FileError: it cannot be written.
     """
-    goals = [goal.figures() for result in results.values() for goal in result.goals()]
-    content = {
-        'machine': describe(),
-        **{name: result.figures() for name, result in results.items()},
-        'goals': goals,
-    }
+    content = _finite({'machine': machine(), **results})
     try:
-        path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')
+        path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
     except OSError as error:
         raise FileError(f'cannot write {path}: {error.strerror}') from None
+
+
+def machine() -> dict[str, object]:
+    """Processor, cores, kernel, Python and packages."""
+    versions = {name: _version(name) for name in _PACKAGES}
+    return {
+        'processor': _processor(),
+        'cores': len(os.sched_getaffinity(0)),
+        'kernel': platform.release(),
+        'python': platform.python_version(),
+        'versions': {name: found for name, found in versions.items() if found},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ''
+
+
+def _processor() -> str:
+    try:
+        lines = Path('/proc/cpuinfo').read_text().splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return models[0] if models else platform.processor() or 'unknown'
 
 
 def _finite(value: Any) -> Any:
     """The same with None for NaN and infinity, which JSON does not know."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,38 +1,34 @@
-"""One tick of every law and of its parts, beside peers and Pinocchio's own calls, on the paper's
-arm and task.
-"""
+"""One tick of every law beside peers and Pinocchio's own calls, on the paper's arm and task."""
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
+from rich.table import Table
 
-from redres_ros.bench.goals import Goal
 from redres_ros.bench.peers import Peer, floors, missing_peers, peers
 from redres_ros.bench.timing import Times, measure
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
 from redres_ros.planner import Planner
-from redres_ros.resolution import resolve
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.report import table
 from redres_ros.waypoints import load_task
 
 T = 1.0 / 500.0  # [s]
 TICKS = 500  # of the recorded stretch, over and over again
-FLOOR = 'computeAllTerms'  # the one that the goals refer to
-PEER_GOAL = 4.0
-WEIGHTED_PEER_GOAL = 3.0
-FLOOR_GOAL = 4.0
+FLOOR = 'computeAllTerms'  # with which the laws are compared
 # [rad/s] a peer that is farther from the least velocities has not solved the problem, and does not
 # count
 SAME = 1e-3
 
 
-class Stretch(NamedTuple):
-    """A recorded part of a motion, k = 0 ... N - 1: q, dq_prev (N, n) [rad], [rad/s]; dx, x_d (N,
-    3) [m/s], [m].
+@dataclass(frozen=True)
+class Stretch:
+    """A recorded part of a motion, k = 0 ... N - 1.
+
+    q, dq_prev: (N, n) [rad], [rad/s]; dx: (N, 3) wanted velocity of the tip [m/s]; x_d: (N, 3)
+    where that leads within a tick [m].
     """
 
     q: np.ndarray
@@ -43,17 +39,17 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True)
 class TickResult:
-    """Times by name: of the laws, of parts of a tick, of Pinocchio's calls, of peers; and which
-    peers are missing.
+    """Times by name.
 
-    deviations: how far each peer's velocities are at most from the least ones, Eq. (2) [rad/s].
+    laws, floors, peers: of our laws, of Pinocchio's calls, of others; deviations: how far each
+    peer's velocities are at most from those of `minimum_velocity` [rad/s]; missing: peers that are
+    not installed.
     """
 
-    laws: dict[str, Times]
-    parts: dict[str, Times]
-    floors: dict[str, Times]
-    peers: dict[str, Times]
-    deviations: dict[str, float]
+    laws: Mapping[str, Times]
+    floors: Mapping[str, Times]
+    peers: Mapping[str, Times]
+    deviations: Mapping[str, float]
     missing: tuple[str, ...]
 
     @property
@@ -62,88 +58,78 @@ class TickResult:
         same = [name for name in self.peers if self.deviations[name] < SAME]
         return min(same, key=lambda name: self.peers[name].median, default='')
 
-    def goals(self) -> list[Goal]:
-        """Each law against the fastest peer and against the floor."""
-        goals = []
-        for name, times in self.laws.items():
-            if self.fastest_peer:
-                got = self.peers[self.fastest_peer].median / times.median
-                bound = WEIGHTED_PEER_GOAL if _is_weighted(name) else PEER_GOAL
-                goals.append(
-                    Goal(
-                        f'{name}: times faster than {self.fastest_peer}', got, bound, at_most=False
-                    )
-                )
-            got = times.median / self.floors[FLOOR].median
-            goals.append(Goal(f'{name}: times the floor, {FLOOR}', got, FLOOR_GOAL))
-        return goals
-
-    def table(self) -> str:
+    def table(self) -> Table:
         """Median and p99 of everything, beside the floor and the fastest peer."""
-        floor = self.floors[FLOOR].median
-        peer = self.peers[self.fastest_peer].median if self.fastest_peer else float('nan')
-        lines = [
-            f'{"one tick":<36}{"median [us]":>13}{"p99 [us]":>11}{"of the floor":>14}{"peer / it":>11}'
-        ]
+        rows: list[tuple[str, ...]] = []
         for head, group in self._groups().items():
-            lines.append(f'-- {head}')
-            lines += [
-                f'{name:<36}{1e6 * times.median:13.1f}{1e6 * times.p99:11.1f}{times.median / floor:14.2f}'
-                f'{_cell(peer / times.median)}{self._remark(name)}'
-                for name, times in group.items()
-            ]
-        return '\n'.join(
-            [*lines, f'floor: {FLOOR}; peer: the fastest, {self.fastest_peer or "none installed"}']
+            rows.append((head,))
+            rows += [(name, *self._cells(name, times)) for name, times in group.items()]
+        peer = self.fastest_peer or 'none is installed'
+        return table(
+            ('', 'median [us]', 'p99 [us]', 'by the floor', 'by the peer', 'off [rad/s]'),
+            rows,
+            title='Tick: one call of Controller.update, and what others take',
+            note=f'floor: {FLOOR}; peer: the fastest that solves the same problem, {peer}',
         )
 
     def figures(self) -> dict[str, object]:
         """For the file of results."""
-        groups = {
-            head: {name: times.figures() for name, times in group.items()}
-            for head, group in self._groups().items()
-        }
+        figures: dict[str, object] = {'T_s': T}
+        for head, group in self._groups().items():
+            figures[head] = {name: times.figures() for name, times in group.items()}
         return {
-            'T_s': T,
-            **groups,
+            **figures,
             'fastest_peer': self.fastest_peer,
-            'peers_off_rad_per_s': self.deviations,
+            'peers_off_rad_per_s': dict(self.deviations),
             'missing_peers': list(self.missing),
         }
 
-    def _remark(self, name: str) -> str:
-        deviation = self.deviations.get(name, 0.0)
-        return f'  {deviation:.2g} rad/s off, does not count' if deviation >= SAME else ''
+    def _groups(self) -> dict[str, Mapping[str, Times]]:
+        return {'laws': self.laws, 'pinocchio': self.floors, 'peers': self.peers}
 
-    def _groups(self) -> dict[str, dict[str, Times]]:
-        return {
-            'laws': self.laws,
-            'parts': self.parts,
-            'pinocchio': self.floors,
-            'peers': self.peers,
-        }
+    def _cells(self, name: str, times: Times) -> list[str]:
+        cells = [f'{1e6 * times.median:.1f}', f'{1e6 * times.p99:.1f}']
+        cells.append(f'{times.median / self.floors[FLOOR].median:.2f}')
+        if self.fastest_peer:
+            cells.append(f'{times.median / self.peers[self.fastest_peer].median:.2f}')
+        else:
+            cells.append('')
+        if name in self.deviations:
+            deviation = self.deviations[name]
+            remark = ', not the same' if deviation >= SAME else ''
+            cells.append(f'{deviation:.1g}{remark}')
+        return cells
 
 
-def measure_tick(rounds: int, progress: Callable[[float], None] | None = None) -> TickResult:
-    """Everything in turn, `rounds` blocks each."""
-    task = load_task('rectangle')
-    model = RobotModel.named(task.robot)
+def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
+    """Time everything in turn.
+
+    Args:
+        rounds: blocks of calls of each.
+        progress: is told the share done.
+    """
+    model = RobotModel.named(load_task('rectangle').robot)
     stretch = recorded(model)
+    laws = {name: Controller(model, make_law(name), T) for name in LAWS}
     others = peers(model.arm, T)
-    groups = {
-        'laws': {name: _tick(Controller(model, make_law(name), T), stretch) for name in LAWS},
-        'parts': _parts(model, stretch),
-        'floors': {name: _of_state(call, stretch) for name, call in floors(model.arm)},
-        'peers': {name: _of_target(call, stretch) for name, call in others.items()},
-    }
-    calls = {
-        (group, name): call for group, members in groups.items() for name, call in members.items()
-    }
+    bare = floors(model.arm)
+    calls: dict[tuple[str, str], Callable[[int], object]] = {}
+    for name, controller in laws.items():
+        calls['laws', name] = _over(controller.update, stretch.q, stretch.dx)
+    for name, floor in bare.items():
+        calls['floors', name] = _over(floor, stretch.q, stretch.dq_prev)
+    for name, peer in others.items():
+        calls['peers', name] = _over(peer, stretch.q, stretch.x_d)
+    # First, because a peer with acceleration limits remembers the last velocity of a round.
+    deviations = {name: deviation(peer, model, stretch) for name, peer in others.items()}
     times = measure(calls, rounds, progress)
-    split = {
-        group: {name: times[group, name] for name in members} for group, members in groups.items()
-    }
-    deviations = {name: _deviation(peer, model, stretch) for name, peer in others.items()}
-    return TickResult(**split, deviations=deviations, missing=missing_peers())
+    return TickResult(
+        laws={name: times['laws', name] for name in laws},
+        floors={name: times['floors', name] for name in bare},
+        peers={name: times['peers', name] for name in others},
+        deviations=deviations,
+        missing=missing_peers(),
+    )
 
 
 def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
@@ -152,8 +138,8 @@ def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
     planner = Planner(task)
     controller = Controller(model, make_law('minimum_acceleration'), T)
     q = task.start
-    rows = []
     dq = np.zeros(model.n)
+    rows = []
     for k in range(ticks):
         x = model.tip(q)[0]
         dx = planner.reference(x, k * T).dx
@@ -164,69 +150,21 @@ def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
     return Stretch(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _tick(controller: Controller, stretch: Stretch) -> Callable[[int], object]:
-    q = list(stretch.q)
-    dx = list(stretch.dx)
-    N = len(stretch.q)
-    return lambda k: controller.update(q[k % N], dx[k % N])
+def deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
+    """Largest distance between a peer's velocities and the least ones, Eq. (2), on the stretch
+    [rad/s].
+    """
+    largest = 0.0
+    controller = Controller(model, make_law('minimum_velocity'), T)
+    for q, dx, x_d in zip(stretch.q, stretch.dx, stretch.x_d, strict=True):
+        least = controller.update(q, dx).dq
+        largest = max(largest, float(np.abs(peer(q, x_d) - least).max()))
+    return largest
 
 
-def _parts(model: RobotModel, stretch: Stretch) -> dict[str, Callable[[int], object]]:
-    """What a tick is made of, each on its own; the planner's part belongs to another node."""
-    q = list(stretch.q)
-    dq = list(stretch.dq_prev)
-    dx = list(stretch.dx)
-    N = len(stretch.q)
-    states = [model.state(position, velocity) for position, velocity in zip(q, dq, strict=True)]
-    for state in states:  # a state may have been told only what it was asked
-        _dynamics(state)
-    torque = make_law('dynamically_consistent')
-    planner = Planner(load_task('rectangle'))
-    return {
-        'kinematics': lambda k: model.state(q[k % N], dq[k % N]).J,
-        'kinematics and dynamics': lambda k: _dynamics(model.state(q[k % N], dq[k % N])),
-        'bias with M^-1 n': lambda k: torque.bias(states[k % N], T),
-        'resolve, W = I': lambda k: resolve(states[k % N].J, dx[k % N], dq[k % N]),
-        'resolve, W = M': lambda k: resolve(states[k % N].J, dx[k % N], dq[k % N], states[k % N].M),
-        'planner, tip': lambda k: model.tip(q[k % N]),
-        'planner, reference': lambda k: planner.reference(states[k % N].x, k % N * T),
-    }
-
-
-def _cell(ratio: float) -> str:
-    return f'{"-":>11}' if math.isnan(ratio) else f'{ratio:11.2f}'
-
-
-def _dynamics(state: RobotState) -> tuple[np.ndarray, ...]:
-    return state.J, state.M, state.n
-
-
-def _of_state(
-    call: Callable[[np.ndarray, np.ndarray], object], stretch: Stretch
+def _over(
+    call: Callable[[np.ndarray, np.ndarray], object], first: np.ndarray, second: np.ndarray
 ) -> Callable[[int], object]:
-    q = list(stretch.q)
-    dq = list(stretch.dq_prev)
-    N = len(stretch.q)
-    return lambda k: call(q[k % N], dq[k % N])
-
-
-def _of_target(peer: Peer, stretch: Stretch) -> Callable[[int], object]:
-    q = list(stretch.q)
-    x_d = list(stretch.x_d)
-    N = len(stretch.q)
-    return lambda k: peer(q[k % N], x_d[k % N])
-
-
-def _deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
-    """Largest distance between a peer's velocities and the least ones on the stretch [rad/s]."""
-    least = [
-        resolve(model.state(q, dq).J, dx, np.zeros(model.n))
-        for q, dq, dx, _ in zip(*stretch, strict=True)
-    ]
-    theirs = [peer(q, x_d) for q, _, _, x_d in zip(*stretch, strict=True)]
-    return float(np.abs(np.array(least) - np.array(theirs)).max())
-
-
-def _is_weighted(law: str) -> bool:
-    """Whether the law has a weight of its own."""
-    return LAWS[law].weight is not LAWS['minimum_velocity'].weight
+    """The call with the rows of two arrays, round and round."""
+    rows = list(zip(first, second, strict=True))
+    return lambda k: call(*rows[k % len(rows)])

@@ -3,11 +3,14 @@
 import gc
 import random
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+
+K = TypeVar('K', bound=Hashable)
 
 BLOCK = 10  # calls of one candidate before it is the next one's turn
 # of them, the first ones are not counted: their caches are still full of the candidate before
@@ -34,11 +37,9 @@ class Times:
         """The time that this share of the samples does not exceed [s]: one of them, the next
         larger; NaN if none.
         """
-        return (
-            float(np.quantile(self.samples, share, method='higher'))
-            if len(self.samples)
-            else float('nan')
-        )
+        if not len(self.samples):
+            return float('nan')
+        return float(np.quantile(self.samples, share, method='higher'))
 
     def figures(self) -> dict[str, float]:
         """For the file of results, in microseconds."""
@@ -50,17 +51,21 @@ class Times:
 
 
 def measure(
-    calls: Mapping[str, Callable[[int], object]],
+    calls: Mapping[K, Callable[[int], object]],
     rounds: int,
     progress: Callable[[float], None] | None = None,
-) -> dict[str, Times]:
-    """The times of the calls, each made `rounds` blocks long, block by block in turn.
+) -> dict[K, Times]:
+    """The times of the calls, block by block in turn.
 
     The order is another one in every round: none always comes after the same one, with the caches
-    as that leaves them. Each call gets the number of its turn, 0, 1, 2, ..., from which it picks
-    its input. A first round is not counted.
+    as that leaves them. A first round is not counted.
+
+    Args:
+        calls: by name. Each gets the number of its turn, 0, 1, 2, ..., to pick its input by.
+        rounds: blocks of each call.
+        progress: is told the share done.
     """
-    samples: dict[str, list[int]] = {name: [] for name in calls}
+    samples: dict[K, list[int]] = {name: [] for name in calls}
     order = list(calls.items())
     shuffle = random.Random(0).shuffle
     with _undisturbed():

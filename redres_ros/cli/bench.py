@@ -9,8 +9,8 @@ from typing import Any
 from redres_ros.cli.options import Help, OptionError, made
 from redres_ros.errors import RangeError, UnknownNameError
 
-_RATES = 10.0, 2000.0  # [Hz]
-_LOGS = 'logs'  # folder for what the nodes print
+_RATES = (10.0, 2000.0)  # [Hz]
+_ROUNDS = 100.0  # of the ticks, per second of --duration
 
 
 def add(commands: Any) -> None:
@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
         type=float,
         default=3.0,
         metavar='S',
-        help='time for which each kind of loop is measured at each rate [s]; the other parts scale',
+        help='time for which each kind of loop is measured at each rate [s]; the ticks scale',
     )
     bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
     bench.add_argument(
@@ -40,26 +40,44 @@ def add(commands: Any) -> None:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from redres_ros.bench.peers import REMEDY, missing_peers
-    from redres_ros.bench.report import table, write_json
-    from redres_ros.simulation.report import progress_bar
+    from redres_ros.bench.report import write_json
+    from redres_ros.simulation.report import print_tables, progress_bar
 
     parts = _names(options.only)
     options.rates = _numbers(options.rates)
     if not 0.01 <= options.duration <= 3600.0:
         raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
-    if _WITH_ROS & set(parts):
-        import redres_ros.bench.loop  # noqa: F401, if there is no ROS that is to be known before the first part
-    made(options.out / _LOGS)
-    if 'tick' in parts and missing_peers():
-        print(f'not installed, and left out: {", ".join(missing_peers())}; {REMEDY}')
+    if 'loop' in parts:
+        import redres_ros.bench.loop  # noqa: F401, that there is no ROS is to be known at once
+    made(options.out)
     results = {}
     for name in parts:
         with progress_bar(name) as progress:
             results[name] = _PARTS[name](options, progress)
-    write_json(results, options.out / 'bench.json')
-    print(f'{table(results)}\n\nall figures {options.out}/bench.json')
+    write_json(
+        {name: result.figures() for name, result in results.items()}, options.out / 'bench.json'
+    )
+    print_tables(*(result.table() for result in results.values()))
+    print(f'all figures {options.out}/bench.json')
     return 0
+
+
+def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.bench.peers import REMEDY, missing_peers
+    from redres_ros.bench.tick import measure_tick
+
+    if missing_peers():
+        print(f'not installed, and left out: {", ".join(missing_peers())}; {REMEDY}')
+    return measure_tick(max(math.ceil(_ROUNDS * options.duration), 1), progress)
+
+
+def _loop(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.bench.loop import measure_loop
+
+    return measure_loop(options.rates, options.duration, options.out, progress)
+
+
+_PARTS = {'tick': _tick, 'loop': _loop}
 
 
 def _names(text: str) -> list[str]:
@@ -79,24 +97,3 @@ def _numbers(text: str) -> list[float]:
         if not _RATES[0] <= rate <= _RATES[1]:
             raise RangeError('--rates', rate, *_RATES, 'Hz')
     return rates
-
-
-def _rounds(options: argparse.Namespace, per_second: float) -> int:
-    return max(math.ceil(per_second * options.duration), 1)
-
-
-def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.bench.tick import measure_tick
-
-    return measure_tick(_rounds(options, 100.0), progress)
-
-
-def _loop(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.bench.loop import measure_loop
-
-    return measure_loop(options.rates, options.duration, options.out / _LOGS, progress)
-
-
-_WITH_ROS = {'loop'}
-
-_PARTS = {'tick': _tick, 'loop': _loop}

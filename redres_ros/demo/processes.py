@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -97,30 +97,36 @@ def _in_use(domain: int) -> bool:
 class NodeProcess:
     """One of our nodes as a process of its own, which cannot outlive this one.
 
-    It does not get the terminal's Ctrl-C: whoever started it ends it. What it prints goes to the
-    file log.
+    It does not get the terminal's Ctrl-C: whoever started it ends it.
+
+    Args:
+        name: of the executable in nodes/, or of a module of the package, as 'bench.echo'.
+        log: file for what it prints.
+        parameters: of the node.
+        tape: file for its messages, see `redres_ros.demo.taped`; None for none.
+        topics: those that are taped; all that a tape can hold if none is named.
     """
 
     def __init__(
-        self, name: str, log: Path, parameters: Mapping[str, Any], namespace: str = ''
+        self,
+        name: str,
+        log: Path,
+        parameters: Mapping[str, Any],
+        *,
+        tape: Path | None = None,
+        topics: Sequence[str] = (),
     ) -> None:
         self.name = name
         self._log = log
-        arguments = [
-            argument
-            for key, value in parameters.items()
-            for argument in ('-p', f'{key}:={_yaml(value)}')
-        ]
-        arguments += ['-r', f'__ns:=/{namespace}'] if namespace else []
+        module = [f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}']
+        if tape:
+            module = ['redres_ros.demo.taped', name, str(tape), *filter(None, [','.join(topics)])]
+        arguments = []
+        for key, value in parameters.items():
+            arguments += ['-p', f'{key}:={_yaml(value)}']
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    '-m',
-                    f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}',
-                    '--ros-args',
-                    *arguments,
-                ],
+                [sys.executable, '-m', *module, '--ros-args', *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,

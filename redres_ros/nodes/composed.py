@@ -5,6 +5,7 @@ still listen, and send task velocities.
 """
 
 import sys
+from collections.abc import Callable
 
 from rclpy.node import Node
 
@@ -15,18 +16,25 @@ from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sim import SimNode
 
 
-def run_composed(sim: type[Node] = SimNode, arguments: list[str] | None = None) -> int:
-    """The exit status of the three; a state is answered by the controller before the planner gets
-    it.
+def run_composed(
+    adapt: Callable[[type[Node]], type[Node]] = lambda cls: cls,
+    arguments: list[str] | None = None,
+) -> int:
+    """Run the three until they are asked to end; a state is answered by the controller before the
+    planner gets it.
+
+    Args:
+        adapt: what is made of each node's class before a node is made of it.
+        arguments: the command line; None for that of the process.
+
+    Returns:
+        The exit status.
     """
     intra_process = IntraProcess(
         ('joint_states', 'joint_command'), open_topics=('cartesian_velocity',)
     )
-    return run_nodes(
-        *map(intra_process.node, (sim, ControllerNode, PlannerNode)),
-        arguments=arguments,
-        one_thread=True,
-    )
+    classes = [adapt(cls) for cls in (SimNode, ControllerNode, PlannerNode)]
+    return run_nodes(*map(intra_process.node, classes), arguments=arguments, one_thread=True)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,0 +1,120 @@
+"""States that went out and their answers: how long that took, how many were late or lost."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.bench.timing import Times
+from redres_ros.demo.tape import Entry
+
+_QUANTILES = {'median_us': 0.5, 'p99_us': 0.99, 'p99_9_us': 0.999, 'max_us': 1.0}
+
+
+@dataclass(frozen=True)
+class RoundTrips:
+    """What became of N states that went out, one every period.
+
+    period: [s].
+    latencies: (N,) from a state's way out to its answer's arrival [s]; infinite where none came.
+    skipped: cycles in which the robot itself was held up and sent nothing.
+    processors: share of a core that each process took meanwhile, by name.
+    """
+
+    period: float
+    latencies: np.ndarray
+    skipped: int
+    processors: Mapping[str, float]
+
+    @classmethod
+    def from_times(
+        cls,
+        period: float,
+        sent: Sequence[float],
+        answered: Sequence[float],
+        processors: Mapping[str, float],
+    ) -> 'RoundTrips':
+        """From the instants at which states went out and were answered.
+
+        Args:
+            period: at which states should go out [s].
+            sent: instants in their order [s].
+            answered: of the same states [s]; infinite where no answer came.
+            processors: share of a core by name.
+        """
+        due = round((sent[-1] - sent[0]) / period) + 1 if len(sent) else 0
+        latencies = np.array(answered) - np.array(sent)
+        return cls(period, latencies, max(due - len(sent), 0), processors)
+
+    @classmethod
+    def from_tape(
+        cls,
+        period: float,
+        entries: Iterable[Entry],
+        window: tuple[float, float],
+        processors: Mapping[str, float],
+    ) -> 'RoundTrips':
+        """From a tape of the robot.
+
+        Args:
+            period: at which states should go out [s].
+            entries: the states that it published and the commands that it heard.
+            window: the instants between which states count [s], by the monotonic clock.
+            processors: share of a core by name.
+        """
+        sent: dict[int, float] = {}
+        answered: dict[int, float] = {}
+        for entry in entries:
+            stamp = entry.message.header.stamp
+            times = answered if entry.heard else sent
+            times.setdefault(stamp.sec * 10**9 + stamp.nanosec, entry.time / 1e9)
+        counted = [stamp for stamp, at in sent.items() if window[0] <= at < window[1]]
+        return cls.from_times(
+            period,
+            [sent[stamp] for stamp in counted],
+            [answered.get(stamp, np.inf) for stamp in counted],
+            processors,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence['RoundTrips']) -> 'RoundTrips':
+        """Repetitions of the same as one; at least one of them, all of one period."""
+        latencies = np.concatenate([part.latencies for part in parts])
+        counts = [len(part.latencies) for part in parts]
+        processors = {}
+        for name in parts[0].processors:
+            shares = [part.processors[name] for part in parts]
+            processors[name] = float(np.average(shares, weights=counts))
+        skipped = sum(part.skipped for part in parts)
+        return cls(parts[0].period, latencies, skipped, processors)
+
+    @property
+    def times(self) -> Times:
+        """Of the answers that came."""
+        return Times(self.latencies[np.isfinite(self.latencies)])
+
+    @property
+    def in_cycle(self) -> float:
+        """Share of the states that were answered within their cycle; NaN if none went out."""
+        return _share(self.latencies <= self.period)
+
+    @property
+    def lost(self) -> float:
+        """Share of the states that were never answered; NaN if none went out."""
+        return _share(~np.isfinite(self.latencies))
+
+    def figures(self) -> dict[str, object]:
+        """For the file of results."""
+        processors = {name: 100.0 * share for name, share in self.processors.items()}
+        return {
+            **{name: 1e6 * self.times.quantile(share) for name, share in _QUANTILES.items()},
+            'answered_in_cycle_percent': 100.0 * self.in_cycle,
+            'lost_percent': 100.0 * self.lost,
+            'states': len(self.latencies),
+            'cycles_skipped': self.skipped,
+            'processor_percent_of_a_core': processors,
+        }
+
+
+def _share(which: np.ndarray) -> float:
+    return float(np.mean(which)) if len(which) else float('nan')

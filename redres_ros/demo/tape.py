@@ -1,0 +1,85 @@
+"""A tape: the messages that a node publishes or hears, in order, in a file."""
+
+import struct
+import time
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32, String
+
+TOPICS: dict[str, type] = {
+    'joint_states': JointState,
+    'joint_command': JointState,
+    'cartesian_velocity': TwistStamped,
+    'sim/session_state': String,
+    'sim/stop_reason': String,
+    'controller/law': String,
+    'controller/task_scaling': Float64,
+    'planner/state': String,
+    'planner/desired_pose': PoseStamped,
+    'planner/segment': Int32,
+}
+
+_NAMES = tuple(TOPICS)
+_HEAD = struct.Struct('<qB?I')  # time [ns], number of the topic, heard, length [bytes]
+_BUFFER = 16384  # [bytes] it is written in small pieces, so that no cycle has much to write
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One message.
+
+    time: by the monotonic clock, which all processes share [ns]; heard: whether the node received
+    it, rather than published it; data: as it goes over the wire.
+    """
+
+    time: int
+    topic: str
+    heard: bool
+    data: bytes
+
+    @property
+    def message(self) -> Any:
+        """The message itself."""
+        return deserialize_message(self.data, TOPICS[self.topic])
+
+
+class Tape:
+    """Writes messages to a file.
+
+    Args:
+        path: of the file, which is made anew.
+        topics: those that are kept, of TOPICS.
+    """
+
+    def __init__(self, path: Path, topics: Collection[str] = _NAMES) -> None:
+        self.topics = topics
+        self._file = path.open('wb', buffering=_BUFFER)
+
+    def write(self, topic: str, message: Any, heard: bool) -> None:
+        """Append a message that is published or heard now."""
+        now = time.monotonic_ns()
+        data = serialize_message(message)
+        if not heard:
+            now = time.monotonic_ns()  # it goes out when this is done
+        self._file.write(_HEAD.pack(now, _NAMES.index(topic), heard, len(data)) + data)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._file.close()
+
+
+def read_tape(path: Path) -> Iterator[Entry]:
+    """The messages in their order; up to the last whole one, if the writer was killed."""
+    content = memoryview(path.read_bytes())
+    place = 0
+    while place + _HEAD.size <= len(content):
+        at, number, heard, length = _HEAD.unpack_from(content, place)
+        place += _HEAD.size + length
+        if place <= len(content):
+            yield Entry(at, _NAMES[number], heard, bytes(content[place - length : place]))
