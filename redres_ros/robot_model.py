@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import ArrayError, FileError, UnknownNameError
-from redres_ros.robots import Arm, find_arm
+from redres_ros.robots import Arm, arm_from_urdf, find_arm
 
 TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 
@@ -72,12 +72,7 @@ class RobotModel:
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
-            raise FileError(f'{arm.urdf} is no URDF that can be used: {error}') from None
-        if self._model.nq != self._model.nv:
-            raise FileError(
-                f'{arm.urdf} has joints without limits (continuous); '
-                'only revolute and prismatic ones are supported'
-            )
+            raise FileError(f'{arm.source} is no URDF that can be used: {error}') from None
         if arm.armature:
             self._model.armature[:] = arm.armature
         self._data = self._model.createData()
@@ -110,12 +105,22 @@ class RobotModel:
 
     @classmethod
     def from_urdf(
-        cls, path: str | Path, tip_frame: str, task_space: str = 'position'
+        cls,
+        path: str | Path,
+        tip_frame: str,
+        task_space: str = 'position',
+        *,
+        elbow_frame: str = '',
     ) -> 'RobotModel':
-        """Any serial arm from a URDF file; tip_frame is the link or frame that carries out the
-        task.
+        """Any serial arm from a URDF or xacro file.
+
+        Args:
+            path: The file.
+            tip_frame: The link that carries out the task.
+            task_space: 'position' or 'pose'.
+            elbow_frame: The link whose origin counts as the elbow; empty: chosen.
         """
-        return cls(Arm(Path(path), tip_frame), task_space)
+        return cls(arm_from_urdf(Path(path), tip_frame, elbow_frame), task_space)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad

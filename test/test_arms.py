@@ -169,7 +169,7 @@ def test_the_start_is_well_inside_the_ranges(name):
 def test_the_start_is_away_from_singularities(name):
     model = RobotModel.named(name)
     start = np.array(ARMS[name].start)
-    singular_values = np.linalg.svd(model.state(start, np.zeros(model.n)).J, compute_uv=False)
+    singular_values = np.linalg.svd(model.state(start, np.zeros(model.n)).J[:3], compute_uv=False)
     used = singular_values[singular_values > 1e-9]  # a planar arm has none out of its plane
     assert used[-1] > 0.05 * used[0]
 
@@ -227,8 +227,9 @@ def test_the_planar_arm_leaves_its_plane_with_no_joint():
 def test_the_planar_arm_does_of_a_velocity_what_lies_in_its_plane():
     model = RobotModel.named('planar4r')
     state = model.state(np.array(ARMS['planar4r'].start), np.zeros(4))
-    dq = resolve(state.J, np.array((0.1, 0.3, -0.2)), np.zeros(4))
-    assert state.J @ dq == pytest.approx((0.1, 0.0, -0.2), abs=1e-12)
+    J = state.J[:3]
+    dq = resolve(J, np.array((0.1, 0.3, -0.2)), np.zeros(4))
+    assert J @ dq == pytest.approx((0.1, 0.0, -0.2), abs=1e-12)
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from redres_ros.errors import ArrayError, FileError, RangeError
 from redres_ros.fri.follower import Follower
 from redres_ros.fri.guard import Guard, GuardSettings
 from redres_ros.robots import Arm, find_arm
+from redres_ros.robots.chain import CONTINUOUS_RANGE
 from redres_ros.robots.joint_limits import JointLimits
 
 T = 0.002  # [s]
@@ -67,8 +68,8 @@ def test_limits_go_from_base_to_tip_whatever_the_order_of_the_file(tmp_path):
     (tmp_path / 'two.urdf').write_text(TWO_JOINTS)
     limits = JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
     assert limits.joint_names == ('first', 'second')
-    assert limits.lower.tolist() == [-np.inf, 0.0]
-    assert limits.upper.tolist() == [np.inf, 0.3]
+    assert limits.lower.tolist() == [-CONTINUOUS_RANGE, 0.0]
+    assert limits.upper.tolist() == [CONTINUOUS_RANGE, 0.3]
     assert limits.velocity.tolist() == [1.0, 2.0]
     assert limits.acceleration.tolist() == [np.inf, np.inf]
 

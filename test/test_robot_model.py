@@ -335,14 +335,6 @@ def test_a_file_that_is_no_urdf_is_refused_by_path(tmp_path, text):
         RobotModel.from_urdf(path, 'tool0')
 
 
-def test_a_urdf_with_a_joint_without_limits_is_refused(tmp_path):
-    arm = written_arm(
-        tmp_path, 'name="lwr_a6_joint" type="revolute"', 'name="lwr_a6_joint" type="continuous"'
-    )
-    with pytest.raises(FileError, match='continuous'):
-        RobotModel(arm)
-
-
 def test_an_offset_that_the_urdf_has_no_joint_for_is_refused(tmp_path):
     arm = written_arm(tmp_path, 'name="tool_mount"', 'name="gripper_mount"')
     with pytest.raises(FileError, match='has no fixed joint tool_mount'):

@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
-from redres_ros.robots.chain import chain_to
-from redres_ros.robots.inertia import make_cylinders
-from redres_ros.robots.urdf import Urdf, child
+from redres_ros.robots.chain import chain_to, settle_chain
+from redres_ros.robots.hold import hold_the_rest
+from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
+from redres_ros.robots.kinematics import Kinematics
+from redres_ros.robots.urdf import Joint, Urdf, child, source_name
 
 DYNAMICS = ('identified', 'cylinders')
 
@@ -28,6 +31,7 @@ class Arm:
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
+        assumptions: What was assumed of the arm, a sentence each.
 
     Raises:
         UnknownNameError: For the dynamics.
@@ -44,6 +48,7 @@ class Arm:
     acceleration_limit: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
     task: str = ''
+    assumptions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.dynamics not in DYNAMICS:
@@ -57,20 +62,52 @@ class Arm:
         """Rotor inertias that belong to the chosen dynamics, (n,) [kg m^2]; empty: none."""
         return self.rotor_inertia if self.dynamics == 'identified' else ()
 
+    @property
+    def source(self) -> str:
+        """The URDF's name in errors."""
+        return source_name(self.urdf)
+
     def description(self) -> str:
         """The URDF's text with offsets and dynamics filled in: what ROS calls robot_description.
 
+        Only joints that lead to the tip move in it; all others are held still.
+
         Raises:
-            FileError: The file cannot be read, is no URDF, or lacks a joint that an offset needs.
-            UnknownNameError: No link has the tip's name.
+            FileError: The file cannot be read, is no URDF, lacks a joint that an offset needs, or
+                has a joint that cannot be used.
+            UnknownNameError: No link has the tip's or the elbow's name.
         """
+        return self._prepared().urdf.text()
+
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know: figures that were assumed, joints that are held still.
+
+        Raises:
+            As `description`.
+        """
+        return (*self.assumptions, *self._prepared().remarks)
+
+    def kinematics(self) -> Kinematics:
+        """The joints that lead to the tip.
+
+        Raises:
+            As `description`.
+        """
+        prepared = self._prepared()
+        return Kinematics.of(prepared.urdf, prepared.chain)
+
+    def _prepared(self) -> '_Prepared':
         urdf = Urdf.read(self.urdf)
         self._set_offset(urdf, 'base_mount', self.base_offset)
         self._set_offset(urdf, 'tool_mount', self.tool_offset)
         chain = chain_to(urdf, self.tip_frame)
+        if self.elbow_frame:
+            urdf.check_link(self.elbow_frame)
+        remarks = settle_chain(urdf, chain) + hold_the_rest(urdf, chain)
         if self.dynamics == 'cylinders':
             make_cylinders(urdf, chain)
-        return urdf.text()
+        remarks += fill_in_inertias(urdf, chain)
+        return _Prepared(urdf, chain, remarks)
 
     def _set_offset(self, urdf: Urdf, mount: str, offset: float) -> None:
         if not offset:
@@ -80,3 +117,11 @@ class Arm:
                 child(joint.element, 'origin').set('xyz', f'0 0 {offset!r}')
                 return
         raise FileError(f'{urdf.source} has no fixed joint {mount}, which an offset needs')
+
+
+class _Prepared(NamedTuple):
+    """A URDF ready for use, its joints from the root link to the tip, and remarks on it."""
+
+    urdf: Urdf
+    chain: tuple[Joint, ...]
+    remarks: list[str]

@@ -1,7 +1,14 @@
-"""The chain of joints from a URDF's root link to the tip."""
+"""The chain of joints from a URDF's root link to the tip, and what may be part of it."""
 
-from redres_ros.errors import UnknownNameError
-from redres_ros.robots.urdf import Joint, Urdf
+import math
+
+import numpy as np
+
+from redres_ros.robots.urdf import Joint, Urdf, child, words
+
+MOVING = ('revolute', 'continuous', 'prismatic')
+CONTINUOUS_RANGE = 2000.0 * math.pi  # [rad] to either side, for a joint that turns without end
+UNLIMITED_EFFORT = 1e9  # [N m] or [N], for a joint whose URDF gives none
 
 
 def chain_to(urdf: Urdf, tip_frame: str) -> tuple[Joint, ...]:
@@ -13,10 +20,9 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[Joint, ...]:
 
     Raises:
         UnknownNameError: No link has the tip's name.
-        FileError: A link hangs on two joints, or the links go round in a circle.
+        FileError: The links are no tree.
     """
-    if tip_frame not in urdf.links:
-        raise UnknownNameError('frame', tip_frame, urdf.links)
+    urdf.check_link(tip_frame)
     above: dict[str, Joint] = {}
     for joint in urdf.joints:
         other = above.setdefault(joint.child, joint)
@@ -27,7 +33,90 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[Joint, ...]:
     while link in above:
         joint = above[link]
         if joint in chain:
-            raise urdf.error(f'joint {joint.name} is part of a circle; expected a tree')
+            raise urdf.error(f'joint {joint.name} is part of a circle; expected a tree of links')
         chain.append(joint)
         link = joint.parent
+    for other_root in urdf.links.keys() - above.keys() - {link}:
+        raise urdf.error(f'links {link} and {other_root} both hang on nothing; expected one root')
     return tuple(reversed(chain))
+
+
+def settle_chain(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
+    """Check the joints of a chain, and write out what Pinocchio and MuJoCo would read differently.
+
+    Axes get the length 1. A joint that turns without end becomes a revolute one with a range that
+    no arm uses up, as the libraries have positions of other kinds for it.
+
+    Args:
+        urdf: To be changed.
+        chain: The joints from the root link to the tip.
+
+    Returns:
+        One sentence for each number that the URDF lacks.
+
+    Raises:
+        FileError: A joint of a kind, axis or limit that cannot be used.
+    """
+    for joint in chain:
+        if joint.type not in (*MOVING, 'fixed'):
+            raise urdf.error(
+                f'joint {joint.name} is {joint.type or "without a type"}; from the root link to '
+                f'the tip joints may be {", ".join(MOVING)} or fixed'
+            )
+        urdf.placement(joint.element, f'joint {joint.name}')
+    moving = [joint for joint in chain if joint.type != 'fixed']
+    if not moving:
+        raise urdf.error('no joint moves the tip; expected at least one from the root link to it')
+    remarks: list[str] = []
+    for joint in moving:
+        _check_mimic(urdf, joint)
+        child(joint.element, 'axis').set('xyz', words(axis_of(urdf, joint)))
+        remarks += _settle_limits(urdf, joint)
+    return remarks
+
+
+def _check_mimic(urdf: Urdf, joint: Joint) -> None:
+    mimic = joint.element.find('mimic')
+    if mimic is not None:
+        raise urdf.error(
+            f'joint {joint.name} mimics {mimic.get("joint")}; from the root link to the tip '
+            'every joint must move by itself'
+        )
+
+
+def axis_of(urdf: Urdf, joint: Joint) -> np.ndarray:
+    """The joint's axis, a unit vector (3,) in its own frame. Raises FileError."""
+    given = urdf.numbers(joint.element.find('axis'), 'xyz', '1 0 0', f'joint {joint.name}')
+    length = float(np.linalg.norm(given))
+    if length < 1e-6:
+        raise urdf.error(f'joint {joint.name} has the axis {words(given)}; expected a direction')
+    return given / length
+
+
+def _settle_limits(urdf: Urdf, joint: Joint) -> list[str]:
+    owner = f'joint {joint.name}'
+    limit = child(joint.element, 'limit')
+    if joint.type == 'continuous':
+        joint.element.set('type', 'revolute')
+        limit.set('lower', repr(-CONTINUOUS_RANGE))
+        limit.set('upper', repr(CONTINUOUS_RANGE))
+    lower, upper = limits_of(urdf, joint)
+    if not lower < upper:
+        raise urdf.error(f'{owner} has the range {lower:g} to {upper:g}; expected lower < upper')
+    if urdf.number(limit, 'velocity', '0', owner) <= 0.0:
+        raise urdf.error(f'{owner} has no velocity limit above zero')
+    effort = urdf.number(limit, 'effort', '0', owner)
+    if effort < 0.0:
+        raise urdf.error(f'{owner} has effort {effort:g}; expected a limit above zero')
+    if effort > 0.0:
+        return []
+    limit.set('effort', repr(UNLIMITED_EFFORT))
+    return [f'{owner} has no effort limit and counts as unlimited']
+
+
+def limits_of(urdf: Urdf, joint: Joint) -> tuple[float, float]:
+    """Lower and upper position limit [rad] or [m], 0 where the URDF has none. Raises FileError."""
+    limit = joint.element.find('limit')
+    lower = urdf.number(limit, 'lower', '0', f'joint {joint.name}')
+    upper = urdf.number(limit, 'upper', '0', f'joint {joint.name}')
+    return lower, upper

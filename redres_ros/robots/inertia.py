@@ -1,10 +1,19 @@
-"""Inertias in place of a URDF's own: the paper's equal links."""
+"""Inertias in place of a URDF's own: the paper's equal links, and stand-ins for missing ones."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+import numpy as np
 
 from redres_ros.robots.urdf import Joint, Urdf, child
 
 CYLINDER_MASS = 1.0  # [kg]
 CYLINDER_RADIUS = 0.06  # [m]
 CYLINDER_MIN_LENGTH = 0.001  # [m]
+
+STAND_IN_MASS = 0.01  # [kg], of a moving part that has none
+STAND_IN_INERTIA = 1e-5  # [kg m^2], of a moving part that has none
+_TENSOR = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
 
 def make_cylinders(urdf: Urdf, chain: tuple[Joint, ...]) -> None:
@@ -40,6 +49,68 @@ def _set_cylinder(urdf: Urdf, link: str, offset: float) -> None:
     inertial = child(urdf.links[link], 'inertial')
     child(inertial, 'origin').attrib.update(xyz=f'0 0 {offset / 2!r}', rpy='0 0 0')
     child(inertial, 'mass').set('value', repr(CYLINDER_MASS))
+    _set_moments(inertial, across, across, along)
+
+
+def fill_in_inertias(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
+    """Give every moving part a mass and an inertia, without which nobody could simulate it.
+
+    A part is a link that a joint of the chain moves, with all that is fixed to it. Missing figures
+    get stand-ins far below those of any arm.
+
+    Args:
+        urdf: To be changed; only joints of the chain move in it.
+        chain: The joints from the root link to the tip.
+
+    Returns:
+        One sentence for each part that got a stand-in.
+
+    Raises:
+        FileError: A negative mass, an indefinite inertia, NaN or infinity.
+    """
+    remarks = []
+    for joint in chain:
+        if joint.type == 'fixed':
+            continue
+        links = list(_part(urdf, joint.child))
+        masses = [_mass(urdf, link) for link in links]
+        moments = [_largest_moment(urdf, link) for link in links]
+        if max(masses) > 0.0 and max(moments) > 0.0:
+            continue
+        remarks.append(f'what joint {joint.name} moves has no mass or inertia and gets stand-ins')
+        inertial = child(urdf.links[joint.child], 'inertial')
+        if max(masses) <= 0.0:
+            child(inertial, 'mass').set('value', repr(STAND_IN_MASS))
+        _set_moments(inertial, STAND_IN_INERTIA, STAND_IN_INERTIA, STAND_IN_INERTIA)
+    return remarks
+
+
+def _part(urdf: Urdf, link: str) -> Iterator[str]:
+    """A link, and the links that are fixed to it."""
+    yield link
+    for joint in urdf.joints:
+        if joint.parent == link and joint.type == 'fixed':
+            yield from _part(urdf, joint.child)
+
+
+def _mass(urdf: Urdf, link: str) -> float:
+    mass = urdf.number(urdf.links[link].find('inertial/mass'), 'value', '0', f'link {link}')
+    if mass < 0.0:
+        raise urdf.error(f'link {link} has the mass {mass:g} kg; expected none below zero')
+    return mass
+
+
+def _largest_moment(urdf: Urdf, link: str) -> float:
+    """Of the principal moments of inertia, [kg m^2]."""
+    inertia = urdf.links[link].find('inertial/inertia')
+    xx, xy, xz, yy, yz, zz = (urdf.number(inertia, key, '0', f'link {link}') for key in _TENSOR)
+    moments = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))  # ascending
+    if moments[0] < -1e-6 * abs(moments[-1]):
+        raise urdf.error(f'link {link} has the principal moment of inertia {moments[0]:.3g} kg m^2')
+    return float(moments[-1])
+
+
+def _set_moments(inertial: ET.Element, xx: float, yy: float, zz: float) -> None:
     child(inertial, 'inertia').attrib.update(
-        ixx=repr(across), iyy=repr(across), izz=repr(along), ixy='0', ixz='0', iyz='0'
+        ixx=repr(xx), iyy=repr(yy), izz=repr(zz), ixy='0', ixz='0', iyz='0'
     )

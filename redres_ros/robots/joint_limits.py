@@ -37,7 +37,8 @@ class JointLimits:
         acceleration = np.array(arm.acceleration_limit or [np.inf] * len(joints))  # (n,)
         if acceleration.shape != (len(joints),) or not (acceleration > 0.0).all():
             raise ArrayError(
-                f'acceleration_limit is {arm.acceleration_limit}; expected {len(joints)} positive values'
+                f'acceleration_limit is {arm.acceleration_limit}; '
+                f'expected {len(joints)} positive values'
             )
         names = tuple(joint.get('name', '') for joint in joints)
         lower, upper, velocity = (
@@ -47,7 +48,8 @@ class JointLimits:
         for name, allowed in zip(names, velocity, strict=True):
             if not 0.0 < allowed < np.inf:
                 raise FileError(
-                    f'{arm.urdf}: joint {name} has no velocity limit above zero, which the guard needs'
+                    f'{arm.urdf}: joint {name} has no velocity limit above zero, '
+                    'which the guard needs'
                 )
         return cls(names, lower, upper, velocity, acceleration)
 

@@ -1,4 +1,7 @@
-"""The arms by name. A further arm is a URDF, a task in config/tasks and a row here."""
+"""The arms by name, and any other from its URDF.
+
+A further arm by name is a URDF, a task in config/tasks and a row here.
+"""
 
 from dataclasses import replace
 from importlib import resources
@@ -6,8 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from redres_ros.errors import UnknownNameError
+from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.robots import defaults
 from redres_ros.robots.arm import Arm
+
+FEWEST_JOINTS = 3  # of an arm from a URDF
 
 
 def _urdf(name: str) -> Path:
@@ -103,3 +109,39 @@ def find_arm(name: str, **changes: object) -> Arm:
         raise UnknownNameError('robot', name, ARMS)
     given = {field: value for field, value in changes.items() if value is not None}
     return replace(ARMS[name], **given)  # type: ignore[arg-type]  # as many types as fields
+
+
+def arm_from_urdf(source: Path | str, tip_frame: str, elbow_frame: str = '') -> Arm:
+    """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
+
+    Args:
+        source: The file, a URDF or xacro (Path), or a URDF's text (str).
+        tip_frame: The link that carries out tasks.
+        elbow_frame: The link whose origin counts as the elbow; empty: chosen.
+
+    Raises:
+        FileError: The file cannot be read, has a joint that cannot be used, or too few of them.
+        UnknownNameError: No link has the tip's or the elbow's name.
+    """
+    arm = Arm(source, tip_frame, elbow_frame)
+    kinematics = arm.kinematics()
+    if kinematics.n < FEWEST_JOINTS:
+        raise FileError(
+            f'{arm.source}: {kinematics.n} joints move {tip_frame}; '
+            f'expected at least {FEWEST_JOINTS}, as a position has three coordinates'
+        )
+    start = defaults.default_start(kinematics)
+    acceleration = defaults.default_acceleration(kinematics)
+    elbow = elbow_frame or defaults.default_elbow(kinematics)
+    figures = ', '.join(f'{limit:g}' for limit in acceleration)
+    assumptions = (
+        f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 (m/s^2 of a linear joint)',
+        f'the elbow is {elbow}',
+    )
+    return replace(
+        arm,
+        elbow_frame=elbow,
+        acceleration_limit=acceleration,
+        start=tuple(start.tolist()),
+        assumptions=assumptions,
+    )

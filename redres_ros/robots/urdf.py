@@ -4,22 +4,27 @@ import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from redres_ros.errors import FileError
+from redres_ros.errors import FileError, UnknownNameError
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint's element, name, type, and the links that it connects."""
+    """A joint's element, its name, and the links that it connects."""
 
     element: ET.Element
     name: str
-    type: str
     parent: str
     child: str
+
+    @property
+    def type(self) -> str:
+        """The type as it is now; empty without one."""
+        return self.element.get('type', '')
 
 
 @dataclass(frozen=True)
@@ -31,21 +36,22 @@ class Urdf:
 
     @classmethod
     def read(cls, source: Path | str) -> 'Urdf':
-        """A URDF from a file (Path), or from its text (str).
+        """A URDF from a file (Path), or from its text (str); a .xacro file is converted first.
 
         Raises:
-            FileError: The file cannot be read, or is no URDF.
+            FileError: The file cannot be read, is no URDF, or is a xacro that cannot be converted.
         """
-        name = str(source) if isinstance(source, Path) else 'the robot description'
+        name = source_name(source)
         try:
-            text = source if isinstance(source, str) else source.read_text(encoding='utf-8')
-            robot = ET.fromstring(text)
+            robot = ET.fromstring(source if isinstance(source, str) else _read(source))
         except OSError as error:
             raise FileError(f'cannot read the URDF {name}: {error.strerror}') from None
         except (ET.ParseError, ValueError) as error:
             raise FileError(f'{name} is no URDF: {error}') from None
         if robot.tag != 'robot' or not robot.findall('link'):
             raise FileError(f'{name} is no URDF: expected a robot with at least one link')
+        if any('/xacro}' in element.tag for element in robot.iter()):
+            raise FileError(f'{name} holds xacro; expected the ending .xacro, or a plain URDF')
         return cls(robot, name)
 
     def text(self) -> str:
@@ -61,10 +67,20 @@ class Urdf:
         """The links by name."""
         return {link.get('name', ''): link for link in self.robot.findall('link')}
 
+    def check_link(self, name: str) -> None:
+        """Raise UnknownNameError unless a link has that name."""
+        if name not in self.links:
+            raise UnknownNameError('frame', name, self.links)
+
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints as they are listed. Raises FileError for one without its name or links."""
-        return tuple(self._joint(element) for element in self.robot.findall('joint'))
+        """The joints as they are listed. Raises FileError for one without links or a name twice."""
+        joints = tuple(self._joint(element) for element in self.robot.findall('joint'))
+        names = [joint.name for joint in joints]
+        for name in names:
+            if names.count(name) > 1:
+                raise self.error(f'there are {names.count(name)} joints {name!r}; expected one')
+        return joints
 
     def _joint(self, element: ET.Element) -> Joint:
         name = element.get('name', '')
@@ -75,7 +91,7 @@ class Urdf:
             if link not in self.links:
                 raise self.error(f'joint {name!r} has the {end} link {link!r}, which is not there')
             ends.append(link)
-        return Joint(element, name, element.get('type', ''), *ends)
+        return Joint(element, name, *ends)
 
     def numbers(
         self, element: ET.Element | None, attribute: str, default: str, owner: str
@@ -115,6 +131,29 @@ class Urdf:
         return H
 
 
+def source_name(source: Path | str) -> str:
+    """The name in errors of a URDF from a file (Path) or of its text (str)."""
+    return str(source) if isinstance(source, Path) else 'the robot description'
+
+
+def _read(path: Path) -> str:
+    """The text of a URDF. Raises OSError, UnicodeDecodeError, FileError."""
+    if path.suffix != '.xacro':
+        return path.read_text(encoding='utf-8')
+    path.read_bytes()  # whether it is there
+    try:
+        xacro = import_module('xacro')
+    except ImportError:
+        raise FileError(
+            f'{path} is a xacro, which only the package xacro can read; install it '
+            '(pip install xacro, or ros-jazzy-xacro), or convert the file elsewhere: xacro FILE'
+        ) from None
+    try:
+        return str(xacro.process_file(str(path)).toxml())
+    except Exception as error:  # noqa: BLE001  # a xacro evaluates expressions: of any type
+        raise FileError(f'xacro cannot convert {path}: {" ".join(str(error).split())}') from None
+
+
 def child(element: ET.Element, tag: str) -> ET.Element:
     """The element's first child of that tag, made if there is none."""
     found = element.find(tag)
@@ -151,7 +190,27 @@ def rpy_from_rotation(R: np.ndarray) -> np.ndarray:
     return np.array((math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])))
 
 
-def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """The rotation (3, 3) by an angle [rad] about a unit vector (3,): Rodrigues' formula."""
-    K = np.cross(np.eye(3), axis)  # K @ v = v x axis
-    return np.eye(3) - math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+def rotation_about(axis: np.ndarray, angle: float | np.ndarray) -> np.ndarray:
+    """Rotations (..., 3, 3) by angles (...,) [rad] about a unit vector (3,), by Rodrigues."""
+    K = np.cross(np.eye(3), axis)  # K @ v = axis x v
+    sine = np.multiply.outer(np.sin(angle), K)
+    versine = np.multiply.outer(1.0 - np.cos(angle), K @ K)
+    R: np.ndarray = np.eye(3) + sine + versine
+    return R
+
+
+def motion_of(axis: np.ndarray, position: float | np.ndarray, *, is_prismatic: bool) -> np.ndarray:
+    """Poses (..., 4, 4) of a joint's child link in the joint's frame.
+
+    Args:
+        axis: Unit vector (3,) in the joint's frame.
+        position: Where the joint is, (...,) [rad], or [m] of a prismatic one.
+        is_prismatic: Whether it moves along its axis instead of turning about it.
+    """
+    H = np.zeros((*np.shape(position), 4, 4))
+    H[..., :, :] = np.eye(4)
+    if is_prismatic:
+        H[..., :3, 3] = np.multiply.outer(position, axis)
+    else:
+        H[..., :3, :3] = rotation_about(axis, position)
+    return H

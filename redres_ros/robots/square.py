@@ -1,0 +1,103 @@
+"""A small square before the tip: a first task for an arm of which only the URDF is known."""
+
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.robots.kinematics import Kinematics
+
+LARGEST_SIDE = 0.1  # [m]
+SMALLEST_SIDE = 0.002  # [m]
+
+_PLANES = ((1, 2), (0, 2), (0, 1))  # before the arm, beside it, lying: axes of the two sides
+_STEPS = 5  # of each side, in which the way of the joints is found
+_PRECISION = 1e-5  # [m], to which the tip has to get to the end of each step
+_MARGIN = 0.02  # of each joint's range that stays free at both ends
+_SHARE = 0.3  # of the limits on velocity and acceleration that the joints may use
+_SHORTEST = 1.0  # [s], of a side
+
+
+class Square(NamedTuple):
+    """Five points of the tip (5, 3) [m], from a corner round to it again, and the time a side [s].
+
+    The time is long enough for every joint to stay far below its limits.
+    """
+
+    waypoints: np.ndarray
+    segment_time: float
+
+
+def square_before_tip(
+    kinematics: Kinematics, start: np.ndarray, acceleration: np.ndarray
+) -> Square | None:
+    """A square from the tip's place at the start that the arm can go round.
+
+    It stands before the arm if that can be: its sides are along y and z. Else they are along x and
+    z, or x and y. It reaches from the tip towards the base, if that can be. The sides are a tenth
+    of a metre, or half of that as often as needed.
+
+    Args:
+        kinematics: Of the arm.
+        start: Joint positions (n,) [rad] or [m].
+        acceleration: Limits of the joints (n,) [rad/s^2] or [m/s^2].
+
+    Returns:
+        The square; None where the arm can go round none.
+    """
+    base, *_, x = kinematics.poses(start)[:, :3, 3]
+    inward = np.where(x > base + 1e-6, -1.0, 1.0)  # stretched out, an arm cannot go outward
+    side = LARGEST_SIDE
+    while side >= SMALLEST_SIDE:
+        for axes in _PLANES:
+            for signs in product((1.0, -1.0), repeat=2):
+                waypoints = _corners(x, axes, side * inward[list(axes)] * signs)
+                way = _way_of_joints(kinematics, start, waypoints)
+                if way is not None:
+                    return Square(waypoints, _segment_time(kinematics, way, acceleration))
+        side /= 2.0
+    return None
+
+
+def _corners(x: np.ndarray, axes: tuple[int, int], sides: np.ndarray) -> np.ndarray:
+    """x, then one side, the other, back along the first, and back to x, (5, 3) [m]."""
+    first = sides[0] * np.eye(3)[axes[0]]
+    second = sides[1] * np.eye(3)[axes[1]]
+    return np.array((x, x + first, x + first + second, x + second, x))
+
+
+def _way_of_joints(
+    kinematics: Kinematics, start: np.ndarray, waypoints: np.ndarray
+) -> np.ndarray | None:
+    """Joint positions (4 _STEPS + 1, n) with the tip on the way; None where it cannot be gone."""
+    margin = _MARGIN * (kinematics.upper - kinematics.lower)
+    way = [start]
+    for begin, end in pairwise(waypoints):
+        for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+            q = _nearest(kinematics, way[-1], begin + share * (end - begin))
+            if q is None:
+                return None
+            if (q < kinematics.lower + margin).any() or (q > kinematics.upper - margin).any():
+                return None
+            way.append(q)
+    return np.array(way)
+
+
+def _nearest(kinematics: Kinematics, q: np.ndarray, x: np.ndarray) -> np.ndarray | None:
+    """Joint positions near q (n,) with the tip at x (3,), by Newton's method; None if it fails."""
+    for _ in range(5):
+        error = x - kinematics.position(q)
+        if np.linalg.norm(error) < _PRECISION:
+            return q
+        J = kinematics.jacobian(q)[:3]
+        q = q + np.linalg.lstsq(J, error, rcond=1e-2)[0]  # without nearly singular directions
+    return None
+
+
+def _segment_time(kinematics: Kinematics, way: np.ndarray, acceleration: np.ndarray) -> float:
+    """Time a side [s], to a tenth, from how far each joint goes for a side at its fastest."""
+    rates = np.abs(np.diff(way, axis=0)).max(axis=0) * _STEPS  # (n,) [rad] or [m] a side
+    by_velocity = 1.875 * rates / (_SHARE * kinematics.velocity)  # 15/8: peak of ds, Eq. (36)
+    by_acceleration = np.sqrt(5.774 * rates / (_SHARE * acceleration))  # 10/sqrt(3): of dds
+    longest = max(_SHORTEST, float(by_velocity.max()), float(by_acceleration.max()))
+    return float(np.ceil(10.0 * longest) / 10.0)

@@ -1,0 +1,617 @@
+"""Any URDF: what is supported works the same in Pinocchio and MuJoCo, and what is not is refused.
+
+The arm of these tests has four joints, a gripper beside its tip, and no meshes. Each test changes
+one thing of it.
+"""
+
+import re
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel, Task, make_law
+from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.fri.plant import MujocoPlant, Witness
+from redres_ros.robots import ARMS, Arm, arm_from_urdf
+from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.robots.square import square_before_tip
+from redres_ros.robots.urdf import rotation_from_rpy, rpy_from_rotation
+from redres_ros.simulation.closed_loop import run
+
+AGREEMENT = 1e-9  # two libraries in double precision
+JOINTS = ('yaw', 'shoulder', 'elbow', 'wrist')
+INERTIAL = (
+    '<inertial><origin xyz="0 0 0.1"/><mass value="1.5"/>'
+    '<inertia ixx="0.01" iyy="0.01" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+LIMIT = '<limit lower="-2" upper="2" velocity="3" effort="50"/>'
+
+
+def joint(name: str, parent: str, child: str, inside: str, kind: str = 'revolute') -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'{inside}</joint>'
+    )
+
+
+FINGER = '<origin xyz="0 0.02 0.05"/><axis xyz="0 1 0"/>'
+PARTS = {
+    'yaw': joint('yaw', 'base', 'a', f'<origin xyz="0 0 0.2"/><axis xyz="0 0 1"/>{LIMIT}'),
+    'shoulder': joint('shoulder', 'a', 'b', f'<origin xyz="0 0.05 0"/><axis xyz="0 1 0"/>{LIMIT}'),
+    'elbow': joint('elbow', 'b', 'c', f'<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{LIMIT}'),
+    'wrist': joint('wrist', 'c', 'd', f'<origin xyz="0 0 0.25"/><axis xyz="1 0 0"/>{LIMIT}'),
+    'tip_joint': joint('tip_joint', 'd', 'tip', '<origin xyz="0 0 0.1" rpy="0 0.3 0"/>', 'fixed'),
+    'palm_joint': joint('palm_joint', 'd', 'palm', '<origin xyz="0 0 0.05"/>', 'fixed'),
+    'finger': joint(
+        'finger',
+        'palm',
+        'left',
+        f'{FINGER}<limit lower="0" upper="0.04" velocity="1" effort="5"/>',
+        'prismatic',
+    ),
+    'other_finger': joint(
+        'other_finger',
+        'palm',
+        'right',
+        '<origin xyz="0 -0.02 0.05"/><axis xyz="0 -1 0"/>'
+        '<limit lower="0" upper="0.04" velocity="1" effort="5"/><mimic joint="finger"/>',
+        'prismatic',
+    ),
+}
+LINKS = ('base', 'a', 'b', 'c', 'd', 'palm', 'left', 'right')
+
+
+def urdf(extra: str = '', **changed: str) -> str:
+    """The arm's text, with parts replaced by others, links too, and some added."""
+    links = {name: f'<link name="{name}">{INERTIAL}</link>' for name in LINKS}
+    parts = links | {'tip': '<link name="tip"/>'} | PARTS | changed
+    return f'<robot name="test">{"".join(parts.values())}{extra}</robot>'
+
+
+def changed(part: str, old: str, new: str) -> str:
+    """The arm's text with one text replaced in one of its joints."""
+    assert old in PARTS[part]
+    return urdf(**{part: PARTS[part].replace(old, new)})
+
+
+def refusal(text: str, tip: str = 'tip') -> str:
+    """The error of an arm that is refused at construction."""
+    with pytest.raises(FileError) as refused:
+        arm_from_urdf(text, tip)
+    return str(refused.value)
+
+
+def model_of(text: str, tip: str = 'tip') -> RobotModel:
+    return RobotModel(arm_from_urdf(text, tip), 'pose')
+
+
+def random_motion(n: int, count: int = 50) -> list[tuple[np.ndarray, np.ndarray]]:
+    random = np.random.default_rng(0)
+    return list(
+        zip(
+            random.uniform(-1.0, 1.0, (count, n)),
+            random.normal(0.0, 1.0, (count, n)),
+            strict=True,
+        )
+    )
+
+
+def assert_libraries_agree(text: str, tip: str = 'tip') -> None:
+    arm = arm_from_urdf(text, tip)
+    model, witness = RobotModel(arm, 'pose'), Witness(arm)
+    for q, dq in random_motion(model.n):
+        state = model.state(q, dq)
+        seen = witness.kinematics(q) + witness.dynamics(q, dq)
+        for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
+            assert np.abs(got - expected).max() < AGREEMENT
+        assert np.linalg.eigvalsh(state.M)[0] > 0.0
+
+
+# --- what hangs beside the chain ------------------------------------------------------------------
+
+
+def test_fingers_are_no_joints_of_the_arm():
+    assert model_of(urdf()).joint_names == JOINTS
+    assert JointLimits.of(arm_from_urdf(urdf(), 'tip')).joint_names == JOINTS
+
+
+def test_the_arm_carries_its_fingers_weight():
+    finger = urdf(left='<link name="left"/>')
+    q = np.array((0.0, 0.5, 0.5, 0.5))
+    with_finger, without = (model_of(text).state(q, q).n for text in (urdf(), finger))
+    assert abs(with_finger[1] - without[1]) > 1.0  # [Nm]
+
+
+def test_held_joints_are_named_with_their_positions():
+    remarks = ' '.join(arm_from_urdf(urdf(), 'tip').remarks())
+    assert 'finger at 0, other_finger at 0' in remarks
+
+
+def finger_positions(text: str) -> list[np.ndarray]:
+    """Places of both fingers from the palm, whose axes are the base frame's at zero."""
+    model = model_of(text)
+    q = np.zeros(4)
+    palm = model.position(q, 'palm')
+    return [model.position(q, name) - palm for name in ('left', 'right')]
+
+
+def test_a_finger_that_cannot_be_at_zero_is_held_in_the_middle_of_its_range():
+    text = changed('finger', 'lower="0" upper="0.04"', 'lower="0.01" upper="0.03"')
+    left, _ = finger_positions(text)
+    assert left == pytest.approx((0.0, 0.02 + 0.02, 0.05), abs=1e-12)
+
+
+def test_a_finger_that_mimics_another_is_held_where_that_puts_it():
+    text = urdf(
+        finger=PARTS['finger'].replace('lower="0" upper="0.04"', 'lower="0.01" upper="0.03"'),
+        other_finger=PARTS['other_finger'].replace(
+            'joint="finger"', 'joint="finger" multiplier="-0.5" offset="0.003"'
+        ),
+    )
+    _, right = finger_positions(text)
+    assert right == pytest.approx((0.0, -0.02 - (-0.5 * 0.02 + 0.003), 0.05), abs=1e-12)
+
+
+def test_a_turning_joint_is_held_with_its_link_turned():
+    text = urdf(
+        finger=joint(
+            'finger',
+            'palm',
+            'left',
+            '<origin xyz="0 0.02 0.05" rpy="0.4 -0.2 0.9"/><axis xyz="1 2 -1"/>'
+            '<limit lower="0.6" upper="1" velocity="1" effort="5"/>',
+        ),
+        nail=joint('nail', 'left', 'nail_tip', '<origin xyz="0.01 0.02 0.03"/>', 'fixed'),
+        nail_tip='<link name="nail_tip"/>',
+    )
+    # The same finger as an arm of one joint, which MuJoCo moves to the middle of the range.
+    finger = Witness(Arm(text, 'nail_tip'))
+    arm = model_of(text)
+    q = np.array((0.1, 0.2, 0.3, 0.4))
+    expected, _, _ = finger.kinematics(np.array((*q, 0.8)))
+    assert arm.position(q, 'nail_tip') == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize('kind', ['floating', 'planar', 'continuous'])
+def test_joints_of_any_kind_beside_the_chain_are_held(kind):
+    text = urdf(
+        finger=joint('finger', 'palm', 'left', '<axis xyz="0 0 1"/>', kind),
+        other_finger=joint('other_finger', 'palm', 'right', '', 'fixed'),
+    )
+    assert model_of(text).joint_names == JOINTS
+    assert_libraries_agree(text)
+
+
+@pytest.mark.parametrize(
+    ('mimicked', 'complaint'),
+    [('other_finger', 'mimics itself'), ('thumb', "mimics 'thumb', which is not there")],
+)
+def test_a_finger_that_mimics_itself_or_nothing_is_refused_by_name(mimicked, complaint):
+    message = refusal(changed('other_finger', 'joint="finger"', f'joint="{mimicked}"'))
+    assert 'joint other_finger' in message
+    assert complaint in message
+
+
+def test_with_a_finger_as_the_tip_its_joint_belongs_to_the_arm():
+    assert model_of(urdf(), 'left').joint_names == (*JOINTS, 'finger')
+    assert_libraries_agree(urdf(), 'left')
+
+
+def test_joints_beyond_the_tip_are_held():
+    assert model_of(urdf(), 'c').joint_names == JOINTS[:3]
+    assert 'wrist at 0' in ' '.join(arm_from_urdf(urdf(), 'c').remarks())
+
+
+def test_the_simulated_arm_has_the_same_joints_and_stands():
+    arm = arm_from_urdf(urdf(), 'tip')
+    plant = MujocoPlant(arm, 0.002, np.array(arm.start))
+    assert plant.joint_names == JOINTS
+    for _ in range(100):
+        plant.step(np.array(arm.start))
+    assert np.abs(plant.q - arm.start).max() < 1e-9
+
+
+# --- joints of the chain --------------------------------------------------------------------------
+
+
+def test_pinocchio_and_mujoco_agree_on_the_arm():
+    assert_libraries_agree(urdf())
+
+
+def test_a_joint_that_mimics_another_is_refused_by_name():
+    message = refusal(changed('elbow', LIMIT, f'{LIMIT}<mimic joint="shoulder"/>'))
+    assert 'joint elbow mimics shoulder' in message
+    assert 'must move by itself' in message
+
+
+@pytest.mark.parametrize('kind', ['floating', 'planar', 'spherical', ''])
+def test_a_joint_of_another_kind_is_refused_by_name_with_those_allowed(kind):
+    message = refusal(changed('yaw', 'type="revolute"', f'type="{kind}"'))
+    assert f'joint yaw is {kind or "without a type"}' in message
+    assert 'revolute, continuous, prismatic or fixed' in message
+
+
+def test_a_continuous_joint_turns_as_often_as_wanted():
+    text = changed('wrist', 'type="revolute"', 'type="continuous"')
+    model = model_of(text)
+    assert model.q_max[3] == CONTINUOUS_RANGE
+    q = np.array((0.1, 0.2, 0.3, 0.4))
+    turned = q + 2.0 * np.pi * np.array((0.0, 0.0, 0.0, 100.0))
+    assert model.tip(turned)[0] == pytest.approx(model.tip(q)[0], abs=1e-12)
+    assert_libraries_agree(text)
+
+
+def test_a_continuous_joint_needs_no_range():
+    limit = '<limit velocity="3" effort="50"/>'
+    text = urdf(wrist=PARTS['wrist'].replace(LIMIT, limit).replace('revolute', 'continuous'))
+    assert model_of(text).q_min[3] == -CONTINUOUS_RANGE
+
+
+def test_a_prismatic_joint_moves_along_its_axis():
+    text = changed('elbow', 'type="revolute"', 'type="prismatic"')
+    model = model_of(text)
+    J = model.state(np.array((0.0, 0.7, 0.2, 0.3)), np.zeros(4)).J
+    assert J[:, 2] == pytest.approx((0.0, 1.0, 0.0, 0.0, 0.0, 0.0), abs=1e-12)  # its axis is y
+    assert_libraries_agree(text)
+
+
+@pytest.mark.parametrize('axis', ['0 5 0', '0 1e-3 0', '3 4 12'])
+def test_an_axis_may_have_any_length(axis):
+    assert_libraries_agree(changed('elbow', 'axis xyz="0 1 0"', f'axis xyz="{axis}"'))
+
+
+def test_an_axis_without_a_direction_is_refused_by_name():
+    message = refusal(changed('elbow', 'axis xyz="0 1 0"', 'axis xyz="0 0 0"'))
+    assert 'joint elbow has the axis 0.0 0.0 0.0' in message
+
+
+def test_a_joint_without_an_axis_turns_about_x():
+    text = changed('elbow', '<axis xyz="0 1 0"/>', '')
+    J = model_of(text).state(np.zeros(4), np.zeros(4)).J
+    assert J[3:, 2] == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+    assert_libraries_agree(text)
+
+
+@pytest.mark.parametrize(
+    ('limit', 'complaint'),
+    [
+        ('', 'range 0 to 0; expected lower < upper'),
+        ('<limit lower="1" upper="1" velocity="3" effort="50"/>', 'range 1 to 1'),
+        ('<limit lower="1" upper="-1" velocity="3" effort="50"/>', 'range 1 to -1'),
+        ('<limit lower="nan" upper="1" velocity="3" effort="50"/>', "lower 'nan'"),
+        ('<limit lower="-1" upper="inf" velocity="3" effort="50"/>', "upper 'inf'"),
+        ('<limit lower="-1" upper="x" velocity="3" effort="50"/>', "upper 'x'"),
+        ('<limit lower="-1" upper="1" effort="50"/>', 'no velocity limit above zero'),
+        ('<limit lower="-1" upper="1" velocity="0" effort="50"/>', 'no velocity limit above zero'),
+        ('<limit lower="-1" upper="1" velocity="-3" effort="5"/>', 'no velocity limit above zero'),
+        ('<limit lower="-1" upper="1" velocity="nan" effort="50"/>', "velocity 'nan'"),
+        ('<limit lower="-1" upper="1" velocity="3" effort="-50"/>', 'effort -50'),
+    ],
+)
+def test_limits_that_cannot_be_used_are_refused_with_the_joints_name(limit, complaint):
+    message = refusal(changed('elbow', LIMIT, limit))
+    assert 'joint elbow has' in message
+    assert complaint in message
+
+
+@pytest.mark.parametrize('effort', ['', 'effort="0"'])
+def test_a_joint_without_an_effort_limit_counts_as_unlimited_and_that_is_told(effort):
+    text = changed('elbow', LIMIT, f'<limit lower="-2" upper="2" velocity="3" {effort}/>')
+    assert f'effort="{UNLIMITED_EFFORT!r}"' in arm_from_urdf(text, 'tip').description()
+    assert 'joint elbow has no effort limit' in ' '.join(arm_from_urdf(text, 'tip').remarks())
+    assert_libraries_agree(text)
+
+
+def test_origins_that_are_no_numbers_are_refused_with_the_joints_name():
+    message = refusal(changed('elbow', 'xyz="0 0 0.3"', 'xyz="0 0 nan"'))
+    assert "joint elbow has xyz '0 0 nan'; expected 3 finite numbers" in message
+
+
+def test_too_few_joints_for_a_position_are_refused_with_how_many_are_needed():
+    assert '2 joints move b; expected at least 3' in refusal(urdf(), 'b')
+
+
+def test_a_tip_that_no_joint_moves_is_refused():
+    assert 'no joint moves the tip' in refusal(urdf(), 'base')
+
+
+def test_joints_may_be_listed_in_any_order():
+    joints = dict(reversed(PARTS.items()))
+    nothing = dict.fromkeys(PARTS, '')
+    other = urdf(''.join(joints.values()), **nothing)
+    model, expected = model_of(other), model_of(urdf())
+    assert model.joint_names == JOINTS
+    for q, dq in random_motion(4, 10):
+        assert (model.state(q, dq).J == expected.state(q, dq).J).all()
+    assert_libraries_agree(other)
+
+
+def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
+    text = urdf(
+        mount=joint('mount', 'floor', 'base', '<origin xyz="1 2 3" rpy="0 0 1.5"/>', 'fixed'),
+        floor='<link name="floor"/>',
+    )
+    model, bare = model_of(text), model_of(urdf())
+    q = np.array((0.1, 0.2, 0.3, 0.4))
+    turn = rotation_from_rpy(np.array((0.0, 0.0, 1.5)))
+    assert model.base_frame == 'floor'
+    assert model.tip(q)[0] == pytest.approx(turn @ bare.tip(q)[0] + (1.0, 2.0, 3.0), abs=1e-12)
+    assert_libraries_agree(text)
+
+
+def test_a_joint_may_have_the_name_of_its_link():
+    text = urdf().replace('name="elbow"', 'name="c"')
+    assert model_of(text).joint_names == ('yaw', 'shoulder', 'c', 'wrist')
+    assert_libraries_agree(text)
+
+
+def test_elements_of_other_programs_and_meshes_do_not_matter():
+    extra = (
+        '<transmission name="t"><type>x</type><joint name="elbow"/></transmission>'
+        '<gazebo reference="a"><kp>1</kp></gazebo>'
+        '<ros2_control name="r" type="system"><joint name="elbow"/></ros2_control>'
+    )
+    mesh = '<visual><geometry><mesh filename="package://none/a.stl"/></geometry></visual>'
+    assert_libraries_agree(urdf(extra, a=f'<link name="a">{INERTIAL}{mesh}</link>'))
+
+
+# --- trees ----------------------------------------------------------------------------------------
+
+
+def test_an_unknown_tip_is_refused_with_the_links_that_exist():
+    with pytest.raises(UnknownNameError, match="unknown frame 'hand'; allowed: a, b, base, c"):
+        arm_from_urdf(urdf(), 'hand')
+
+
+def test_a_second_root_is_refused_by_name():
+    message = refusal(urdf('<link name="table"/>'))
+    assert 'links base and table both hang on nothing' in message
+
+
+def test_a_link_on_two_joints_is_refused_by_name():
+    message = refusal(urdf(joint('strut', 'a', 'c', '', 'fixed')))
+    assert 'link c hangs on two joints, elbow, strut' in message
+
+
+def test_a_circle_is_refused_by_name():
+    message = refusal(urdf(joint('back', 'd', 'base', '', 'fixed')))
+    assert 'is part of a circle' in message
+
+
+def test_a_joint_without_its_link_is_refused_by_name():
+    message = refusal(changed('elbow', 'child link="c"', 'child link="forearm"'))
+    assert "joint 'elbow' has the child link 'forearm', which is not there" in message
+
+
+def test_a_name_given_twice_is_refused():
+    message = refusal(urdf().replace('name="elbow"', 'name="wrist"'))
+    assert "there are 2 joints 'wrist'" in message
+
+
+# --- inertias -------------------------------------------------------------------------------------
+
+
+def test_a_part_without_mass_gets_a_stand_in_and_that_is_told():
+    text = urdf(c='<link name="c"/>')
+    assert 'what joint elbow moves has no mass' in ' '.join(arm_from_urdf(text, 'tip').remarks())
+    assert_libraries_agree(text)
+
+
+def test_a_stand_in_changes_the_inertia_matrix_by_less_than_a_percent():
+    q = np.array((0.3, 0.5, -0.7, 0.2))
+    light = INERTIAL.replace('1.5', '1e-6').replace('0.01', '1e-9').replace('0.004', '1e-9')
+    weightless, nearly = urdf(c='<link name="c"/>'), urdf(c=f'<link name="c">{light}</link>')
+    M, expected = (model_of(text).state(q, q).M for text in (weightless, nearly))
+    assert np.abs(M - expected).max() < 0.01 * np.abs(expected).max()
+    assert (M != expected).any()
+
+
+def test_an_arm_without_any_masses_can_be_used():
+    text = re.sub(r'<inertial>.*?</inertial>', '', urdf())
+    assert_libraries_agree(text)
+
+
+def test_a_part_whose_weight_is_fixed_to_it_needs_none_itself():
+    text = urdf(d='<link name="d"/>')  # the palm is fixed to it
+    assert 'stand-in' not in ' '.join(arm_from_urdf(text, 'tip').remarks())
+    assert_libraries_agree(text)
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'complaint'),
+    [
+        ('mass value="1.5"', 'mass value="-1.5"', 'the mass -1.5 kg'),
+        ('mass value="1.5"', 'mass value="nan"', "value 'nan'"),
+        ('ixx="0.01"', 'ixx="-0.01"', 'principal moment of inertia -0.01'),
+        ('ixx="0.01"', 'ixx="inf"', "ixx 'inf'"),
+    ],
+)
+def test_inertias_that_cannot_be_are_refused_with_the_links_name(old, new, complaint):
+    message = refusal(urdf(c=f'<link name="c">{INERTIAL.replace(old, new)}</link>'))
+    assert 'link c has' in message
+    assert complaint in message
+
+
+# --- sources --------------------------------------------------------------------------------------
+
+
+def test_a_file_and_its_text_are_the_same_arm(tmp_path):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(urdf())
+    assert arm_from_urdf(path, 'tip').description() == arm_from_urdf(urdf(), 'tip').description()
+
+
+def test_errors_name_the_file(tmp_path):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(changed('elbow', LIMIT, ''))
+    with pytest.raises(FileError, match=f'^{path}: joint elbow'):
+        RobotModel.from_urdf(path, 'tip')
+
+
+XACRO = (
+    '<robot name="test" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    '<xacro:property name="length" value="0.3"/>'
+)
+
+
+def test_a_xacro_is_converted_where_the_package_is_installed(tmp_path):
+    pytest.importorskip('xacro')
+    path = tmp_path / 'arm.urdf.xacro'
+    body = urdf().replace('<robot name="test">', XACRO).replace('0 0 0.3', '0 0 ${length}')
+    path.write_text(body)
+    assert arm_from_urdf(path, 'tip').start == arm_from_urdf(urdf(), 'tip').start
+    path.write_text(body.replace('${length}', '${width}'))
+    with pytest.raises(FileError, match=r'xacro cannot convert .*arm\.urdf\.xacro'):
+        arm_from_urdf(path, 'tip')
+
+
+def test_what_xacro_makes_of_the_file_is_read(tmp_path, monkeypatch):
+    path = tmp_path / 'arm.xacro'
+    path.write_text('anything')
+    made = SimpleNamespace(toxml=urdf)
+    monkeypatch.setitem(sys.modules, 'xacro', SimpleNamespace(process_file=lambda name: made))
+    assert RobotModel.from_urdf(path, 'tip').joint_names == JOINTS
+
+
+def test_without_xacro_one_line_says_how_to_get_it(tmp_path, monkeypatch):
+    path = tmp_path / 'arm.xacro'
+    path.write_text(XACRO)
+    monkeypatch.setitem(sys.modules, 'xacro', None)  # as if it were not installed
+    with pytest.raises(FileError, match=r'arm\.xacro is a xacro, .*pip install xacro') as refused:
+        arm_from_urdf(path, 'tip')
+    assert '\n' not in str(refused.value)
+
+
+def test_a_xacro_that_is_not_there_is_refused_by_path(tmp_path):
+    with pytest.raises(FileError, match='cannot read the URDF .*none.xacro'):
+        arm_from_urdf(tmp_path / 'none.xacro', 'tip')
+
+
+def test_a_urdf_that_is_a_xacro_in_truth_is_refused():
+    assert 'expected the ending .xacro' in refusal(f'{XACRO}<link name="a"/></robot>')
+
+
+# --- defaults -------------------------------------------------------------------------------------
+
+
+def test_acceleration_limits_are_assumed_and_that_is_told():
+    arm = arm_from_urdf(changed('elbow', 'type="revolute"', 'type="prismatic"'), 'tip')
+    assert arm.acceleration_limit == (10.0, 10.0, 5.0, 10.0)
+    assert 'assumed: 10, 10, 5, 10' in ' '.join(arm.remarks())
+
+
+@pytest.mark.parametrize('name', sorted(ARMS))
+def test_the_elbow_found_is_the_one_of_the_table(name):
+    assert arm_from_urdf(ARMS[name].urdf, 'tool0').elbow_frame == ARMS[name].elbow_frame
+
+
+def test_the_elbow_can_be_given():
+    assert arm_from_urdf(urdf(), 'tip', 'palm').elbow_frame == 'palm'
+    with pytest.raises(UnknownNameError, match="unknown frame 'knee'"):
+        arm_from_urdf(urdf(), 'tip', 'knee')
+
+
+def test_where_the_middle_of_the_ranges_is_well_conditioned_it_is_the_start():
+    limits = JointLimits.of(ARMS['fr3'])  # bent there, other than arms that are straight at zero
+    start = arm_from_urdf(ARMS['fr3'].urdf, 'tool0').start
+    assert start == pytest.approx((limits.lower + limits.upper) / 2.0, abs=1e-12)
+
+
+UNKNOWN = {name: arm.urdf for name, arm in ARMS.items()} | {'test': urdf()}
+EVERY_URDF = pytest.mark.parametrize('source', UNKNOWN.values(), ids=UNKNOWN)
+
+
+def unknown(source: Path | str) -> Arm:
+    return arm_from_urdf(source, 'tip' if isinstance(source, str) else 'tool0')
+
+
+@EVERY_URDF
+def test_the_start_is_inside_the_ranges_and_away_from_singularities(source):
+    arm = unknown(source)
+    kinematics = arm.kinematics()
+    start = np.array(arm.start)
+    margin = 0.2 * (kinematics.upper - kinematics.lower)
+    assert (kinematics.lower + margin < start).all()
+    assert (start < kinematics.upper - margin).all()
+    values = np.linalg.svd(kinematics.jacobian(start)[:3], compute_uv=False)
+    used = values[values > 1e-9]
+    assert used[-1] > 0.1 * used[0]
+
+
+@EVERY_URDF
+def test_the_kinematics_for_defaults_are_those_of_the_model(source):
+    arm = unknown(source)
+    kinematics, model = arm.kinematics(), RobotModel(arm, 'pose')
+    for q, dq in random_motion(model.n, 20):
+        assert np.abs(kinematics.position(q) - model.tip(q)[0]).max() < 1e-12
+        assert np.abs(kinematics.jacobian(q) - model.state(q, dq).J).max() < 1e-12
+
+
+@EVERY_URDF
+@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
+def test_the_square_is_gone_round_within_the_limits(source, law):
+    arm = unknown(source)
+    square = square_before_tip(
+        arm.kinematics(), np.array(arm.start), np.array(arm.acceleration_limit)
+    )
+    task = Task('test', np.array(arm.start), square.waypoints, segment_time=square.segment_time)
+    recording = run(Controller(RobotModel(arm), make_law(law), 0.002), task)
+    limits = JointLimits.of(arm)
+    q, dq = recording.vectors('q1'), recording.vectors('dq1')
+    ddq = np.diff(dq, axis=0, prepend=0.0) / 0.002
+    assert recording.finished, recording.ending
+    assert (limits.lower < q).all()
+    assert (q < limits.upper).all()
+    assert (np.abs(dq) < 0.5 * limits.velocity).all()
+    assert (np.abs(ddq) < limits.acceleration).all()
+
+
+@EVERY_URDF
+def test_the_square_begins_and_ends_at_the_tip_and_has_equal_sides(source):
+    arm = unknown(source)
+    kinematics = arm.kinematics()
+    start = np.array(arm.start)
+    waypoints, _ = square_before_tip(kinematics, start, np.array(arm.acceleration_limit))
+    sides = np.diff(waypoints, axis=0)
+    assert waypoints[0] == pytest.approx(kinematics.position(start), abs=1e-12)
+    assert waypoints[4] == pytest.approx(waypoints[0], abs=1e-12)
+    assert np.linalg.norm(sides, axis=1) == pytest.approx(0.1, abs=1e-12)
+    assert np.einsum('ij,ij->i', sides[:-1], sides[1:]) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_an_arm_in_a_narrow_cage_gets_a_smaller_square():
+    narrow = '<limit lower="0.5" upper="0.6" velocity="3" effort="50"/>'
+    arm = arm_from_urdf(urdf().replace(LIMIT, narrow), 'tip')
+    start = np.array(arm.start)
+    square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
+    side = np.linalg.norm(square.waypoints[1] - square.waypoints[0])
+    assert 0.002 <= side < 0.1
+
+
+def test_an_arm_that_can_move_along_a_line_only_gets_no_square():
+    slide = (f'<origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>{LIMIT}', 'prismatic')
+    text = urdf(
+        yaw=joint('yaw', 'base', 'a', *slide),
+        shoulder=joint('shoulder', 'a', 'b', *slide),
+        elbow=joint('elbow', 'b', 'c', *slide),
+        wrist=joint('wrist', 'c', 'd', *slide),
+    )
+    arm = arm_from_urdf(text, 'tip')
+    start = np.array(arm.start)
+    assert square_before_tip(arm.kinematics(), start, np.full(4, 5.0)) is None
+
+
+# --- angles ---------------------------------------------------------------------------------------
+
+
+def test_angles_of_a_rotation_give_the_rotation_again():
+    random = np.random.default_rng(0)
+    upright = [(0.3, sign * np.pi / 2, -0.8) for sign in (1.0, -1.0)]  # the angles' singularity
+    for rpy in np.array([*random.uniform(-np.pi, np.pi, (200, 3)), *upright]):
+        R = rotation_from_rpy(rpy)
+        assert rotation_from_rpy(rpy_from_rotation(R)) == pytest.approx(R, abs=1e-9)
+        assert R @ R.T == pytest.approx(np.eye(3), abs=1e-12)
