@@ -291,7 +291,7 @@ def test_inertias_are_taken_as_they_are_and_shapes_are_not_needed(tmp_path):
     [
         '<robot name="r"><link name="a"/>',
         ONE_LINK.replace('ixx="0.3"', 'ixx="3"'),
-        ONE_LINK.replace('<mass value="2"/>', '<mass value="0"/>'),
+        ONE_LINK.replace('<mass value="2"/>', '<mass value="-2"/>'),
     ],
 )
 def test_a_urdf_that_mujoco_cannot_use_is_a_file_error(tmp_path, text):
