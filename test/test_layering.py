@@ -19,10 +19,11 @@ ROS = r'(rcl|rpy|ros|rmw|ament|launch|tf2|unique_identifier)\w*|\w+_(msgs|srvs|i
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
     {'errors'},
-    {'parameter', 'share', 'yaml_file', 'resolution', 'robots'},
+    {'parameter', 'share', 'yaml_file', 'resolution', 'robots', 'cycles'},
     {'robot_model', 'waypoints'},
-    {'laws', 'planner'},
+    {'laws', 'planner', 'playout'},
     {'controller', 'fri'},
+    {'following'},
     {'simulation'},
     {'nodes', 'paper'},
     {'demo'},

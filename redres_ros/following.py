@@ -1,0 +1,316 @@
+"""Everything that stands between two ticks of the controller: the robot's clock and session, task
+velocities and their age, an arm that does not follow.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.controller import Command, Controller
+from redres_ros.cycles import NANOSECONDS, ClockError, Cycles
+from redres_ros.errors import RedresError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.playout import Playout, PlayoutSettings
+
+COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states in which a robot takes commands
+
+_SESSION_PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may take 3 s
+
+
+@dataclass(frozen=True)
+class FollowingSettings:
+    """When the controller follows, waits, stands still, or begins anew."""
+
+    command_timeout: float = param(
+        0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True
+    )
+    max_linear: float = param(
+        2.0, 'largest task velocity; a faster one is refused [m/s]', 0.001, 100.0, live=True
+    )
+    max_angular: float = param(
+        6.0,
+        'the same for the angular task velocity [rad/s]',
+        0.001,
+        100.0,
+        live=True,
+    )
+    twist_patience: float = param(
+        0.0,
+        'how long a state waits for its cartesian_velocity, for a robot that waits for its answer; '
+        '0 for any other [s]',
+        0.0,
+        60.0,
+    )
+    restart_after: int = param(
+        5,
+        'cycles without a state after which the controller starts anew from the measurement',
+        0,
+        1000,
+    )
+    following_tolerance: float = param(
+        0.1,
+        'lag of a joint at which the arm counts as stopped, and the controller '
+        'starts anew from the measurement [rad]',
+        0.001,
+        10.0,
+    )
+    lockstep: bool = param(
+        False, 'answer a state only together with the cartesian_velocity of the same stamp'
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+class TwistSpeedError(RedresError):
+    """A task velocity that is faster than allowed."""
+
+
+class TwistAgeError(RedresError):
+    """A task velocity whose stamp is too far from the robot's clock."""
+
+
+class Answer(NamedTuple):
+    """What the controller answers to a state.
+
+    stamp: of the state [ns]; scaling: share of the task velocity that is carried out, 0 while the
+    arm stands still by hold, for want of a task velocity, or because the robot takes no commands;
+    restarted: why the controller began anew from the measurement, empty if it went on.
+    """
+
+    stamp: int
+    command: Command
+    scaling: float
+    restarted: str
+
+
+class _State(NamedTuple):
+    """A state that is not answered yet: stamp [ns], cycle, q (n,) [rad], arrival [s]."""
+
+    stamp: int
+    cycle: int
+    q: np.ndarray
+    arrived: float
+
+
+class Following:
+    """Turns the states and task velocities that come into answers, each with one controller update.
+
+    All times are given by the caller: stamps [ns], and arrivals by a monotonic clock [s].
+
+    Args:
+        controller: It is updated here and nowhere else.
+        settings: Can be replaced at any time.
+        playout: How task velocities are played out; in lock-step without lag.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        settings: FollowingSettings | None = None,
+        playout: PlayoutSettings | None = None,
+    ) -> None:
+        self.settings = settings or FollowingSettings()
+        self.held = False  # to stand still, whatever is asked for
+        self.answered = 0  # states
+        self.skipped = 0  # cycles whose state did not come
+        playout = playout or PlayoutSettings()
+        if self.settings.lockstep:
+            playout = replace(playout, twist_lag=0)
+        self.playout = Playout(controller.model.m, controller.T, playout)
+        self._controller = controller
+        self._cycles = Cycles(round(NANOSECONDS * controller.T))
+        self._session = _Session(self.settings.lockstep)
+        self._twist_arrival = _Arrival()
+        self._expecting = self.settings.lockstep  # that task velocities go on to come
+        self._waiting: _State | None = None
+        self._q = np.zeros(0)  # of the newest state
+        self._answer: Answer | None = None  # to the newest state that was answered
+        self._answered_cycle = 0
+
+    @property
+    def commanding(self) -> bool:
+        """Whether the robot takes commands, as far as is known."""
+        return self._session.commanding_at(self._cycles.newest)
+
+    def enter_session(self, word: str) -> None:
+        """Take in the robot's word on its session; a robot that says nothing takes commands."""
+        self._session.enter(word)
+
+    def enter_state(self, stamp: int, q: np.ndarray, now: float) -> Answer | None:
+        """The answer to a state; None if it waits for its task velocity.
+
+        Args:
+            stamp: Of the state [ns].
+            q: Measured joint positions, (n,) [rad].
+            now: Its arrival [s].
+
+        Raises:
+            ClockError: The stamp is not that of a new cycle.
+            RedresError: What Controller.update() raises.
+        """
+        if stamp and stamp == self._cycles.newest:
+            return self._same_again(q, now)
+        another_robot = self._cycles.newest > 0
+        if self._cycles.enter(stamp, now) == 0:
+            self._begin(stamp, another_robot)
+        if self._waiting:
+            self._expecting = False  # the robot did not wait, so nobody else need
+        self._q = q
+        self._waiting = _State(stamp, self._cycles.number, q, now)
+        return self.answer_if_due(now)
+
+    def enter_twist(self, stamp: int, dx: np.ndarray, now: float) -> Answer | None:
+        """The answer to the state that waited for this task velocity, if there is one.
+
+        Args:
+            stamp: Of the state that it belongs to, or another time on the robot's clock; 0 for now.
+            dx: Task velocity, (m,) [m/s] and [rad/s].
+            now: Its arrival [s].
+
+        Raises:
+            TwistSpeedError: It is too fast.
+            TwistAgeError: It is too old, or stamped too far ahead.
+            RedresError: What Controller.update() raises.
+        """
+        self._check_speed(dx)
+        if not self._cycles.newest:
+            return None  # no state has come that it could belong to
+        cycle = self._cycles.cycle(stamp) if stamp else self._cycles.number
+        self._check_age(cycle)
+        of_a_state = stamp > 0 and self._cycles.is_of_a_state(stamp)
+        self._twist_arrival = _Arrival(self._cycles.number, math.inf if of_a_state else now)
+        self._expecting = self._expecting or of_a_state
+        self.playout.put(cycle, dx)
+        return self.answer_if_due(now)
+
+    def answer_if_due(self, now: float) -> Answer | None:
+        """The answer to the state that waits, once it need not wait any longer."""
+        state = self._waiting
+        if state is None or self._must_wait(state, now):
+            return None
+        self._waiting = None
+        self._expecting = self._expecting and self.playout.has(state.cycle)
+        self._answer = None
+        self._answer = self._update(state, now)
+        self._answered_cycle = state.cycle
+        self.answered += 1
+        return self._answer
+
+    def _begin(self, stamp: int, another_robot: bool) -> None:
+        """Know nothing of what was before this stamp [ns]."""
+        if another_robot:
+            self._session.begin(stamp)
+        self.playout.clear()
+        self._answered_cycle = 0
+
+    def _same_again(self, q: np.ndarray, now: float) -> Answer | None:
+        """A robot that waits for its answer asks again, and gets the same one."""
+        if not np.array_equal(q, self._q):
+            raise ClockError(
+                'stamped as the last one, but with other positions; expected a later stamp'
+            )
+        return self.answer_if_due(now) if self._waiting else self._answer
+
+    def _must_wait(self, state: _State, now: float) -> bool:
+        if self.playout.has(state.cycle):
+            return False
+        if self.settings.lockstep:
+            return True
+        patience = self.settings.twist_patience
+        return self._expecting and not self.held and now - state.arrived < patience
+
+    def _update(self, state: _State, now: float) -> Answer:
+        controller = self._controller
+        missed = max(state.cycle - self._answered_cycle - 1, 0) if self._answered_cycle else 0
+        commanding = self._session.commanding_at(state.stamp)
+        restarted = self._reason_to_restart(state, missed)
+        if restarted or not commanding or not self._answered_cycle:
+            controller.reset()
+            missed = 0
+        self.skipped += missed
+        stale = self._is_stale(state, now)
+        if stale:
+            self.playout.clear()
+        dx = self.playout.play(state.cycle)
+        if self.held or stale:
+            controller.hold()
+        else:
+            controller.resume()
+        command = controller.update(state.q, dx, missed=missed)
+        follows = commanding and not self.held and not stale
+        return Answer(state.stamp, command, 1.0 if follows else 0.0, restarted)
+
+    def _reason_to_restart(self, state: _State, missed: int) -> str:
+        """Why the arm is not where the last command would have it; empty if it may well be."""
+        if missed > self.settings.restart_after:
+            return f'no state came in {missed} cycles, allowed {self.settings.restart_after}'
+        lag = self._controller.lag(state.q)
+        allowed = self.settings.following_tolerance
+        if lag > allowed:
+            return f'a joint is {lag:.3g} rad from its reference, allowed {allowed:g}'
+        return ''
+
+    def _is_stale(self, state: _State, now: float) -> bool:
+        """By its stamp, and by its arrival on the robot's clock; on ours if it is of no state."""
+        timeout = self.settings.command_timeout
+        newest = max(self.playout.age(state.cycle), state.cycle - self._twist_arrival.cycle)
+        return newest * self._controller.T > timeout or now - self._twist_arrival.time > timeout
+
+    def _check_speed(self, dx: np.ndarray) -> None:
+        linear = math.hypot(*dx[:3].tolist())
+        angular = math.hypot(*dx[3:].tolist())
+        settings = self.settings
+        if not linear <= settings.max_linear:
+            raise TwistSpeedError(
+                f'{linear:.3g} m/s; allowed: {settings.max_linear:g} (parameter max_linear)'
+            )
+        if not angular <= settings.max_angular:
+            raise TwistSpeedError(
+                f'{angular:.3g} rad/s; allowed: {settings.max_angular:g} (parameter max_angular)'
+            )
+
+    def _check_age(self, cycle: int) -> None:
+        age = (self._cycles.number - cycle) * self._controller.T
+        timeout = self.settings.command_timeout
+        if abs(age) > timeout:
+            side = 'behind' if age > 0.0 else 'ahead of'
+            raise TwistAgeError(
+                f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
+                '(parameter command_timeout; a zero stamp means now)'
+            )
+
+
+class _Arrival(NamedTuple):
+    """When a task velocity came: the cycle, and the time [s]; infinite if that does not matter."""
+
+    cycle: int = 0
+    time: float = math.inf
+
+
+class _Session:
+    """What the robot says of its session. In lock-step the first answer begins command mode, so the
+    tick in which the news of that arrives must not matter.
+    """
+
+    def __init__(self, lockstep: bool) -> None:
+        self._commanding = True
+        self._undecided = lockstep  # until command mode has begun
+        self._spoken = False
+        self._silent_until = 0  # stamp [ns] until which a new robot may say it
+
+    def enter(self, word: str) -> None:
+        self._spoken = True
+        self._silent_until = 0
+        self._undecided = self._undecided and word not in COMMANDING
+        self._commanding = word in COMMANDING or self._undecided
+
+    def begin(self, stamp: int) -> None:
+        """Another robot: what was said of the last one does not hold."""
+        if self._spoken:
+            self._silent_until = stamp + _SESSION_PATIENCE
+
+    def commanding_at(self, stamp: int) -> bool:
+        return self._commanding and stamp >= self._silent_until

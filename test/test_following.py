@@ -1,0 +1,345 @@
+"""What stands between the ticks of the controller, tried without ROS."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.cycles import ClockError
+from redres_ros.following import (
+    Answer,
+    Following,
+    FollowingSettings,
+    TwistAgeError,
+    TwistSpeedError,
+)
+from redres_ros.planner import quintic
+from redres_ros.playout import PlayoutSettings
+
+T = 0.002  # [s]
+NS = 2_000_000  # [ns]
+EPOCH = 1_700_000_000 * 10**9  # [ns]
+START = load_task('rectangle').start
+GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
+
+
+def make_controller(switch_time: float = 0.1) -> Controller:
+    model = RobotModel.named('lwr4_paper')
+    return Controller(model, make_law('minimum_acceleration'), T, switch_time=switch_time)
+
+
+def velocity(cycle: int) -> np.ndarray:
+    """To the side and back, (3,) [m/s]."""
+    return np.array((0.0, -0.4, 0.0)) * quintic(cycle * T / 2.0)[1] / 2.0
+
+
+class Robot:
+    """An arm that goes exactly where it is told, and a source of task velocities, at one cycle
+    after the other.
+    """
+
+    def __init__(self, following: Following) -> None:
+        self.following = following
+        self.q = START
+        self.cycle = 0
+        self.references: list[np.ndarray] = []
+
+    @property
+    def stamp(self) -> int:
+        return EPOCH + self.cycle * NS
+
+    @property
+    def now(self) -> float:
+        return self.cycle * T
+
+    def ask(self, stamp: int | None = None) -> Answer | None:
+        """The answer to the next state."""
+        self.cycle += 1
+        at = self.stamp if stamp is None else stamp
+        return self.take(self.following.enter_state(at, self.q, self.now))
+
+    def steer(self, dx: np.ndarray, stamp: int | None = None) -> Answer | None:
+        """Give a task velocity, of the newest state unless told otherwise."""
+        at = self.stamp if stamp is None else stamp
+        return self.take(self.following.enter_twist(at, dx, self.now + 3e-4))
+
+    def take(self, answer: Answer | None) -> Answer | None:
+        if answer is not None:
+            self.q = answer.command.q_ref
+            self.references.append(self.q)
+        return answer
+
+    def follow(self, cycles: int, source: Callable[[int], np.ndarray] = velocity) -> None:
+        """State and task velocity, for some cycles."""
+        for _ in range(cycles):
+            self.ask()
+            self.steer(source(self.cycle))
+
+
+def make(switch_time: float = 0.1, lag: int = 1, **settings: float) -> Robot:
+    return Robot(
+        Following(
+            make_controller(switch_time),
+            FollowingSettings(**settings),
+            PlayoutSettings(twist_lag=lag),
+        )
+    )
+
+
+def at_speed(**settings: float) -> Robot:
+    """A robot under way, with nothing waiting."""
+    robot = make(switch_time=0.0, **settings)
+    robot.follow(500)
+    return robot
+
+
+def speed(answer: Answer | None) -> float:
+    assert answer is not None
+    return float(np.linalg.norm(answer.command.dq))
+
+
+# --- a run as it should be ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('lag', [1, 2, 5])
+def test_the_loop_is_that_of_the_controller_with_task_velocities_some_cycles_late(lag: int) -> None:
+    robot = make(lag=lag)
+    robot.follow(800)
+    controller = make_controller()
+    q = START
+    for cycle in range(1, 801):
+        if cycle == 1:  # nothing has come yet
+            controller.hold()
+            dx = np.zeros(3)
+        else:
+            controller.resume()
+            dx = velocity(cycle - lag) if cycle > lag else np.zeros(3)
+        q = controller.update(q, dx).q_ref
+        np.testing.assert_array_equal(q, robot.references[cycle - 1])
+
+
+def test_in_lock_step_each_state_is_answered_with_its_own_task_velocity() -> None:
+    robot = make(lockstep=True)
+    controller = make_controller()
+    q = START
+    for cycle in range(1, 500):
+        assert robot.ask() is None
+        assert robot.take(robot.following.enter_state(robot.stamp, robot.q, robot.now)) is None
+        robot.steer(velocity(cycle))
+        q = controller.update(q, velocity(cycle)).q_ref
+        np.testing.assert_array_equal(q, robot.q)
+
+
+def test_jitter_drift_and_a_clock_that_is_set_leave_every_reference_as_it_is() -> None:
+    perfect = make()
+    perfect.follow(900)
+    robot = make()
+    random = np.random.default_rng(3)
+    stamps = []
+    answered = []
+    for cycle in range(1, 901):
+        drifted = cycle * 1.005
+        set_by = 0.3 if cycle > 450 else 0.0  # [s]
+        jitter = random.uniform(-0.45, 0.45)
+        stamps.append(EPOCH + round((drifted + jitter) * NS + set_by * 1e9))
+        answered.append(robot.ask(stamps[-1]) is not None)
+        robot.steer(velocity(cycle), stamps[-1])
+    assert all(answered)
+    np.testing.assert_array_equal(robot.references, perfect.references)
+
+
+def test_a_cycle_that_was_missed_is_passed_on_to_the_controller() -> None:
+    robot = at_speed()
+    robot.cycle += 2
+    before = robot.following.skipped
+    robot.ask()
+    assert robot.following.skipped == before + 2
+
+
+# --- states that are not as they should be --------------------------------------------------------
+
+
+def test_a_state_without_a_stamp_is_refused() -> None:
+    robot = make()
+    with pytest.raises(ClockError, match='no stamp'):
+        robot.ask(0)
+    assert robot.ask() is not None
+
+
+def test_the_same_state_again_gets_the_same_answer_and_another_one_with_its_stamp_none() -> None:
+    robot = at_speed()
+    answer = robot.ask()
+    assert robot.following.enter_state(robot.stamp, robot.following._q, robot.now) is answer
+    with pytest.raises(ClockError, match='other positions'):
+        robot.following.enter_state(robot.stamp, START + 0.1, robot.now)
+
+
+def test_a_state_out_of_order_leaves_the_motion_as_it_is() -> None:
+    robot = at_speed()
+    other = at_speed()
+    with pytest.raises(ClockError):
+        robot.following.enter_state(robot.stamp - NS, robot.q, robot.now)
+    robot.follow(50)
+    other.follow(50)
+    np.testing.assert_array_equal(robot.references, other.references)
+
+
+def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
+    robot = at_speed()
+    robot.cycle += 100
+    answer = robot.ask()
+    assert answer is not None
+    assert 'no state came in 100 cycles, allowed 5' in answer.restarted
+    assert robot.ask().restarted == ''
+
+
+def test_an_arm_that_does_not_follow_makes_the_controller_begin_anew_and_say_why() -> None:
+    robot = at_speed()
+    robot.q = robot.q + 0.2
+    answer = robot.ask()
+    assert answer is not None
+    assert '0.2 rad from its reference, allowed 0.1' in answer.restarted
+    np.testing.assert_allclose(answer.command.q_ref, robot.references[-2] + 0.2, atol=0.01)
+
+
+# --- task velocities that are not as they should be -----------------------------------------------
+
+
+@pytest.mark.parametrize('ahead', [0.3, 5.0, -0.3, -5.0])
+def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_acts(
+    ahead: float,
+) -> None:
+    robot = make(switch_time=0.0)
+    robot.follow(1, lambda _: np.zeros(3))
+    side = "ahead of the robot's clock" if ahead > 0.0 else "behind the robot's clock"
+    with pytest.raises(TwistAgeError, match=side):
+        robot.steer(GENTLE, robot.stamp + round(ahead * 1e9))
+    for _ in range(int((abs(ahead) + 0.5) / T)):
+        assert speed(robot.ask()) == 0.0
+
+
+def test_a_task_velocity_that_is_too_fast_is_refused_and_never_acts() -> None:
+    robot = at_speed()
+    other = at_speed()
+    robot.ask()
+    with pytest.raises(TwistSpeedError, match='1e\\+09 m/s; allowed: 2'):
+        robot.steer(np.array((1e9, 0.0, 0.0)))
+    robot.steer(velocity(robot.cycle))
+    other.follow(1)
+    robot.follow(5)
+    other.follow(5)
+    np.testing.assert_array_equal(robot.references, other.references)
+
+
+@pytest.mark.parametrize('stamped', [True, False])
+def test_without_new_task_velocities_the_arm_stands_after_the_timeout(stamped: bool) -> None:
+    robot = make(switch_time=0.0, command_timeout=0.02)
+    for _ in range(20):
+        robot.ask()
+        robot.steer(GENTLE, None if stamped else 0)
+    speeds = [speed(robot.ask()) for _ in range(20)]
+    assert all(speeds[:9])
+    assert not any(speeds[11:])
+
+
+def test_one_of_no_state_does_not_outlive_the_timeout_while_the_robots_clock_stands_still() -> None:
+    robot = make(switch_time=0.0)
+    for _ in range(20):
+        robot.ask()
+        robot.steer(GENTLE, 0)
+    assert speed(robot.ask()) > 0.0
+    robot.cycle += 1
+    answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    assert speed(answer) == 0.0
+    assert answer is not None and answer.scaling == 0.0
+
+
+def test_one_of_a_state_does_not_age_while_the_robots_clock_stands_still() -> None:
+    robot = at_speed()
+    robot.cycle += 1
+    answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    assert answer is not None and answer.scaling == 1.0
+
+
+# --- waiting --------------------------------------------------------------------------------------
+
+
+def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() -> None:
+    perfect = at_speed()
+    robot = at_speed(twist_patience=1.0)
+    random = np.random.default_rng(4)
+    for _ in range(100):
+        robot.ask()  # answered, as the one of the last state has come
+        robot.cycle += 1  # of this state none has come when the next one does
+        late = robot.following.enter_state(robot.stamp, robot.q, robot.now)
+        if late is None:
+            robot.take(robot.following.answer_if_due(robot.now + random.uniform(0.0, 0.9)))
+            robot.steer(velocity(robot.cycle - 1), robot.stamp - NS)
+        else:
+            pytest.fail('answered without its task velocity')
+        robot.steer(velocity(robot.cycle))
+    perfect.follow(200)
+    np.testing.assert_array_equal(robot.references, perfect.references)
+
+
+def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again() -> None:
+    robot = at_speed(twist_patience=1.0)
+    assert robot.ask() is not None
+    robot.cycle += 1
+    assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
+    assert robot.following.answer_if_due(robot.now + 0.9) is None
+    assert robot.take(robot.following.answer_if_due(robot.now + 1.1)) is not None
+    for _ in range(100):
+        assert robot.ask() is not None
+    robot.steer(velocity(0))
+    assert robot.ask() is not None
+    robot.cycle += 1
+    assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
+
+
+def test_a_robot_that_goes_on_without_the_answer_is_not_kept_waiting() -> None:
+    robot = at_speed(twist_patience=1.0)
+    robot.ask()
+    assert robot.ask() is None
+    assert robot.ask() is not None
+    assert robot.following.skipped == 1
+
+
+# --- who lets whom --------------------------------------------------------------------------------
+
+
+def test_the_arm_follows_from_where_the_robot_begins_to_take_commands() -> None:
+    robot = make(switch_time=0.0)
+    robot.following.enter_session('MON')
+    robot.follow(20, lambda _: GENTLE)
+    answer = robot.ask()
+    assert answer is not None and answer.scaling == 0.0
+    np.testing.assert_allclose(answer.command.dq, answer.command.ddq * T)  # as from a standstill
+    robot.steer(GENTLE)
+    robot.following.enter_session('CMD')
+    answer = robot.ask()
+    assert answer is not None and answer.scaling == 1.0
+
+
+def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() -> None:
+    for word, expected in (('CMD', 0.0), (None, 1.0)):
+        robot = make()
+        if word:
+            robot.following.enter_session(word)
+        robot.follow(5)
+        robot.cycle += 5_000
+        robot.ask()
+        robot.steer(GENTLE)
+        answer = robot.ask()
+        assert answer is not None and answer.scaling == expected
+
+
+def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
+    robot = at_speed()
+    robot.following.held = True
+    for _ in range(3):
+        answer = robot.ask()
+        robot.steer(velocity(robot.cycle))
+    assert speed(answer) == 0.0
+    assert answer is not None and answer.scaling == 0.0
