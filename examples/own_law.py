@@ -17,7 +17,7 @@ from redres_ros.simulation.closed_loop import run
 class WristFirst(Law):
     """Least velocity, where a joint weighs `ratio` times as much as the next one."""
 
-    ratio: float = param(2.0, 'weight of a joint, relative to the next', 1.0, 10.0)
+    ratio: float = param(2.0, 'weight of a joint, relative to the next [-]', 1.0, 10.0)
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return np.zeros(len(state.q))  # best of all: no motion

@@ -1,0 +1,109 @@
+"""The recipes of CONTRIBUTING.md work: each is followed to the letter in a copy of the project."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
+# All that the recipes read, change or run.
+PARTS = ('redres_ros', 'test', 'config', 'package.xml', 'pyproject.toml')
+
+pytestmark = pytest.mark.slow
+
+
+class Step(NamedTuple):
+    """A block of code, its language, and the file that the sentence before it names last."""
+
+    file: str
+    language: str
+    code: str
+
+
+def recipes() -> dict[str, list[Step]]:
+    """The steps of every section, by what it adds."""
+    found = {}
+    for section in re.split(r'^## Add an? ', PAGE, flags=re.MULTILINE)[1:]:
+        kind = section.partition('\n')[0]
+        blocks = re.findall(r'(.*?)^```(\w+)\n(.*?)^```$', section, re.MULTILINE | re.DOTALL)
+        found[kind] = [Step(last_file(text), language, code) for text, language, code in blocks]
+    return found
+
+
+def last_file(text: str) -> str:
+    files = re.findall(r'`([\w/]+\.\w+)`', text)
+    return files[-1] if files else ''
+
+
+def apply(diff: str, content: str) -> str:
+    """The content with each added line after the line of context before it."""
+    lines = content.splitlines()
+    place = -1
+    for row in diff.splitlines():
+        if row.startswith('+'):
+            place += 1
+            lines.insert(place, row[1:])
+        else:
+            assert lines.count(row[1:]) == 1, f'not once in the file: {row[1:]}'
+            place = lines.index(row[1:])
+    return '\n'.join(lines) + '\n'
+
+
+def follow(step: Step, project: Path) -> None:
+    file = project / step.file
+    if step.language == 'sh':
+        run(step.code, project)
+    elif step.language == 'diff':
+        file.write_text(apply(step.code, file.read_text(encoding='utf-8')), encoding='utf-8')
+    else:
+        assert not file.exists(), f'{step.file} is there already'
+        file.write_text(step.code, encoding='utf-8')
+
+
+def run(commands: str, project: Path) -> None:
+    path = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
+    done = subprocess.run(
+        ['bash', '-euc', commands],
+        cwd=project,
+        env=os.environ | {'PATH': path, 'PYTHONPATH': str(project)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, f'{commands}\n{done.stdout}{done.stderr}'
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A copy of the project."""
+    for part in PARTS:
+        if (ROOT / part).is_dir():
+            shutil.copytree(
+                ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns('__pycache__')
+            )
+        else:
+            shutil.copy(ROOT / part, tmp_path / part)
+    return tmp_path
+
+
+@pytest.mark.parametrize('kind', recipes())
+def test_the_recipe_works(kind: str, project: Path) -> None:
+    steps = recipes()[kind]
+    assert steps[-1].language == 'sh', 'a recipe ends with a look at what it made'
+    for step in steps:
+        follow(step, project)
+
+
+def test_what_all_recipes_make_is_in_good_style(project: Path) -> None:
+    steps = [step for recipe in recipes().values() for step in recipe if step.language != 'sh']
+    for step in steps:
+        follow(step, project)
+    files = ' '.join({step.file for step in steps if step.file.endswith('.py')})
+    run(f'ruff format --check {files}; ruff check {files}; mypy {files}', project)
