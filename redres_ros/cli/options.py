@@ -1,28 +1,126 @@
-"""Options that several subcommands share, and how they are read."""
+"""Options that several subcommands share. What they ask for is made in wanted.py."""
 
 import argparse
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from typing import Any
 
-from redres_ros.errors import FileError, RangeError, RedresError
+from redres_ros.errors import RedresError
+
+NONE = 'none'  # the word for no limits at all
 
 
 class OptionError(RedresError):
-    """An option whose text cannot be read."""
+    """An option whose text cannot be read, or that does not go with the others."""
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows defaults, but not those that are None."""
+    """Shows the defaults that say something."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        return action.help if action.default is None else super()._get_help_string(action)
+        if action.default in (None, False, '', ()):
+            return action.help
+        return super()._get_help_string(action)
 
 
-def add_law(parser: argparse.ArgumentParser) -> None:
-    """--law, and --damping or --forgetting-factor."""
-    parser.add_argument(
-        '--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`'
+class Parser(argparse.ArgumentParser):
+    """Parses words in full only, and declares some options when it is its turn.
+
+    What those are made from takes a second to load, which `redres --help` and other subcommands
+    need not wait for.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        kwargs.setdefault('formatter_class', Help)
+        super().__init__(*args, allow_abbrev=False, **kwargs)
+        self._declarations: list[Callable[[], None]] = []
+
+    def declare_later(self, declare: Callable[[argparse.ArgumentParser], None]) -> None:
+        """Have declare(self) called once, before the first parsing."""
+        self._declarations.append(lambda: declare(self))
+
+    def parse_known_args(  # type: ignore[override]  # the base class has overloads
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """As of the base class."""
+        while self._declarations:
+            self._declarations.pop()()
+        return super().parse_known_args(args, namespace)
+
+
+class Version(argparse.Action):
+    """Prints the package's version."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, nargs=0, default=argparse.SUPPRESS, **kwargs)
+
+    def __call__(self, parser: argparse.ArgumentParser, *args: Any) -> None:
+        """Print it, and end."""
+        from xml.etree import ElementTree
+
+        from redres_ros.share import share_path
+
+        version = ElementTree.parse(share_path('package.xml')).findtext('version')
+        print(f'redres_ros {version}')
+        parser.exit()
+
+
+def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
+    """What is to move, by which law, and within which limits: the same for every motion.
+
+    Args:
+        parser: Of the subcommand.
+        several_laws: The laws that are compared unless others are named; empty: there is one law.
+        limits: Those that are in force unless others are named.
+    """
+    _add_arm(parser.add_argument_group('arm and task'))
+    law = parser.add_argument_group('law')
+    if several_laws:
+        _add_laws(law, several_laws)
+    else:
+        law.add_argument(
+            '--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`'
+        )
+    _add_damping(law)
+    parser.declare_later(_add_gains)
+
+
+def _add_arm(group: Any) -> None:
+    group.add_argument(
+        '--task',
+        metavar='NAME|FILE.yaml',
+        help="points to pass; default: rectangle, or with --robot that robot's own",
     )
-    gain = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        '--robot',
+        metavar='NAME|FILE.urdf',
+        help="see `redres laws`, or any serial arm; default: the task's",
+    )
+    group.add_argument(
+        '--tip',
+        metavar='FRAME',
+        help="link that carries out the task; default: the robot's own, of a file the last link",
+    )
+    group.add_argument(
+        '--dynamics',
+        default='identified',
+        metavar='NAME',
+        help="inertias: identified, or cylinders (the paper's Section 5.2)",
+    )
+
+
+def _add_laws(group: Any, default: str) -> None:
+    group.add_argument(
+        '--laws',
+        '--law',
+        default=default,
+        metavar='A,B,...',
+        help='names from `redres laws`, each with a damping of its own if wished, '
+        'as minimum_acceleration@5',
+    )
+
+
+def _add_damping(group: Any) -> None:
+    gain = group.add_mutually_exclusive_group()
     gain.add_argument(
         '--damping',
         type=float,
@@ -37,20 +135,69 @@ def add_law(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_loop(parser: argparse.ArgumentParser) -> None:
-    """--period, --task and --dynamics of the ideal loop."""
-    parser.add_argument(
+def _add_additions(group: Any) -> None:
+    group.add_argument(
+        '--prefer',
+        nargs='+',
+        action='extend',
+        default=(),
+        metavar='NAME[=GAIN]',
+        help='preferences, as joint_centering=4: what the spare joints should do',
+    )
+    group.add_argument(
+        '--secondary',
+        nargs='+',
+        action='extend',
+        default=(),
+        metavar='NAME',
+        help='further tasks, in order of priority, as orientation: hold it as it is at the start',
+    )
+
+
+def _add_limits(group: Any, default: str) -> None:
+    group.add_argument(
+        '--limits',
+        default=default,
+        metavar='A,B,...',
+        help=f'limits that are kept, as position,velocity,acceleration; {NONE}: the law alone',
+    )
+    group.add_argument(
+        '--limit-scale',
+        type=float,
+        default=1.0,
+        metavar='X',
+        help='share of the velocity and acceleration limits that may be used',
+    )
+    group.add_argument(
+        '--torque-scale',
+        type=float,
+        default=1.0,
+        metavar='X',
+        help='share of the torque limits that may be used',
+    )
+
+
+def _add_gains(parser: argparse.ArgumentParser) -> None:
+    """An option for every gain that is declared with `param` in the tables."""
+    from redres_ros.cli.wanted import all_gains
+
+    group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
+    for gain in all_gains():
+        group.add_argument(
+            f'--{gain.key}',
+            type=gain.read,
+            metavar='X',
+            help=f'{gain.description.replace("%", "%%")}; default: {gain.default}',
+        )
+
+
+def add_loop(parser: Parser) -> Any:
+    """The group of options of the ideal loop, which has --period."""
+    loop = parser.add_argument_group('loop')
+    loop.add_argument(
         '--period', type=float, default=0.001, metavar='S', help='sampling time T [s]'
     )
-    parser.add_argument(
-        '--task', default='rectangle', metavar='NAME|FILE.yaml', help='points to pass'
-    )
-    parser.add_argument(
-        '--dynamics',
-        default='identified',
-        metavar='NAME',
-        help="inertias: identified, or cylinders (the paper's Section 5.2)",
-    )
+    return loop
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
@@ -61,23 +208,3 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
         metavar='ID',
         help='ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID',
     )
-
-
-def damping(options: argparse.Namespace, T: float) -> dict[str, float]:
-    """k_d from either way of giving it; empty when neither is given. Raises RangeError."""
-    if options.forgetting_factor is None:
-        return {} if options.damping is None else {'damping': options.damping}
-    if not T > 0.0:
-        raise RangeError('period', T, 1e-5, 1.0, 's')
-    if not 0.0 <= options.forgetting_factor <= 1.0:
-        raise RangeError('forgetting factor', options.forgetting_factor, 0.0, 1.0)
-    return {'damping': (1.0 - options.forgetting_factor) / T}
-
-
-def made(directory: Path) -> Path:
-    """The directory, which exists now. Raises FileError."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f'cannot make the directory {directory}: {error.strerror}') from None
-    return directory

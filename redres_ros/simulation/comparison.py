@@ -1,28 +1,52 @@
-"""Laws side by side on one task: what each asks of the arm at its worst, and over the whole motion."""
+"""Laws side by side on one task: what each asks of the arm, and whether the arm could do it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.table import Table
 
 from redres_ros.robot_model import RobotModel
+from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.plots import NORMS, save
 from redres_ros.simulation.recording import Recording
+from redres_ros.simulation.report import table
 
 # where the largest peak is that many times the median one, a norm is drawn on a logarithmic scale
 _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 
+_ROUNDING = 1e-9  # share of a limit by which rounding may exceed it
+
+_WORST = {  # figures of Effort, and their heads
+    'acceleration': 'max |ddq| [rad/s^2]',
+    'velocity': 'max |dq| [rad/s]',
+    'torque': 'max |tau| [Nm]',
+}
+_WHOLE = {
+    'squared_acceleration': 'int ddq^2 [rad^2/s^3]',
+    'squared_torque': 'int tau^2 [Nm^2 s]',
+    'kinetic_energy': 'int energy [J s]',
+    'elbow': 'elbow path [m]',
+}
+
 
 @dataclass(frozen=True)
 class Effort:
-    """Peaks of the norms and integrals over the motion.
+    """What a motion asks of the arm.
 
-    acceleration [rad/s^2], velocity [rad/s], torque [Nm]: largest norms; squared_acceleration
-    [rad^2/s^3] and squared_torque [Nm^2 s]: integrals of the squared norms over time;
-    kinetic_energy [J s]: the integral of 1/2 dq' M dq; elbow [m]: the length of the elbow's path.
+    Args:
+        acceleration: Largest norm [rad/s^2].
+        velocity: Largest norm [rad/s].
+        torque: Largest norm [Nm].
+        squared_acceleration: Integral of the squared norm over time [rad^2/s^3].
+        squared_torque: Integral of the squared norm over time [Nm^2 s].
+        kinetic_energy: Integral of 1/2 dq' M dq over time [J s].
+        elbow: Length of the elbow's path [m].
+        violation: The first joint that goes beyond a limit, how and when; empty for none.
+        ending: How the motion ended, in words.
     """
 
     acceleration: float
@@ -32,6 +56,7 @@ class Effort:
     squared_torque: float
     kinetic_energy: float
     elbow: float
+    violation: str
     ending: str
 
     @classmethod
@@ -40,53 +65,90 @@ class Effort:
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
-        M = np.array(
-            [model.state(position, velocity).M for position, velocity in zip(q, dq, strict=True)]
-        )  # (N, n, n)
-        elbow = np.array(
-            [model.position(position, model.arm.elbow_frame) for position in q]
-        )  # (N, 3)
+        states = [model.state(position, velocity) for position, velocity in zip(q, dq, strict=True)]
+        M = np.array([state.M for state in states])  # (ticks, n, n)
+        elbow = np.array([model.position(position, model.arm.elbow_frame) for position in q])
         return cls(
-            *(
-                recording.peak(f'joint_{name}_norm')[0]
-                for name in ('acceleration', 'velocity', 'torque')
-            ),
+            recording.peak('joint_acceleration_norm')[0],
+            recording.peak('joint_velocity_norm')[0],
+            recording.peak('joint_torque_norm')[0],
             squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
             squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
             kinetic_energy=T * float(np.einsum('ti,tij,tj->', dq, M, dq)) / 2.0,
-            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),
+            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
+            violation=first_violation(recording, JointLimits.of(model.arm)),
             ending=recording.ending,
         )
 
 
-def table(efforts: Mapping[str, Effort]) -> str:
-    """One line a law; the smallest value of each column is marked."""
-    heads = (
-        'max |ddq|',
-        'max |dq|',
-        'max |tau|',
-        'int ddq^2',
-        'int tau^2',
-        'int energy',
-        'elbow path',
-    )
-    units = ('rad/s^2', 'rad/s', 'Nm', 'rad^2/s^3', 'Nm^2 s', 'J s', 'm')
-    names = list(Effort.__dataclass_fields__)[: len(heads)]
-    values = {law: [getattr(effort, name) for name in names] for law, effort in efforts.items()}
-    least = [min(column) for column in zip(*values.values(), strict=True)]
-    lines = [
-        f'{"law":<40}' + ''.join(f'{head:>13}' for head in heads),
-        f'{"":<40}' + ''.join(f'{f"[{unit}]":>13}' for unit in units),
+def first_violation(recording: Recording, limits: JointLimits) -> str:
+    """The first joint beyond one of its limits, how and when; empty where all are kept.
+
+    Args:
+        recording: Of a motion that began at rest.
+        limits: Of the same arm.
+    """
+    found = [
+        (float(recording['t'][tick]), f'{limits.joint_names[joint]} {how}')
+        for how, (tick, joint) in _violations(recording, limits)
     ]
-    for law, row in values.items():
-        cells = (
-            f'{value:.4g}{"*" if value == best else " "}'
-            for value, best in zip(row, least, strict=True)
-        )
-        lines.append(
-            f'{law:<40}' + ''.join(f'{cell:>13}' for cell in cells) + f'  {efforts[law].ending}'
-        )
-    return '\n'.join([*lines, '* least of its column'])
+    if not found:
+        return ''
+    t, what = min(found)
+    return f'{what} at {t:.2f} s'
+
+
+def _violations(
+    recording: Recording, limits: JointLimits
+) -> Iterator[tuple[str, tuple[int, int]]]:
+    """In words each kind of limit that is broken, and the tick and the joint where it is first."""
+    q = recording.vectors('q1')
+    dq = recording.vectors('dq1')
+    ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # (ticks, n), Eq. (13)
+    room = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
+    more = 1.0 + _ROUNDING
+    beyond = {
+        'leaves its range': (q < limits.lower - room) | (q > limits.upper + room),
+        'is too fast': np.abs(dq) > more * limits.velocity,
+        'accelerates too much': np.abs(ddq) > more * limits.acceleration,
+    }
+    for how, where in beyond.items():
+        if where.any():
+            tick, joint = np.argwhere(where)[0]
+            yield how, (int(tick), int(joint))
+
+
+def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
+    """The worst moments, with the arm's limits, and the whole motion; one row a law.
+
+    Args:
+        efforts: By law.
+        title: Says what was compared.
+    """
+    marked = {name: _marked(efforts, name) for name in (*_WORST, *_WHOLE)}
+    worst = [
+        [
+            law,
+            *(marked[name][law] for name in _WORST),
+            f'no: {effort.violation}' if effort.violation else 'yes',
+            effort.ending,
+        ]
+        for law, effort in efforts.items()
+    ]
+    whole = [[law, *(marked[name][law] for name in _WHOLE)] for law in efforts]
+    return (
+        table(['law', *_WORST.values(), 'within the limits?', 'end'], worst, title=title),
+        table(['law', *_WHOLE.values()], whole, note='* least of its column'),
+    )
+
+
+def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
+    """One figure of every law as text, the least of them with a star."""
+    values = {law: getattr(effort, name) for law, effort in efforts.items()}
+    least = min(values.values())
+    return {
+        law: f'{value:.4g}{"*" if value == least else " "}' for law, value in values.items()
+    }
 
 
 def draw(recordings: Mapping[str, Recording], title: str, path: Path) -> None:

@@ -14,6 +14,12 @@ from redres_ros.simulation.recording import Recording
 
 _WIDE = 200  # columns, where the output is no terminal and nothing has to be broken
 
+_PEAKS = {  # of the norms that are shown, and their heads
+    'acceleration': 'max |ddq| [rad/s^2]',
+    'velocity': 'max |dq| [rad/s]',
+    'torque': 'max |tau| [Nm]',
+}
+
 
 def table(
     heads: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = '', note: str = ''
@@ -69,24 +75,19 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         yield lambda share: bar.update(task, completed=share)
 
 
-def peaks(recordings: Mapping[str, Recording]) -> str:
-    """A table with one line a recording: end, largest norms and when, last error."""
-    heads = ''.join(f'{head:>23}' for head in ('|ddq| [rad/s2]', '|dq| [rad/s]', '|tau| [Nm]'))
-    lines = [f'{"law":<26}{"end [s]":>9}{heads}{"last error [mm]":>17}']
-    for name, recording in recordings.items():
-        if not len(recording.data):
-            lines.append(f'{name:<26}  no tick')
-            continue
-        cells = [
-            f'{value:.5g} at {t:5.2f} s'
-            for value, t in (
-                recording.peak(f'joint_{what}_norm')
-                for what in ('acceleration', 'velocity', 'torque')
-            )
-        ]
-        lines.append(
-            f'{name:<26}{recording["t"][-1]:9.3f}'
-            + ''.join(f'{cell:>23}' for cell in cells)
-            + f'{1e3 * recording["task_error"][-1]:17.4f}'
-        )
-    return '\n'.join(lines)
+def peaks(recordings: Mapping[str, Recording]) -> Table:
+    """One row a recording: its end, the largest norms and when, the last error."""
+    heads = ('law', 'end [s]', *_PEAKS.values(), 'last error [mm]')
+    return table(heads, [_peaks(name, each) for name, each in recordings.items()])
+
+
+def _peaks(name: str, recording: Recording) -> list[str]:
+    if not len(recording.data):
+        return [name, 'no tick']
+    peaks = [recording.peak(f'joint_{norm}_norm') for norm in _PEAKS]
+    return [
+        name,
+        f'{recording["t"][-1]:.3f}',
+        *(f'{value:.5g} at {t:5.2f} s' for value, t in peaks),
+        f'{1e3 * recording["task_error"][-1]:.4f}',
+    ]

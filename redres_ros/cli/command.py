@@ -1,0 +1,98 @@
+"""From the command line to a subcommand, and from whatever happens there to an exit status."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+
+from redres_ros.cli import bench, compare, demo, laws, reproduce, simulate, watch
+from redres_ros.cli.options import Parser, Version
+from redres_ros.errors import RedresError, quoted
+
+_GROUPS = (demo, simulate, compare, reproduce, laws, watch, bench)  # in the order of `redres --help`
+
+_BEGINNING = """\
+redres moves a redundant arm along a task. What to try first:
+  redres demo                     planner, controller and a simulated arm as ROS 2 nodes
+  redres simulate                 the same task in an ideal loop, without ROS
+  redres compare                  several laws on that task, side by side
+  redres laws                     the laws, and what can be combined with them
+  redres --help                   all commands; redres COMMAND --help: their options
+"""
+
+
+def run_command(arguments: list[str] | None) -> int:
+    """The exit status of a subcommand; every error has become one line."""
+    given = sys.argv[1:] if arguments is None else arguments
+    # Pictures go to files. A window system that the user named for other programs may not be here.
+    os.environ.pop('MPLBACKEND', None)
+    if not given:
+        sys.stderr.write(_BEGINNING)
+        return 2
+    try:
+        options = _parser().parse_args(given)
+        return _carry_out(options.command, lambda: options.run(options))
+    except SystemExit:  # of argparse, which has written its help or its complaint
+        if _carry_out('', lambda: 0):
+            return 1
+        raise
+
+
+def _carry_out(command: str, run: Callable[[], int]) -> int:
+    """Run something, and see to it that all it wrote has gone where it should."""
+    try:
+        status = run()
+        _flush()
+    except BrokenPipeError:  # who read our output, as in `redres laws | head`, has gone
+        _let_go_of_output()
+        return 1
+    except (RedresError, OSError, ImportError, MemoryError) as error:
+        _complain(f'redres {command}'.strip() + f': {_line(error)}')
+        return 1
+    return status
+
+
+def _flush() -> None:
+    if sys.stdout is not None:  # as it is when the process was started without one
+        sys.stdout.flush()
+
+
+def _line(error: BaseException) -> str:
+    """An error in one line, with a remedy where there is one."""
+    if isinstance(error, ModuleNotFoundError):
+        if (error.name or '').startswith('redres_ros'):
+            raise error
+        remedy = "install everything with: pip install 'redres_ros[ros]'"
+        return f'the package {error.name} is not installed; {remedy}'
+    if isinstance(error, OSError) and error.strerror:
+        place = f': {error.filename}' if error.filename else ''
+        return f'{error.strerror}{place}'
+    if isinstance(error, MemoryError):
+        return f'out of memory {quoted(error)}'
+    return ' '.join(str(error).split())
+
+
+def _complain(line: str) -> None:
+    try:
+        _flush()
+    except OSError:
+        _let_go_of_output()
+    with suppress(OSError):  # nobody may be there to be told
+        print(line, file=sys.stderr, flush=True)
+
+
+def _let_go_of_output() -> None:
+    """What is still to be written has no place to go; without this Python would try once more."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+
+
+def _parser() -> argparse.ArgumentParser:
+    description = 'Redundancy resolution for arms behind a position interface.'
+    parser = Parser(prog='redres', description=description)
+    parser.add_argument('--version', action=Version, help='print the version, and end')
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for group in _GROUPS:
+        group.add(commands)
+    return parser

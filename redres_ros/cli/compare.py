@@ -1,0 +1,132 @@
+"""`redres compare`: laws side by side on a task."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from redres_ros.cli.options import OptionError, add_loop, add_motion
+
+if TYPE_CHECKING:
+    from redres_ros.laws import Law
+    from redres_ros.simulation.comparison import Effort
+    from redres_ros.simulation.recording import Recording
+
+_LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
+_PICTURE = 'comparison.png'
+
+
+@dataclass(frozen=True)
+class _Contender:
+    """One law of the comparison; damping [1/s] None: that of the options."""
+
+    options: argparse.Namespace
+    name: str
+    damping: float | None
+
+    @property
+    def law(self) -> 'Law':
+        """The law with its gains."""
+        from redres_ros.cli.wanted import find_law
+
+        return find_law(self.options, self.name, self.options.period, self.damping)
+
+    @property
+    def label(self) -> str:
+        """What tells it from the others, as 'minimum_acceleration, k_d = 5 1/s'."""
+        return f'{self.name}, k_d = {_plain(self.law.damping)} 1/s'
+
+    @property
+    def file_name(self) -> str:
+        """Of its data, as minimum_acceleration_5.csv."""
+        return f'{self.name}_{_plain(self.law.damping)}.csv'
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    compare = commands.add_parser('compare', help='laws side by side on a task, without ROS')
+    add_motion(compare, several_laws=_LAWS)
+    loop = add_loop(compare)
+    loop.add_argument(
+        '--out',
+        type=Path,
+        default=Path('redres_compare'),
+        metavar='DIR',
+        help='directory for plot and data',
+    )
+    compare.set_defaults(run=_compare)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from redres_ros.cli.files import made
+    from redres_ros.cli.wanted import check_gains, find_task, make_controller
+    from redres_ros.simulation.comparison import draw, tables
+    from redres_ros.simulation.parallel import in_parallel
+    from redres_ros.simulation.report import print_tables, progress_bar
+
+    task, model = find_task(options)
+    contenders = _contenders(options)
+    check_gains(options, {contender.name for contender in contenders.values()})
+    for contender in contenders.values():
+        make_controller(options, model, contender.law, options.period)
+    out = made(options.out, _PICTURE, *(each.file_name for each in contenders.values()))
+    with progress_bar(f'{len(contenders)} laws') as progress:
+        results = in_parallel(_run, list(contenders.values()), progress)
+    recordings: dict[str, Recording] = {}
+    efforts: dict[str, Effort] = {}
+    for (label, contender), (recording, effort) in zip(contenders.items(), results, strict=True):
+        recording.write_csv(out / contender.file_name)
+        recordings[label] = recording
+        efforts[label] = effort
+    name = options.task or 'rectangle'
+    title = (
+        f'{name}, T = {1e3 * options.period:g} ms, ideal arm {task.robot}, '
+        f'{model.arm.dynamics} dynamics'
+    )
+    draw(recordings, title, out / _PICTURE)
+    print_tables(*tables(efforts, title))
+    print(f'plot {out}/{_PICTURE}, every tick in {out}/*.csv')
+    return 0 if all(recording.finished for recording in recordings.values()) else 1
+
+
+def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
+    """The laws to compare, by their labels. Raises OptionError where one is named twice."""
+    contenders: dict[str, _Contender] = {}
+    for text in options.laws.split(','):
+        contender = _contender(options, text)
+        label = contender.label
+        if label in contenders:
+            raise OptionError(f'--laws {options.laws}; {label} is named twice')
+        contenders[label] = contender
+    return contenders
+
+
+def _contender(options: argparse.Namespace, text: str) -> _Contender:
+    name, at, own = text.strip().partition('@')
+    try:
+        return _Contender(options, name, float(own) if at else None)
+    except ValueError:
+        raise OptionError(
+            f'--laws {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
+        ) from None
+
+
+def _plain(number: float) -> str:
+    """The shortest text that stands for no other number."""
+    return repr(float(number)).removesuffix('.0')
+
+
+def _run(
+    contender: _Contender, progress: Callable[[float], None]
+) -> tuple['Recording', 'Effort']:
+    """The motion of one law; works in a process of its own."""
+    from redres_ros.cli.wanted import find_task, make_controller
+    from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.comparison import Effort
+
+    task, model = find_task(contender.options)
+    period = contender.options.period
+    controller = make_controller(contender.options, model, contender.law, period)
+    recording = run(controller, task, progress=progress)
+    return recording, Effort.of(recording, model)

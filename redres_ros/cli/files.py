@@ -1,0 +1,43 @@
+"""Places for results, which are looked at before a computation begins that may take long."""
+
+import os
+from pathlib import Path
+
+from redres_ros.errors import FileError
+
+
+def made(directory: Path, *names: str) -> Path:
+    """The directory, which exists now, and in which files can be written.
+
+    Args:
+        directory: Made with its parents where it does not exist.
+        names: Of files that will be written into it.
+
+    Raises:
+        FileError: It cannot be made or written to, or one of the files cannot.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise FileError(f'cannot make the directory {directory}: {reason}') from None
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise FileError(f'cannot write into {directory}: permission denied')
+    for name in names:
+        check_writable(directory / name)
+    return directory
+
+
+def check_writable(path: Path) -> None:
+    """Raise FileError where a file cannot be written; does not write it."""
+    try:
+        if path.is_dir():
+            raise FileError(f'cannot write {path}: Is a directory')
+        existing = next(place for place in (path, *path.parents) if place.exists())
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise FileError(f'cannot write {path}: {reason}') from None
+    if existing != path and not existing.is_dir():
+        raise FileError(f'cannot write {path}: {existing} is not a directory')
+    if not os.access(existing, os.W_OK):
+        raise FileError(f'cannot write {path}: permission denied')

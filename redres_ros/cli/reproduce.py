@@ -1,0 +1,42 @@
+"""`redres reproduce`: the paper's figures and claims."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    reproduce = commands.add_parser(
+        'reproduce', help="the paper's figures and claims, without ROS"
+    )
+    reproduce.add_argument(
+        '--out',
+        type=Path,
+        default=Path('redres_reproduce'),
+        metavar='DIR',
+        help='directory for figures and table',
+    )
+    reproduce.set_defaults(run=_reproduce)
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from redres_ros.cli.files import made
+    from redres_ros.paper.claims import CLAIMS, check_all, table, write_csv
+    from redres_ros.paper.figures import Runs, draw_all
+    from redres_ros.simulation.report import progress_bar
+
+    runs = Runs()
+    out = made(options.out, 'claims.csv')
+    with progress_bar('figures') as progress:
+        draw_all(out, progress, runs)
+    with progress_bar('claims') as progress:
+        findings = check_all(CLAIMS, runs, progress)
+    write_csv(findings, out / 'claims.csv')
+    print(table(findings))
+    print(f'figures {out}/figure_*.png, table {out}/claims.csv')
+    print(
+        f'simulations with the {runs.model.arm.dynamics} of Section 5.2, '
+        f'experiments with the {runs.experiment_model.arm.dynamics} arm'
+    )
+    return 0

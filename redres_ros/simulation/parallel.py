@@ -1,0 +1,78 @@
+"""The same work on many things, on all processors, with one progress for the whole."""
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from typing import Any, TypeVar
+
+from redres_ros.errors import RedresError
+
+Thing = TypeVar('Thing')
+Result = TypeVar('Result')
+Progress = Callable[[float], None]
+
+_LOOK = 0.1  # [s] between looks at how far the others are
+
+_shares: Any = None  # in a worker: an array, shared by all, of how far each piece of work is
+
+
+def in_parallel(
+    work: Callable[[Thing, Progress], Result], things: Sequence[Thing], progress: Progress
+) -> list[Result]:
+    """The results of work(thing, progress), in the order of the things.
+
+    Args:
+        work: A function of a module; it runs in a process of its own, and its result is sent back.
+        things: What can be sent to such a process.
+        progress: Is told the share of the whole that is done, 0 to 1.
+
+    Raises:
+        RedresError: As one of the pieces of work raised it.
+    """
+    workers = min(len(os.sched_getaffinity(0)), len(things))
+    if workers <= 1:
+        return [
+            work(thing, lambda share, done=done: progress((done + share) / len(things)))
+            for done, thing in enumerate(things)
+        ]
+    shares = multiprocessing.RawArray('d', len(things))
+    # A copy of this process has everything loaded already.
+    context = multiprocessing.get_context('fork')
+    with ProcessPoolExecutor(workers, context, _begin, (shares,)) as pool:
+        futures = [pool.submit(_piece, work, place, thing) for place, thing in enumerate(things)]
+        try:
+            _watch(futures, shares, progress)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        return [future.result() for future in futures]
+
+
+def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Progress) -> None:
+    """Tell the progress until everything is done. Raises what a piece of work raised."""
+    pending = set(futures)
+    while pending:
+        done, pending = wait(pending, _LOOK, FIRST_COMPLETED)
+        for future in done:
+            future.result()
+        progress(sum(shares) / len(shares))
+
+
+def _begin(shares: Any) -> None:
+    global _shares
+    _shares = shares
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes: end without words
+
+
+def _piece(work: Callable[[Thing, Progress], Result], place: int, thing: Thing) -> Result:
+    def progress(share: float) -> None:
+        _shares[place] = share
+
+    try:
+        result = work(thing, progress)
+    except RedresError as error:  # what has more arguments than a text cannot be sent
+        raise RedresError(str(error)) from None
+    progress(1.0)
+    return result
