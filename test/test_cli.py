@@ -4,13 +4,18 @@ status.
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
+from redres_ros import LAWS, Controller, RobotModel, RobotState, load_task, make_law
 from redres_ros.cli import main
+from redres_ros.laws.kinematic import MinimumAcceleration
+from redres_ros.parameter import param
+from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import columns
 
@@ -125,6 +130,12 @@ REFUSED = [
     (('--law', 'fastest'), "unknown law 'fastest'; allowed: dynamically_consistent, "),
     (('--task', 'circle'), "unknown task 'circle'; allowed: "),
     (('--task', 'none.yaml'), 'cannot read none.yaml'),
+    (('--task', 'x' * 300), "unknown task 'xxx"),
+    (('--robot', 'r2d2'), "unknown robot 'r2d2'; allowed: fr3, "),
+    (('--robot', 'none.urdf'), 'cannot read the URDF none.urdf'),
+    (('--robot', 'fr3', '--task', 'rectangle'), 'the tip of fr3 is 794 mm away from the first'),
+    (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
+    (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
     (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
@@ -150,16 +161,39 @@ def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, ca
     assert captured.err.count('\n') == 1
 
 
-def test_a_file_that_cannot_be_written_is_refused(short, tmp_path, capsys):
-    assert main(['simulate', '--task', short, '--out', str(tmp_path)]) == 1
-    assert f'redres simulate: cannot write {tmp_path}: Is a directory' in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ('name', 'reason'),
+    [('.', 'Is a directory'), ('file/a.csv', 'is not a directory'), ('x' * 300, 'too long')],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(
+    short, tmp_path, capsys, name, reason
+):
+    (tmp_path / 'file').write_text('')
+    assert main(['simulate', '--task', short, '--out', str(tmp_path / name)]) == 1
+    captured = capsys.readouterr()
+    assert captured.err.startswith(f'redres simulate: cannot write {tmp_path}')
+    assert reason in captured.err
+    assert captured.out == ''
+
+
+@pytest.mark.parametrize(
+    ('command', 'name'),
+    [('compare', 'comparison.png'), ('demo', 'sim.log'), ('bench', 'bench.json')],
+)
+def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
+    tmp_path, capsys, command, name
+):
+    (tmp_path / name).mkdir()
+    assert main([command, '--out', str(tmp_path)]) == 1
+    message = f'redres {command}: cannot write {tmp_path}/{name}: Is a directory\n'
+    assert capsys.readouterr().err == message
 
 
 @pytest.mark.parametrize(
     'line',
     [
-        '',
         'dance',
+        'simulate --damp 1',
         'simulate --damping much',
         'simulate --delay 0.5',
         'simulate --damping 1 --forgetting-factor 1',
@@ -189,7 +223,21 @@ def test_the_exit_status_of_the_process_is_that_of_main_and_no_traceback_is_show
     assert (result.stderr == '') == (status == 0)
 
 
-# --- laws -----------------------------------------------------------------------------------------
+def test_redres_alone_says_what_to_try_first(capsys):
+    assert main([]) == 2
+    said = capsys.readouterr().err
+    assert all(f'redres {command}' in said for command in ('demo', 'simulate', 'compare', 'laws'))
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(['--version'])
+    assert caught.value.code == 0
+    declared = ElementTree.parse(Path(__file__).parents[1] / 'package.xml').findtext('version')
+    assert capsys.readouterr().out == f'redres_ros {declared}\n'
+
+
+# --- what there is --------------------------------------------------------------------------------
 
 
 def test_laws_lists_every_law_with_its_equation(capsys):
@@ -199,9 +247,108 @@ def test_laws_lists_every_law_with_its_equation(capsys):
         assert [line for line in lines if line.startswith(f'{name} ') and 'Eq. (' in line]
 
 
-@pytest.mark.parametrize('command', [[], ['simulate'], ['demo'], ['laws'], ['law'], ['watch']])
-def test_help_is_there(command, capsys):
+@pytest.mark.parametrize('name', ARMS)
+def test_laws_lists_every_robot(name, capsys):
+    assert main(['laws']) == 0
+    assert [line for line in capsys.readouterr().out.splitlines() if line.startswith(f'{name} ')]
+
+
+COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'bench', 'laws', 'law', 'watch')
+MOTIONS = ('simulate', 'compare', 'demo')
+
+
+def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
     with pytest.raises(SystemExit) as caught:
-        main([*command, '--help'])
+        main([*command.split(), '--help'])
     assert caught.value.code == 0
-    assert capsys.readouterr().out.startswith(' '.join(['usage: redres', *command]))
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize('command', ['', *COMMANDS])
+def test_help_is_there(command, capsys):
+    assert help_of(command, capsys).startswith(f'usage: redres {command}'.strip())
+
+
+@pytest.mark.parametrize('command', ['', *COMMANDS])
+def test_help_shows_no_default_that_says_nothing(command, capsys):
+    shown = help_of(command, capsys)
+    for nothing in ('[]', '()', 'None', 'False', ''):
+        assert f'(default: {nothing})' not in shown
+
+
+@pytest.mark.parametrize('command', MOTIONS)
+@pytest.mark.parametrize(
+    'option', ['--law', '--damping', '--robot', '--tip', '--task', '--dynamics']
+)
+def test_every_motion_has_the_same_options(command, option, capsys):
+    assert f'{option} ' in help_of(command, capsys)
+
+
+# --- gains ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Springy(MinimumAcceleration):
+    """A law with a gain of its own, Eq. (19)."""
+
+    stiffness: float = param(4.0, 'of the spring [1/s^2]', 0.0, 1e3)
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return super().bias(state, T) - T * self.stiffness * state.q
+
+
+@pytest.fixture
+def springy(monkeypatch):
+    """A law that was added to the table."""
+    monkeypatch.setitem(LAWS, 'springy', Springy)
+
+
+@pytest.mark.parametrize('command', MOTIONS)
+def test_a_gain_that_is_declared_with_a_law_is_an_option(springy, command, capsys):
+    shown = ' '.join(help_of(command, capsys).split())
+    assert '--springy.stiffness X of the spring [1/s^2]; default: 4.0' in shown
+
+
+def test_a_gain_acts(springy, short, tmp_path):
+    law = ('--law', 'springy')
+    a = simulate(short, tmp_path / 'a.csv', *law)
+    b = simulate(short, tmp_path / 'b.csv', *law, '--springy.stiffness', '8')
+    c = simulate(short, tmp_path / 'c.csv', *law, '--springy.stiffness', '4')
+    assert (a != b).any()
+    assert (a == c).all()
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        (
+            ('--law', 'springy', '--springy.stiffness', '-1'),
+            'stiffness is -1.0; allowed: 0 to 1000',
+        ),
+        (('--springy.stiffness', '1'), '--springy.stiffness acts on springy; in use: minimum_acc'),
+    ],
+)
+def test_a_gain_that_cannot_act_is_refused(springy, options, message, capsys):
+    assert main(['simulate', *options]) == 1
+    assert capsys.readouterr().err.startswith(f'redres simulate: {message}')
+
+
+# --- robots ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('name', ['iiwa7', 'planar4r'])
+def test_a_robot_does_its_own_task_unless_told_otherwise(name, tmp_path, capsys):
+    assert main(['simulate', '--robot', name, '--period', '0.01']) == 0
+    implied = capsys.readouterr().out
+    assert main(['simulate', '--task', ARMS[name].task, '--period', '0.01']) == 0
+    assert capsys.readouterr().out == implied
+
+
+def test_a_robot_may_be_a_file(tmp_path, capsys):
+    arm = ARMS['iiwa7']
+    options = ['--task', arm.task, '--period', '0.01', '--law', 'minimum_velocity']
+    for robot in ('iiwa7', str(arm.urdf)):
+        path = tmp_path / f'{len(robot)}.csv'
+        assert main(['simulate', *options, '--robot', robot, '--out', str(path)]) == 0
+    a, b = (path.read_text() for path in tmp_path.glob('*.csv'))
+    assert a == b

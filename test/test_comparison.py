@@ -1,5 +1,6 @@
 """`redres compare`: peaks and integrals of laws side by side."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +9,16 @@ import pytest
 
 from redres_ros.cli import main
 from redres_ros.controller import Controller
+from redres_ros.errors import RangeError, RedresError
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
+from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.comparison import Effort, table
+from redres_ros.simulation.comparison import Effort, first_violation, tables
+from redres_ros.simulation.parallel import in_parallel
+from redres_ros.simulation.recording import Recording, columns
+from redres_ros.simulation.report import print_tables
 from redres_ros.waypoints import load_task
 
 TASK = replace(load_task('rectangle'), waypoints=load_task('rectangle').waypoints[:2])
@@ -61,11 +68,75 @@ def test_the_elbow_of_a_standing_arm_has_no_path() -> None:
     )
 
 
-def test_the_table_marks_the_least_of_each_column() -> None:
-    low = Effort(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 'end')
-    high = Effort(2.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, 'end')
-    first, second = table({'low': low, 'high': high}).splitlines()[2:4]
-    assert (first.count('*'), second.count('*')) == (6, 1)
+def test_the_table_marks_the_least_of_each_column(capsys) -> None:
+    low = Effort(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, '', True, 'end')
+    high = Effort(2.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, '', True, 'end')
+    print_tables(*tables({'low': low, 'high': high}, 'title'))
+    rows = capsys.readouterr().out.splitlines()
+    marks = {
+        law: sum(row.count('*') for row in rows if row.split()[:1] == [law])
+        for law in ('low', 'high')
+    }
+    assert marks == {'low': 6, 'high': 1}
+
+
+def test_the_table_says_who_stayed_within_the_limits_and_who_did_not_arrive(capsys) -> None:
+    good = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, '', True, 'reached')
+    bad = replace(good, violation='a2 position, 1.00 s', finished=False, ending='diverged')
+    print_tables(*tables({'good': good, 'bad': bad}, 'title'))
+    shown = capsys.readouterr().out
+    assert 'no: a2 position, 1.00 s' in shown
+    assert 'bad: diverged' in shown
+    assert 'good: reached' not in shown
+
+
+def still(ticks: int, T: float = 0.01) -> np.ndarray:
+    """Rows of a recording of an arm of 7 joints that stands at zero."""
+    rows = np.zeros((ticks, len(columns(7))))
+    rows[:, 0] = T * np.arange(ticks)
+    return rows
+
+
+LIMITS = JointLimits.of(find_arm('lwr4'))
+
+
+def violation(rows: np.ndarray) -> str:
+    return first_violation(Recording(rows, 7, 0.01, True, ''), LIMITS)
+
+
+def test_an_arm_that_stands_still_violates_nothing() -> None:
+    assert violation(still(10)) == ''
+
+
+@pytest.mark.parametrize('joint', [1, 7])
+def test_a_joint_that_leaves_its_range_is_named_with_the_time(joint: int) -> None:
+    rows = still(10)
+    column = columns(7).index(f'q{joint}')
+    rows[4:, column] = LIMITS.upper[joint - 1]
+    assert violation(rows) == ''
+    rows[4:, column] = LIMITS.upper[joint - 1] + 1e-6
+    assert violation(rows) == f'{LIMITS.joint_names[joint - 1]} position, 0.04 s'
+
+
+def test_a_joint_that_is_too_fast_is_named_with_the_time() -> None:
+    rows = still(10_000)
+    column = columns(7).index('dq3')
+    rows[:, column] = -np.linspace(0.0, 1.001 * LIMITS.velocity[2], len(rows))  # [rad/s], in 100 s
+    at = rows[np.argmax(-rows[:, column] > LIMITS.velocity[2] * (1.0 + 1e-9)), 0]
+    assert violation(rows) == f'{LIMITS.joint_names[2]} velocity, {at:.2f} s'
+
+
+def test_a_jump_from_rest_in_the_first_tick_counts_as_acceleration() -> None:
+    rows = still(10)
+    rows[:, columns(7).index('dq2')] = 1.01 * 0.01 * LIMITS.acceleration[1]
+    assert violation(rows) == f'{LIMITS.joint_names[1]} acceleration, 0.00 s'
+
+
+def test_of_several_violations_the_first_is_told() -> None:
+    rows = still(10)
+    rows[5:, columns(7).index('q1')] = 10.0
+    rows[3, columns(7).index('dq2')] = 100.0
+    assert violation(rows) == f'{LIMITS.joint_names[1]} acceleration, 0.03 s'
 
 
 def test_the_command_writes_plot_and_data(
@@ -89,6 +160,8 @@ def test_the_command_writes_plot_and_data(
         ('minimum_velocity@x', ('NAME@DAMPING',)),
         ('minimum_velocity@-1', ('-1',)),
         ('', ("''",)),
+        ('minimum_velocity,minimum_velocity', ('twice',)),
+        ('minimum_acceleration,minimum_acceleration@10', ('twice',)),
     ],
 )
 def test_bad_laws_get_one_line(
@@ -98,3 +171,43 @@ def test_bad_laws_get_one_line(
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert all(word in lines[0] for word in words)
+
+
+def test_dampings_that_print_alike_stay_apart(tmp_path: Path) -> None:
+    laws = 'minimum_acceleration@5,minimum_acceleration@5.0000001'
+    options = ['--task', 'side_to_side', '--period', '0.01', '--out', str(tmp_path)]
+    assert main(['compare', '--laws', laws, *options]) == 0
+    assert {path.name for path in tmp_path.glob('*.csv')} == {
+        'minimum_acceleration_5.csv',
+        'minimum_acceleration_5.0000001.csv',
+    }
+
+
+# --- in parallel ----------------------------------------------------------------------------------
+
+
+def square(number: int, progress: Callable[[float], None]) -> int:
+    progress(0.5)
+    if number < 0:
+        raise RangeError('number', number, 0.0, 10.0)
+    return number**2
+
+
+@pytest.mark.parametrize('processors', [{0}, {0, 1}])
+def test_results_come_in_the_order_of_the_work(
+    processors: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('os.sched_getaffinity', lambda process: processors)
+    told: list[float] = []
+    assert in_parallel(square, [3, 1, 2], told.append) == [9, 1, 4]
+    assert told == sorted(told)
+    assert all(0.0 <= share <= 1.0 for share in told)
+
+
+@pytest.mark.parametrize('processors', [{0}, {0, 1}])
+def test_what_a_piece_of_work_refuses_is_refused(
+    processors: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('os.sched_getaffinity', lambda process: processors)
+    with pytest.raises(RedresError, match='number is -1; allowed: 0 to 10'):
+        in_parallel(square, [1, -1, 2], lambda share: None)

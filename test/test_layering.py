@@ -53,6 +53,7 @@ def imports_of(path: Path) -> Iterator[Import]:
         child
         for node in ast.walk(tree)
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+        or (isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING')
         for child in ast.walk(node)
     }
     for node in ast.walk(tree):

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.options import Help, OptionError, made
+from redres_ros.cli.files import made
+from redres_ros.cli.options import OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
 _RATES = (10.0, 2000.0)  # [Hz]
@@ -15,9 +16,7 @@ _ROUNDS = 100.0  # of the ticks, per second of --duration
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    bench = commands.add_parser(
-        'bench', help='how fast it is on this machine, beside others', formatter_class=Help
-    )
+    bench = commands.add_parser('bench', help='how fast it is on this machine, beside others')
     bench.add_argument(
         '--only', default=','.join(_PARTS), metavar='A,B,...', help='parts to measure'
     )
@@ -49,7 +48,7 @@ def _bench(options: argparse.Namespace) -> int:
         raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
     if 'loop' in parts:
         import redres_ros.bench.loop  # noqa: F401, that there is no ROS is to be known at once
-    made(options.out)
+    made(options.out, 'bench.json')
     results = {}
     for name in parts:
         with progress_bar(name) as progress:

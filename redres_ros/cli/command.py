@@ -10,7 +10,15 @@ from redres_ros.cli import bench, compare, demo, laws, reproduce, simulate, watc
 from redres_ros.cli.options import Parser, Version
 from redres_ros.errors import RedresError, quoted
 
-_GROUPS = (demo, simulate, compare, reproduce, laws, watch, bench)  # in the order of `redres --help`
+_GROUPS = (
+    demo,
+    simulate,
+    compare,
+    reproduce,
+    laws,
+    watch,
+    bench,
+)  # in the order of `redres --help`
 
 _BEGINNING = """\
 redres moves a redundant arm along a task. What to try first:

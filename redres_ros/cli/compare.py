@@ -60,12 +60,13 @@ def add(commands: Any) -> None:
 
 def _compare(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import made
-    from redres_ros.cli.wanted import check_gains, find_task, make_controller
+    from redres_ros.cli.wanted import check_gains, find_task, make_controller, task_name
     from redres_ros.simulation.comparison import draw, tables
     from redres_ros.simulation.parallel import in_parallel
     from redres_ros.simulation.report import print_tables, progress_bar
 
-    task, model = find_task(options)
+    name = task_name(options)
+    task, model = find_task(options, name)
     contenders = _contenders(options)
     check_gains(options, {contender.name for contender in contenders.values()})
     for contender in contenders.values():
@@ -79,7 +80,6 @@ def _compare(options: argparse.Namespace) -> int:
         recording.write_csv(out / contender.file_name)
         recordings[label] = recording
         efforts[label] = effort
-    name = options.task or 'rectangle'
     title = (
         f'{name}, T = {1e3 * options.period:g} ms, ideal arm {task.robot}, '
         f'{model.arm.dynamics} dynamics'
@@ -117,15 +117,13 @@ def _plain(number: float) -> str:
     return repr(float(number)).removesuffix('.0')
 
 
-def _run(
-    contender: _Contender, progress: Callable[[float], None]
-) -> tuple['Recording', 'Effort']:
+def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Recording', 'Effort']:
     """The motion of one law; works in a process of its own."""
-    from redres_ros.cli.wanted import find_task, make_controller
+    from redres_ros.cli.wanted import find_task, make_controller, task_name
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.comparison import Effort
 
-    task, model = find_task(contender.options)
+    task, model = find_task(contender.options, task_name(contender.options))
     period = contender.options.period
     controller = make_controller(contender.options, model, contender.law, period)
     recording = run(controller, task, progress=progress)

@@ -7,34 +7,25 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.options import Help, OptionError, add_law, damping, made
+from redres_ros.cli.files import made
+from redres_ros.cli.options import OptionError, add_motion
 from redres_ros.errors import RangeError
+
+_SWITCHES = (0.0, 1e6)  # [s] after the task began
+_LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
     demo = commands.add_parser(
-        'demo',
-        help='planner, controller and fake arm as ROS 2 nodes, in real time',
-        formatter_class=Help,
+        'demo', help='planner, controller and fake arm as ROS 2 nodes, in real time'
     )
-    add_law(demo)
+    add_motion(demo)
     demo.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
-    demo.add_argument(
-        '--task',
-        metavar='NAME|FILE.yaml',
-        help='points to pass; default: rectangle, with --duration side_to_side',
-    )
-    demo.add_argument(
-        '--dynamics',
-        default='identified',
-        metavar='NAME',
-        help='identified, or cylinders (Section 5.2), of arm and controller alike',
-    )
     demo.add_argument(
         '--switch',
         action='append',
-        default=[],
+        default=(),
         metavar='LAW@SECONDS',
         help='switch the law on the way; may be repeated',
     )
@@ -55,7 +46,7 @@ def add(commands: Any) -> None:
         type=float,
         default=0.0,
         metavar='S',
-        help='repeat the task for so long; 0: once',
+        help='repeat the task for so long, by default the one named side_to_side; 0: once',
     )
     demo.add_argument(
         '--domain',
@@ -74,18 +65,23 @@ def add(commands: Any) -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
+    from redres_ros.cli.wanted import (
+        check_gains,
+        find_law,
+        find_task,
+        node_parameters,
+        task_name,
+    )
     from redres_ros.demo.demo import Demo, DemoOptions
     from redres_ros.demo.processes import own_domain
-    from redres_ros.laws import make_law
     from redres_ros.simulation.report import progress_bar
-    from redres_ros.waypoints import load_task
 
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
-    name = options.task or ('side_to_side' if options.duration else 'rectangle')
-    task = load_task(name)
-    gains = damping(options, 1.0 / options.rate if options.rate else math.inf)
-    law = make_law(options.law, **gains)
+    name = task_name(options, 'side_to_side' if options.duration else 'rectangle')
+    task, _ = find_task(options, name)
+    law = find_law(options, options.law, 1.0 / options.rate if options.rate else math.inf)
+    check_gains(options, {options.law, *(law for law, _ in map(_switch, options.switch))})
     wanted = DemoOptions(
         name,
         options.law,
@@ -96,31 +92,32 @@ def _demo(options: argparse.Namespace) -> int:
         options.lockstep,
         options.composed,
         options.duration,
-        {'plant': options.plant},
+        {'plant': options.plant, **node_parameters(options)},
     )
-    demo = Demo(wanted, task, made(options.out))
+    demo = Demo(wanted, task, made(options.out, 'motion.csv', 'motion.png', *_LOGS))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with (
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
     ):
-        print(
-            f'ROS domain {domain}; look at it from another terminal with: redres watch --domain {domain}',
-            flush=True,
-        )
+        look = f'redres watch --domain {domain}'
+        print(f'ROS domain {domain}; look at it from another terminal with: {look}', flush=True)
         outcome = demo.run(progress)
     _write(outcome, demo, task, options.out)
     return 0 if outcome.succeeded else 1
 
 
 def _switch(text: str) -> tuple[str, float]:
-    law, _, seconds = text.partition('@')
+    law, _, moment = text.partition('@')
     try:
-        return law, float(seconds)
+        seconds = float(moment)
     except ValueError:
         raise OptionError(
             f'--switch {text}; expected LAW@SECONDS, as minimum_velocity@4.5'
         ) from None
+    if not _SWITCHES[0] <= seconds <= _SWITCHES[1]:
+        raise RangeError(f'the time of --switch {text}', seconds, *_SWITCHES, 's')
+    return law, seconds
 
 
 def _write(outcome: Any, demo: Any, task: Any, out: Path) -> None:

@@ -1,14 +1,19 @@
 """`redres laws`, which lists them, and `redres law`, which switches a running controller to one."""
 
 import argparse
-from typing import Any
+import inspect
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain
+
+if TYPE_CHECKING:
+    from redres_ros.robots import Arm
 
 
 def add(commands: Any) -> None:
     """Declare the subcommands."""
-    laws = commands.add_parser('laws', help='the laws and their equations')
+    laws = commands.add_parser('laws', help='the laws, and what can be combined with them')
     laws.set_defaults(run=_laws)
     law = commands.add_parser('law', help='switch the law of a running controller')
     law.add_argument('name', metavar='NAME', help='see `redres laws`')
@@ -20,13 +25,32 @@ def add(commands: Any) -> None:
 
 
 def _laws(options: argparse.Namespace) -> int:
-    import inspect
-
     from redres_ros.laws import LAWS
+    from redres_ros.robots import ARMS
 
-    for name, law in LAWS.items():
-        print(f'{name:<26}{inspect.getdoc(law)}')
+    rooms: dict[str, Mapping[str, Any]] = {'laws': LAWS}
+    for room, table in rooms.items():
+        print(f'{room}:')
+        for name, cls in table.items():
+            print(f'{name:<26}{_says(cls)}')
+        print()
+    print('robots:')
+    for name, arm in ARMS.items():
+        print(f'{name:<26}{_describes(arm)}')
     return 0
+
+
+def _says(cls: type) -> str:
+    """The first paragraph of a class's documentation, on one line."""
+    return ' '.join((inspect.getdoc(cls) or '').partition('\n\n')[0].split())
+
+
+def _describes(arm: 'Arm') -> str:
+    """An arm in a few words."""
+    moved = ''
+    if arm.base_offset or arm.tool_offset:
+        moved = f', base {arm.base_offset:g} m higher, tool of {arm.tool_offset:g} m'
+    return f'{len(arm.start)} joints, task {arm.task}{moved}'
 
 
 def _law(options: argparse.Namespace) -> int:

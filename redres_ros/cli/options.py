@@ -29,9 +29,8 @@ class Parser(argparse.ArgumentParser):
     need not wait for.
     """
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        kwargs.setdefault('formatter_class', Help)
-        super().__init__(*args, allow_abbrev=False, **kwargs)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**{'formatter_class': Help, 'allow_abbrev': False, **kwargs})
         self._declarations: list[Callable[[], None]] = []
 
     def declare_later(self, declare: Callable[[argparse.ArgumentParser], None]) -> None:
@@ -50,8 +49,8 @@ class Parser(argparse.ArgumentParser):
 class Version(argparse.Action):
     """Prints the package's version."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, nargs=0, default=argparse.SUPPRESS, **kwargs)
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str = '') -> None:  # noqa: A002
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *args: Any) -> None:
         """Print it, and end."""

@@ -7,9 +7,7 @@ from typing import Any
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    reproduce = commands.add_parser(
-        'reproduce', help="the paper's figures and claims, without ROS"
-    )
+    reproduce = commands.add_parser('reproduce', help="the paper's figures and claims, without ROS")
     reproduce.add_argument(
         '--out',
         type=Path,

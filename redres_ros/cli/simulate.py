@@ -40,11 +40,11 @@ def _simulate(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from redres_ros.cli.files import check_writable
-    from redres_ros.cli.wanted import check_gains, find_law, find_task, make_controller
+    from redres_ros.cli.wanted import check_gains, find_law, find_task, make_controller, task_name
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.report import peaks, print_tables, progress_bar
 
-    task, model = find_task(options)
+    task, model = find_task(options, task_name(options))
     if options.switching:
         task = replace(task, switching=options.switching)
     if not 0 <= options.delay <= 1000:

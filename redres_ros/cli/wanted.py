@@ -85,7 +85,7 @@ def check_gains(options: argparse.Namespace, in_use: set[str]) -> None:
     for gain in all_gains():
         if getattr(options, gain.key) is not None and gain.owner not in in_use:
             used = ', '.join(sorted(in_use))
-            raise OptionError(f'--{gain.key} is given, but {gain.owner} is not in use; in use: {used}')
+            raise OptionError(f'--{gain.key} acts on {gain.owner}; in use: {used}')
 
 
 def find_law(
@@ -150,26 +150,45 @@ def _damping(options: argparse.Namespace, T: float) -> float | None:
     return (1.0 - factor) / T
 
 
-def find_task(options: argparse.Namespace) -> tuple['Task', 'RobotModel']:
-    """The task, and the arm that is to carry it out.
+def node_parameters(options: argparse.Namespace) -> dict[str, Any]:
+    """What the nodes have to be told beside the law, its damping, the robot and its dynamics."""
+    told: dict[str, Any] = {'tip_frame': options.tip} if options.tip else {}
+    for gain in all_gains():
+        value = getattr(options, gain.key)
+        if value is not None:
+            told[gain.key] = value
+    return told
+
+
+def task_name(options: argparse.Namespace, default: str = 'rectangle') -> str:
+    """The task that is named, or the robot's own where only a robot is; else the default."""
+    from redres_ros.robots import ARMS
+
+    own = ARMS[options.robot].task if options.robot in ARMS else ''
+    return options.task or own or default
+
+
+def find_task(options: argparse.Namespace, name: str) -> tuple['Task', 'RobotModel']:
+    """The task of that name, and the arm that is to carry it out.
+
+    Args:
+        options: With the robot, its tip and its dynamics.
+        name: As of task_name().
 
     Raises:
         UnknownNameError: No such task, robot, frame or dynamics.
         FileError: A file that cannot be used.
         OptionError: A task and a robot that do not go together.
     """
-    from redres_ros.robots import ARMS, find_arm
     from redres_ros.waypoints import load_task
 
-    robot = options.robot
-    if robot and Path(robot).suffix not in _URDF:
-        find_arm(robot)
-    own = ARMS[robot].task if robot in ARMS else ''
-    task = load_task(options.task or own or 'rectangle')
-    model = _find_model(options, robot or task.robot)
-    if robot or options.tip:
-        _check_start(task, model, robot or task.robot)
-    return replace(task, robot=robot or task.robot), model
+    task = load_task(name)
+    if options.robot:
+        task = replace(task, robot=options.robot)
+    model = _find_model(options, task.robot)
+    if options.robot or options.tip:
+        _check_start(task, model)
+    return task, model
 
 
 def _find_model(options: argparse.Namespace, robot: str) -> 'RobotModel':
@@ -195,18 +214,18 @@ def _last_link(path: Path) -> str:
     return ends[0]
 
 
-def _check_start(task: 'Task', model: 'RobotModel', robot: str) -> None:
+def _check_start(task: 'Task', model: 'RobotModel') -> None:
     """Refuse a task that was written for another arm, tip or base."""
     import numpy as np
 
     if len(task.start) != model.n:
         raise OptionError(
-            f'the task starts with {len(task.start)} joints, and {robot} has {model.n}; '
+            f'the task starts with {len(task.start)} joints, and {task.robot} has {model.n}; '
             'name a task of that robot with --task'
         )
     away = float(np.linalg.norm(model.tip(task.start)[0] - task.waypoints[0]))
     if not away < _NEAR:
         raise OptionError(
-            f'the tip of {robot} is {1e3 * away:.0f} mm away from the first point when the task '
-            f'starts; allowed: {1e3 * _NEAR:.0f} mm; name a task of that robot with --task'
+            f'the tip of {task.robot} is {1e3 * away:.0f} mm away from the first point when the '
+            f'task starts; allowed: {1e3 * _NEAR:.0f} mm; name a task of that robot with --task'
         )

@@ -46,6 +46,7 @@ class Effort:
         kinetic_energy: Integral of 1/2 dq' M dq over time [J s].
         elbow: Length of the elbow's path [m].
         violation: The first joint that goes beyond a limit, how and when; empty for none.
+        finished: The last point was reached.
         ending: How the motion ended, in words.
     """
 
@@ -57,6 +58,7 @@ class Effort:
     kinetic_energy: float
     elbow: float
     violation: str
+    finished: bool
     ending: str
 
     @classmethod
@@ -77,6 +79,7 @@ class Effort:
             kinetic_energy=T * float(np.einsum('ti,tij,tj->', dq, M, dq)) / 2.0,
             elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
             violation=first_violation(recording, JointLimits.of(model.arm)),
+            finished=recording.finished,
             ending=recording.ending,
         )
 
@@ -89,33 +92,31 @@ def first_violation(recording: Recording, limits: JointLimits) -> str:
         limits: Of the same arm.
     """
     found = [
-        (float(recording['t'][tick]), f'{limits.joint_names[joint]} {how}')
-        for how, (tick, joint) in _violations(recording, limits)
+        (float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}')
+        for kind, (tick, joint) in _violations(recording, limits)
     ]
     if not found:
         return ''
     t, what = min(found)
-    return f'{what} at {t:.2f} s'
+    return f'{what}, {t:.2f} s'
 
 
-def _violations(
-    recording: Recording, limits: JointLimits
-) -> Iterator[tuple[str, tuple[int, int]]]:
-    """In words each kind of limit that is broken, and the tick and the joint where it is first."""
+def _violations(recording: Recording, limits: JointLimits) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Each kind of limit that is broken, and the tick and the joint where it is first."""
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')
     ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # (ticks, n), Eq. (13)
     room = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
     more = 1.0 + _ROUNDING
     beyond = {
-        'leaves its range': (q < limits.lower - room) | (q > limits.upper + room),
-        'is too fast': np.abs(dq) > more * limits.velocity,
-        'accelerates too much': np.abs(ddq) > more * limits.acceleration,
+        'position': (q < limits.lower - room) | (q > limits.upper + room),
+        'velocity': np.abs(dq) > more * limits.velocity,
+        'acceleration': np.abs(ddq) > more * limits.acceleration,
     }
-    for how, where in beyond.items():
+    for kind, where in beyond.items():
         if where.any():
             tick, joint = np.argwhere(where)[0]
-            yield how, (int(tick), int(joint))
+            yield kind, (int(tick), int(joint))
 
 
 def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
@@ -130,25 +131,28 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
         [
             law,
             *(marked[name][law] for name in _WORST),
-            f'no: {effort.violation}' if effort.violation else 'yes',
-            effort.ending,
+            _answer(effort),
         ]
         for law, effort in efforts.items()
     ]
+    unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
     whole = [[law, *(marked[name][law] for name in _WHOLE)] for law in efforts]
     return (
-        table(['law', *_WORST.values(), 'within the limits?', 'end'], worst, title=title),
-        table(['law', *_WHOLE.values()], whole, note='* least of its column'),
+        table(['law', *_WORST.values(), 'within the limits?'], worst, title=title),
+        table(['law', *_WHOLE.values()], whole, note='\n'.join(['* least', *unfinished])),
     )
+
+
+def _answer(effort: Effort) -> str:
+    """To the question whether it stayed within the limits."""
+    return f'no: {effort.violation}' if effort.violation else 'yes'
 
 
 def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
     """One figure of every law as text, the least of them with a star."""
     values = {law: getattr(effort, name) for law, effort in efforts.items()}
     least = min(values.values())
-    return {
-        law: f'{value:.4g}{"*" if value == least else " "}' for law, value in values.items()
-    }
+    return {law: f'{value:.4g}{"*" if value == least else " "}' for law, value in values.items()}
 
 
 def draw(recordings: Mapping[str, Recording], title: str, path: Path) -> None:

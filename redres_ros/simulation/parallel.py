@@ -33,10 +33,7 @@ def in_parallel(
     """
     workers = min(len(os.sched_getaffinity(0)), len(things))
     if workers <= 1:
-        return [
-            work(thing, lambda share, done=done: progress((done + share) / len(things)))
-            for done, thing in enumerate(things)
-        ]
+        return [work(thing, _part(progress, place, things)) for place, thing in enumerate(things)]
     shares = multiprocessing.RawArray('d', len(things))
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
@@ -48,6 +45,11 @@ def in_parallel(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         return [future.result() for future in futures]
+
+
+def _part(progress: Progress, place: int, things: Sequence[Any]) -> Progress:
+    """What tells the progress of the whole from that of one thing, those before it being done."""
+    return lambda share: progress((place + share) / len(things))
 
 
 def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Progress) -> None:
