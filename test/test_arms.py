@@ -1,11 +1,14 @@
 """What holds for every arm of the table: a further row is tested by these without another word."""
 
 import re
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel, Task, load_task, make_law
+from redres_ros.errors import ArrayError
 from redres_ros.fri.plant import MujocoPlant, Witness
 from redres_ros.resolution import resolve
 from redres_ros.robots import ARMS, find_arm
@@ -184,6 +187,7 @@ def test_the_default_task_is_the_arms_own_and_begins_at_its_start(name):
     assert np.linalg.norm(x - task.waypoints[0]) < 0.2e-3  # given to a tenth of a millimetre
 
 
+@cache
 def motion(name: str, law: str) -> tuple[Task, Recording]:
     """The default task of an arm in the ideal loop."""
     task = load_task(ARMS[name].task)
@@ -213,6 +217,30 @@ def test_the_default_task_keeps_the_limits(name, law):
     assert (q < limits.upper).all()
     assert (np.abs(dq) < limits.velocity).all()
     assert (np.abs(ddq) < limits.acceleration).all()
+
+
+# --- another tip ----------------------------------------------------------------------------------
+
+
+def test_with_a_tip_nearer_to_the_base_the_joints_beyond_it_are_held():
+    arm = find_arm('lwr4', tip_frame='link_5')
+    model = RobotModel(arm)
+    assert model.joint_names == RobotModel.named('lwr4').joint_names[:5]
+    assert (arm.start, arm.task) == (ARMS['lwr4'].start[:5], '')
+    whole = RobotModel.named('lwr4').state(np.array((*arm.start, 0.0, 0.0)), np.zeros(7))
+    state = model.state(np.array(arm.start), np.zeros(5))
+    assert state.M == pytest.approx(whole.M[:5, :5], abs=1e-12)  # rotors and weight are still there
+    assert JointLimits.of(arm).acceleration.tolist() == list(ARMS['lwr4'].acceleration_limit[:5])
+
+
+def test_with_a_tip_on_the_same_joints_nothing_is_lost():
+    assert find_arm('fr3', tip_frame='fr3_link7').task == 'fr3_square'
+
+
+def test_figures_for_other_joints_are_refused_by_name():
+    arm = replace(ARMS['planar4r'], rotor_inertia=(1.0, 2.0))
+    with pytest.raises(ArrayError, match=r'rotor_inertia has 2 values; .*: joint_1, joint_2'):
+        RobotModel(arm)
 
 
 # --- a planar arm and a task of three coordinates -------------------------------------------------

@@ -23,6 +23,7 @@ from redres_ros.robots.urdf import rotation_from_rpy, rpy_from_rotation
 from redres_ros.simulation.closed_loop import run
 
 AGREEMENT = 1e-9  # two libraries in double precision
+T = 0.005  # [s]
 JOINTS = ('yaw', 'shoulder', 'elbow', 'wrist')
 INERTIAL = (
     '<inertial><origin xyz="0 0 0.1"/><mass value="1.5"/>'
@@ -487,7 +488,7 @@ def test_without_xacro_one_line_says_how_to_get_it(tmp_path, monkeypatch):
 
 
 def test_a_xacro_that_is_not_there_is_refused_by_path(tmp_path):
-    with pytest.raises(FileError, match='cannot read the URDF .*none.xacro'):
+    with pytest.raises(FileError, match=r'cannot read the URDF .*none\.xacro'):
         arm_from_urdf(tmp_path / 'none.xacro', 'tip')
 
 
@@ -559,10 +560,10 @@ def test_the_square_is_gone_round_within_the_limits(source, law):
         arm.kinematics(), np.array(arm.start), np.array(arm.acceleration_limit)
     )
     task = Task('test', np.array(arm.start), square.waypoints, segment_time=square.segment_time)
-    recording = run(Controller(RobotModel(arm), make_law(law), 0.002), task)
+    recording = run(Controller(RobotModel(arm), make_law(law), T), task)
     limits = JointLimits.of(arm)
     q, dq = recording.vectors('q1'), recording.vectors('dq1')
-    ddq = np.diff(dq, axis=0, prepend=0.0) / 0.002
+    ddq = np.diff(dq, axis=0, prepend=0.0) / T
     assert recording.finished, recording.ending
     assert (limits.lower < q).all()
     assert (q < limits.upper).all()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from redres_ros.errors import FileError, RangeError, UnknownNameError
+from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.chain import chain_to, settle_chain
 from redres_ros.robots.hold import hold_the_rest
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
@@ -12,6 +12,7 @@ from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import Joint, Urdf, child, source_name
 
 DYNAMICS = ('identified', 'cylinders')
+OF_EACH_JOINT = ('rotor_inertia', 'acceleration_limit', 'start')  # fields of an arm
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ class Arm:
             FileError: The file cannot be read, is no URDF, lacks a joint that an offset needs, or
                 has a joint that cannot be used.
             UnknownNameError: No link has the tip's or the elbow's name.
+            ArrayError: Rotor inertias, acceleration limits or a start for other joints.
         """
         return self._prepared().urdf.text()
 
@@ -104,10 +106,20 @@ class Arm:
         if self.elbow_frame:
             urdf.check_link(self.elbow_frame)
         remarks = settle_chain(urdf, chain) + hold_the_rest(urdf, chain)
+        self._check_sizes([joint.name for joint in chain if joint.type != 'fixed'])
         if self.dynamics == 'cylinders':
             make_cylinders(urdf, chain)
         remarks += fill_in_inertias(urdf, chain)
         return _Prepared(urdf, chain, remarks)
+
+    def _check_sizes(self, joint_names: list[str]) -> None:
+        for field in OF_EACH_JOINT:
+            values = getattr(self, field)
+            if values and len(values) != len(joint_names):
+                raise ArrayError(
+                    f'{field} has {len(values)} values; expected one for each joint that moves '
+                    f'{self.tip_frame}: {", ".join(joint_names)}'
+                )
 
     def _set_offset(self, urdf: Urdf, mount: str, offset: float) -> None:
         if not offset:

@@ -10,13 +10,14 @@ from redres_ros.robots.urdf import Joint, Urdf, motion_of
 
 @dataclass(frozen=True)
 class MovingJoint:
-    """A joint that moves.
+    """A joint that moves, and the link that it moves.
 
     before: (4, 4), from the frame of the link that the last moving joint moves to this joint's.
     axis: Unit vector (3,) in the joint's frame. lower, upper: [rad], or [m] of a prismatic one.
     velocity: [rad/s] or [m/s].
     """
 
+    name: str
     link: str
     before: np.ndarray
     axis: np.ndarray
@@ -47,7 +48,9 @@ class Kinematics:
             lower, upper = limits_of(urdf, joint)
             velocity = urdf.number(joint.element.find('limit'), 'velocity', '0', owner)
             is_prismatic = joint.type == 'prismatic'
-            joints.append(MovingJoint(joint.child, H, axis, is_prismatic, lower, upper, velocity))
+            joints.append(
+                MovingJoint(joint.name, joint.child, H, axis, is_prismatic, lower, upper, velocity)
+            )
             H = np.eye(4)
         return cls(tuple(joints), H)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.robots import defaults
-from redres_ros.robots.arm import Arm
+from redres_ros.robots.arm import OF_EACH_JOINT, Arm
 
 FEWEST_JOINTS = 3  # of an arm from a URDF
 
@@ -97,18 +97,32 @@ ARMS: dict[str, Arm] = {
 def find_arm(name: str, **changes: object) -> Arm:
     """The arm of that name.
 
+    With the tip nearer to the base, joints beyond it are held still, and the default task is gone.
+
     Args:
         name: In the table ARMS.
         changes: Fields of the arm to set to another value; None leaves a field as it is.
 
     Raises:
-        UnknownNameError: No such arm, or no such dynamics.
+        UnknownNameError: No such arm, no such dynamics, or no link of the tip's name.
         RangeError: An offset beyond 2 m.
     """
     if name not in ARMS:
         raise UnknownNameError('robot', name, ARMS)
+    arm = ARMS[name]
     given = {field: value for field, value in changes.items() if value is not None}
-    return replace(ARMS[name], **given)  # type: ignore[arg-type]  # as many types as fields
+    changed = replace(arm, **given)  # type: ignore[arg-type]  # as many types as fields
+    return changed if changed.tip_frame == arm.tip_frame else _shortened(changed)
+
+
+def _shortened(arm: Arm) -> Arm:
+    """An arm of the table without the figures of joints beyond its tip."""
+    bare = replace(arm, rotor_inertia=(), acceleration_limit=(), start=())
+    n = bare.kinematics().n
+    if n == len(arm.start):
+        return arm
+    figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
+    return replace(arm, task='', **figures)
 
 
 def arm_from_urdf(source: Path | str, tip_frame: str, elbow_frame: str = '') -> Arm:
