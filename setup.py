@@ -14,11 +14,10 @@ PACKAGE = ElementTree.parse(Path(__file__).parent / 'package.xml').getroot()
 MAINTAINER = PACKAGE.find('maintainer')
 
 # The library asks for little, so that it fits beside a robot's driver. What `redres` needs beyond
-# that: the fake robot, plots, tables.
+# that: the fake robot and plots.
 TOOLS = [
     'mujoco>=3.10',  # whose mj_fullM takes the data
     'matplotlib>=3.9',
-    'rich>=13.0',
 ]
 ROS = [
     *TOOLS,
@@ -63,6 +62,7 @@ setup(
         'scipy>=1.14.1',
         'pin>=3.3.1',
         'PyYAML>=6.0.1',
+        'rich>=13.0',
     ],
     extras_require={
         'tools': TOOLS,

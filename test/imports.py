@@ -1,0 +1,67 @@
+"""Who imports whom in the package, read from its sources."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import redres_ros
+
+PACKAGE = Path(redres_ros.__file__).parent
+ROS = r'(rcl|rpy|ros|rmw|ament|launch|tf2|unique_identifier)\w*|\w+_(msgs|srvs|interfaces)'
+
+WITH_ROS = {'nodes', 'demo', 'bench'}  # rooms
+
+
+class Import(NamedTuple):
+    """The importing file, relative to the package; the module imported; whether it happens when the
+    file is loaded.
+    """
+
+    file: str
+    module: str
+    on_loading: bool
+
+    @property
+    def library(self) -> str:
+        return self.module.partition('.')[0]
+
+
+def imports_of(path: Path) -> Iterator[Import]:
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    file = path.relative_to(PACKAGE).as_posix()
+    inside = {
+        child
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+        or (isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING')
+        for child in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (Import(file, alias.name, node not in inside) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ''
+            if node.level:  # relative: none is in use, but it would count
+                parts = ('redres_ros', *Path(file).parts)
+                module = '.'.join((*parts[: len(parts) - node.level], *filter(None, (module,))))
+            # `from redres_ros import laws` imports the module laws
+            modules = (
+                [f'{module}.{alias.name}' for alias in node.names]
+                if module == 'redres_ros'
+                else [module]
+            )
+            yield from (Import(file, name, node not in inside) for name in modules)
+
+
+IMPORTS = [found for path in sorted(PACKAGE.rglob('*.py')) for found in imports_of(path)]
+
+
+def files_with(library: str) -> set[str]:
+    return {found.file for found in IMPORTS if re.fullmatch(library, found.library)}
+
+
+def room(name: str) -> str:
+    """Of a file or module of the package: 'laws' for laws/law.py and redres_ros.laws.law."""
+    return name.removeprefix('redres_ros.').split('.')[0].split('/')[0]

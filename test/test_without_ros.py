@@ -1,0 +1,124 @@
+"""The core at work where there is no ROS at all, and what it costs to load."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from imports import IMPORTS, PACKAGE, ROS, WITH_ROS, room
+
+import redres_ros
+
+TOOLS = 'mujoco|matplotlib'  # of the extra [tools]
+REDRES = 'from redres_ros.cli import main; sys.exit(main(sys.argv[1:]))'
+
+BLOCK = """
+import importlib.abc, re, sys
+
+blocked = sys.argv.pop(1)
+
+class Block(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if re.fullmatch(blocked, name.partition('.')[0]):
+            raise ModuleNotFoundError(f'blocked: {name}', name=name)
+
+sys.meta_path.insert(0, Block())
+"""
+
+
+def run_blocked(
+    code: str, *arguments: str, libraries: str = ROS
+) -> subprocess.CompletedProcess[str]:
+    """A program that cannot import these libraries, a regular expression."""
+    paths = filter(None, (str(PACKAGE.parent), os.environ.get('PYTHONPATH')))
+    environment = os.environ | {'PYTHONPATH': os.pathsep.join(paths)}
+    return subprocess.run(
+        [sys.executable, '-c', BLOCK + code, libraries, *arguments],
+        env=environment,
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+def test_the_block_blocks():
+    assert 'blocked: rclpy' in run_blocked('import rclpy').stderr
+    assert 'blocked: sensor_msgs' in run_blocked('from sensor_msgs.msg import JointState').stderr
+
+
+def test_the_core_loads_without_ros():
+    modules = {
+        found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.')
+        for found in IMPORTS
+        if room(found.file) not in (*WITH_ROS, '__init__.py')
+    }
+    result = run_blocked('\n'.join(f'import redres_ros.{module}' for module in sorted(modules)))
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize('libraries', [ROS, TOOLS], ids=['ros', 'tools'])
+def test_a_simulation_runs_without(libraries, tmp_path):
+    task = tmp_path / 'short.yaml'
+    task.write_text(
+        'robot: lwr4_paper\nstart: [28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0]\n'
+        'waypoints: [[-0.4, 0.36, 0.01], [-0.4, 0.35, 0.01]]\nsegment_time: 0.1\n'
+    )
+    options = ('--task', str(task), '--law', 'dynamically_consistent')
+    result = run_blocked(REDRES, 'simulate', *options, libraries=libraries)
+    assert result.returncode == 0, result.stderr
+    assert 'reached the last point' in result.stdout
+
+
+def test_laws_are_listed_without_the_tools():
+    assert 'minimum_acceleration' in run_blocked(REDRES, 'laws', libraries=TOOLS).stdout
+
+
+@pytest.mark.parametrize('command', ['demo', 'watch', 'bench'])
+def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
+    out = [] if command == 'watch' else ['--out', str(tmp_path)]
+    result = run_blocked(REDRES, command, *out)
+    assert result.returncode == 1
+    assert 'pip install' in result.stderr
+    assert 'Traceback' not in result.stderr
+
+
+def test_the_package_offers_what_it_names():
+    assert {name: getattr(redres_ros, name) for name in redres_ros.__all__}.keys() == set(
+        redres_ros._HOMES
+    )
+    with pytest.raises(AttributeError, match='no attribute'):
+        redres_ros.nothing  # noqa: B018
+
+
+def test_a_researchers_controller_costs_no_simulator_no_plots_and_no_ros():
+    program = """
+import sys
+from redres_ros import Controller, RobotModel, make_law
+Controller(RobotModel.named('lwr4_paper'), make_law('dynamically_consistent'), 0.001)
+print(*{module.partition('.')[0] for module in sys.modules})
+"""
+    done = run_blocked(program)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert {'numpy', 'pinocchio'} <= loaded
+    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'numba', 'rclpy'}
+
+
+HELP = """
+import sys
+from redres_ros.cli import main
+
+try:
+    main(['--help'])
+except SystemExit:
+    pass
+heavy = {'numpy', 'pinocchio', 'mujoco', 'rclpy', 'matplotlib'}
+print(*heavy & set(sys.modules), file=sys.stderr)
+"""
+
+
+def test_help_loads_nothing_heavy():
+    done = subprocess.run([sys.executable, '-c', HELP], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == ''
+    assert 'COMMAND' in done.stdout
