@@ -32,6 +32,11 @@ HIGHEST_DOMAIN = 232  # the last one whose ports exist
 # environment variable: number of the process without which a node is not to live on
 PARENT = 'REDRES_PARENT'
 
+# Environment variable of Fast DDS. Between processes of one computer it would use shared memory.
+# Opening that for a process which has just come can hold up all who publish for a third of a second
+# (issue 6535 of Fast DDS). UDP over loopback takes messages of this size as fast.
+_TRANSPORTS = ('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+
 _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
 _GLANCE = 0.0005  # [s] between looks at an event that a callback may set
@@ -98,9 +103,11 @@ class Spinner:
 
 
 def start(arguments: list[str] | None = None) -> None:
-    """rclpy.init with our own signal handling. Raises StartError for an environment that cannot
-    work.
+    """rclpy.init with our own signal handling, and no shared memory unless the user asks for it.
+
+    Raises StartError for an environment that cannot work.
     """
+    os.environ.setdefault(*_TRANSPORTS)
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN):
         raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')
