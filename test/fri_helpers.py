@@ -26,5 +26,7 @@ class Door:
         self.inbox.put(self.clock.stamp(tick), names, np.asarray(q))
 
     def advance(self) -> None:
-        """Let the robot have what has come, and move on by a cycle."""
-        self.robot.advance(*self.inbox.take(self.robot.tick))
+        """Let the robot have what has come, send its next state and move on by a cycle."""
+        answers = self.inbox.take(self.robot.tick)
+        self.clock.send(self.robot.tick)
+        self.robot.advance(*answers)

@@ -25,7 +25,13 @@ ROS = {
     'ROS_DOMAIN_ID': '7',
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
 }  # the namespaces are ours alone
-PARAMETERS = ('rate:=100.0', 'bridged_misses:=35', 'dynamics:=identified', 'autostart:=true')
+PARAMETERS = (
+    'rate:=100.0',
+    'patience:=0.0',
+    'bridged_misses:=35',
+    'dynamics:=identified',
+    'autostart:=true',
+)
 RECOVERY = 6.0  # [s] on the robot's clock, as for a fault on one host
 
 # Runs beside the robot. Its lines are what the test knows: session states as they come, and how the

@@ -31,7 +31,7 @@ _PATIENCE = 30.0  # [s] for the first answer
 _STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state
 _TAPED = ('joint_states', 'joint_command')
 # A real robot would leave command mode when this machine stalls, and the arm would stand still.
-_ROBOT = {'bridged_misses': 100}
+_ROBOT = {'bridged_misses': 100, 'patience': 0.0}
 _PARAMETERS: dict[str, dict[str, Any]] = {
     'planner': {'autostart': True},
     'sim': _ROBOT,

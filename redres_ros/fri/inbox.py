@@ -126,7 +126,7 @@ class Inbox:
             return Answer(tick, q)
         # [s] by faults, after it had come
         delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS
-        return Answer(tick, q, self._clock.latency(tick, arrival.time + delayed))
+        return Answer(tick, q, self._clock.latency(arrival.stamp, arrival.time + delayed))
 
     def _check_publishers(self) -> None:
         if self.publishers > 1 and time.monotonic() - self._contested_at < _CONTEST:

@@ -116,6 +116,11 @@ class FriRobot:
         return self._plant.dq
 
     @property
+    def at_rest(self) -> bool:
+        """Whether the reference stands still."""
+        return self._follower.at_rest
+
+    @property
     def reference(self) -> np.ndarray:
         """Reference in force, (n,) [rad]: where the plant was sent in the last cycle."""
         return self._follower.reference

@@ -1,49 +1,78 @@
-"""The robot's time: stamps exactly one period apart, and a schedule that can stand still."""
+"""The robot's time: stamps one period apart, and a schedule that can stand still and catch up."""
 
 import time
 from collections.abc import Callable
-
-import numpy as np
+from typing import NamedTuple
 
 NANOSECONDS = 1_000_000_000
 
-_REMEMBERED = 256  # ticks whose time of sending is kept, to know the latency of their answers
+# Share of a cycle that is saved while the clock is behind: 0.3 s are caught up in 3 s, and a client
+# has nine tenths of the usual time to answer.
+CATCH_UP = 0.1
+
+_REMEMBERED = 256  # states whose time of sending is kept, to know which one an answer answers
+
+
+class _Sent(NamedTuple):
+    """A state that went out."""
+
+    tick: int
+    time: float  # [s], on a clock that stands still when the robot's does
 
 
 class RobotClock:
-    """Ticks of `period` [ns], the first one stamped `epoch` [ns], kept to on the monotonic clock,
-    which nobody sets.
+    """Stamps the states of ticks, and keeps to the computer's monotonic clock, which nobody sets.
 
-    stood_still [s]: how long the clock did not go on. Latencies do not count it.
+    When its process is held up, or it waits for a client, the clock stands still: nothing happens
+    in between, and the next stamp is one period after the last. Afterwards the cycles follow one
+    another a little faster, until the stamps are as far on as the computer's clock again. While
+    nothing moves they may jump there by whole periods (`skip`).
+
+    Args:
+        epoch: stamp of tick 0 [ns].
+        period: from stamp to stamp [ns].
+
+    Attributes:
+        stood_still: how long the clock has stood still since the start [s]. Latencies do not
+            count it.
+        lag: how far the stamps are behind the computer's clock [s].
     """
 
     def __init__(self, epoch: int, period: int) -> None:
         self.period = period
         self.stood_still = 0.0
+        self.lag = 0.0
         self._epoch = epoch
-        self._due = time.monotonic()
-        self._sent = np.zeros(_REMEMBERED)  # [s]
+        self._due = time.monotonic()  # when the next tick is to come [s]
+        self._sent: dict[int, _Sent] = {}  # the last states by stamp [ns], oldest first
 
     def stamp(self, tick: int) -> int:
-        """Stamp of a tick [ns]."""
+        """Stamp of this tick or one to come [ns]."""
         return self._epoch + tick * self.period
 
+    def send(self, tick: int) -> int:
+        """Stamp of a tick [ns] whose state goes out now."""
+        stamp = self.stamp(tick)
+        self._sent[stamp] = _Sent(tick, time.monotonic() - self.stood_still)
+        if len(self._sent) > _REMEMBERED:
+            del self._sent[next(iter(self._sent))]
+        return stamp
+
     def tick(self, stamp: int) -> int | None:
-        """Tick of a stamp [ns]; None for one between or before the ticks."""
-        tick, rest = divmod(stamp - self._epoch, self.period)
-        return None if rest or tick < 0 else tick
+        """Tick of a state that went out, by its stamp [ns]; None if none of the last has it."""
+        sent = self._sent.get(stamp)
+        return None if sent is None else sent.tick
 
-    def send(self, tick: int) -> None:
-        """The state of a tick goes out now."""
-        self._sent[tick % _REMEMBERED] = time.monotonic() - self.stood_still
-
-    def latency(self, tick: int, arrived: float) -> float:
-        """From sending the state of a tick to an instant of the monotonic clock, without what this
-        one stood still [s].
+    def latency(self, stamp: int, arrived: float) -> float:
+        """From sending a state to an answer, without what the clock stood still [s].
 
         For an answer that came before the clock stood still this is too little, but never below 0.
+
+        Args:
+            stamp: that of a state that went out [ns].
+            arrived: instant of the monotonic clock [s].
         """
-        return max(arrived - self.stood_still - float(self._sent[tick % _REMEMBERED]), 0.0)
+        return max(arrived - self.stood_still - self._sent[stamp].time, 0.0)
 
     def restart(self) -> None:
         """The next tick is due one period from now."""
@@ -53,14 +82,24 @@ class RobotClock:
         """Sleep until the next tick is due; after being held up for more than a period go on from
         here, in no burst.
         """
-        self._due += self.period / NANOSECONDS
+        period = self.period / NANOSECONDS
+        saved = min(self.lag, CATCH_UP * period)  # [s]
+        self.lag -= saved
+        self._due += period - saved
         late = time.monotonic() - self._due
         sleep(max(-late, 0.0))
-        if late > self.period / NANOSECONDS:
+        if late > period:
             self.stand_still()
 
     def stand_still(self) -> None:
         """Between the instant at which the tick was due and now the clock has stood still."""
         seconds = time.monotonic() - self._due
         self.stood_still += seconds
+        self.lag += seconds
         self._due += seconds
+
+    def skip(self) -> None:
+        """Jump by whole periods to the computer's clock; for a robot that stands still."""
+        periods = int(self.lag * NANOSECONDS) // self.period
+        self._epoch += periods * self.period
+        self.lag -= periods * self.period / NANOSECONDS

@@ -30,15 +30,14 @@ from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.waypoints import load_task
 
 # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
 LOCKSTEP_EPOCH = NANOSECONDS
 
-# of a cycle for the answer to come before the arm moves on: its way would cross that computation's
+# Share of a cycle that is left to the client before the arm moves on: the two would compete for the
+# processor.
 _HEADSTART = 0.5
-# [s] a state whose answer is waited for is published again after that long: it may have got lost
-_ASK_AGAIN = 0.05
+_ASK_AGAIN = 0.05  # [s] after which a state that is not answered is sent again: it may be lost
 
 
 @dataclass(frozen=True)
@@ -51,24 +50,30 @@ class SimParameters:
         'mujoco: physics behind position servos; ideal: goes exactly where it is told',
         choices=('mujoco', 'ideal'),
     )
-    start: tuple[float, ...] = param(
-        tuple(load_task('rectangle').start.tolist()), 'joint positions at the start [rad]'
-    )
+    start: tuple[float, ...] = param((), 'joint positions at the start [rad]')
     patience: float = param(
-        0.0, 'how long the clock stands still for a late answer; 0 as a real robot [s]', 0.0, 60.0
+        1.0,
+        'how long the clock stands still for a late answer; 0: as a real robot, not at all [s]',
+        0.0,
+        60.0,
     )
     lockstep: bool = param(False, 'wait for the answer to each state instead of keeping time')
     fault_seed: int = param(0, 'seed of the random faults', 0, 2**31 - 1)
 
 
 class SimNode(Node):
-    """Publishes a state each cycle, and moves the arm while the answer is being computed."""
+    """Publishes a state each cycle, and moves the arm while the answer is being computed.
+
+    The clock stands still while this process is held up, and while it waits for an answer with
+    patience: as long as the arm moves, stamps are exactly one period apart, whatever the machine
+    does. See RobotClock for how they come back to the computer's clock.
+    """
 
     def __init__(self) -> None:
         super().__init__('sim')
         self._description = declare_robot(self)
-        self._settings = declare(self, SimParameters())
         arm = self._description.arm
+        self._settings = declare(self, SimParameters(start=arm.start))
         period = 1.0 / self._settings.rate
         faults = declare(self, Faults())
         seed = self._settings.fault_seed
@@ -78,7 +83,8 @@ class SimNode(Node):
         self._robot = FriRobot(self._plant, guard, self._session)
         self._refusals = Refusals(self)
         self._told_refusal: AnswerError | None = None
-        epoch = LOCKSTEP_EPOCH if self._settings.lockstep else self.get_clock().now().nanoseconds
+        # Not the node's clock: with use_sim_time that stands at 0 until somebody publishes /clock.
+        epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         self._under_way: Channel[JointState] = Channel(f'{seed} states', faults.states)
         self._inbox = Inbox(
@@ -89,6 +95,7 @@ class SimNode(Node):
             seed=seed,
             timed=not self._settings.lockstep,
         )
+        self._asked = JointState()  # the newest state that got out
         self._arrival = threading.Event()
         self._client_lives = False
         self._cycles_waited = 0
@@ -128,16 +135,16 @@ class SimNode(Node):
         another thread.
 
         At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to
-        tick k + 1 while the state of tick k is being answered. When this process was held up, or
-        waited with patience, the robot's clock stood still for that long: its stamps are always
-        exactly one period apart.
+        tick k + 1 while the state of tick k is being answered.
+
+        Args:
+            stopped: ends the loop.
+            waiting: how to wait.
         """
-        wait = self._wait_for_answer if self._settings.lockstep else self._wait_for_tick
         self._robot_clock.restart()
         while not stopped.is_set():
-            answers = self._inbox.take(
-                self._robot.tick
-            )  # before the next state is out, which a later one may answer
+            # Before the next state is out: what comes later may be an answer to that one.
+            answers = self._inbox.take(self._robot.tick)
             self._publish_state()
             if not self._settings.lockstep:
                 waiting.wait(self._arrival, _HEADSTART / self._settings.rate)
@@ -147,7 +154,10 @@ class SimNode(Node):
             self._robot.advance(*answers)
             self._tell_refusals()
             self._tell_session()
-            wait(stopped, waiting)
+            if self._settings.lockstep:
+                self._await_answer(stopped, waiting, math.inf)
+            else:
+                self._keep_time(stopped, waiting)
 
     def close(self) -> None:
         """Tell the final figures."""
@@ -155,34 +165,37 @@ class SimNode(Node):
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
-        self._state = to_joint_state(
-            self._robot_clock.stamp(tick), self._plant.joint_names, self._robot.q, self._robot.dq
-        )
+        stamp = self._robot_clock.send(tick)
+        state = to_joint_state(stamp, self._plant.joint_names, self._robot.q, self._robot.dq)
         self._arrival.clear()
-        self._robot_clock.send(tick)
-        self._under_way.send(self._state, tick)
-        for state in self._under_way.receive(tick):
-            self._states.publish(state)
+        self._under_way.send(state, tick)
+        for arriving in self._under_way.receive(tick):
+            self._states.publish(arriving)
+            self._asked = max(self._asked, arriving, key=_stamp)
 
-    def _wait_for_tick(self, stopped: threading.Event, waiting: Waiting) -> None:
+    def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
+        """Until the next tick is due, and then as long as the answer is late and patience lasts."""
         self._robot_clock.wait(waiting.sleep)
-        if self._settings.patience and self._client_lives and self._unanswered():
-            self._wait_for_answer(stopped, waiting, self._settings.patience)
-            self._client_lives = not self._unanswered()  # do not wait again until a command comes
+        if self._settings.patience and self._client_lives and self._unanswered:
+            self._await_answer(stopped, waiting, self._settings.patience)
+            # Who was silent for so long is not waited for again before the next command comes.
+            self._client_lives = not self._unanswered
             self._cycles_waited += 1
             self._robot_clock.stand_still()
+        if self._robot.at_rest and not self._session.commanding:
+            self._robot_clock.skip()
 
-    def _wait_for_answer(
-        self, stopped: threading.Event, waiting: Waiting, patience: float = math.inf
-    ) -> None:
+    def _await_answer(self, stopped: threading.Event, waiting: Waiting, patience: float) -> None:
         until = time.monotonic() + patience
-        while self._unanswered() and not stopped.is_set() and time.monotonic() < until:
+        while self._unanswered and not stopped.is_set() and time.monotonic() < until:
             if not waiting.wait(self._arrival, _ASK_AGAIN):
-                self._states.publish(self._state)
+                self._states.publish(self._asked)
             self._arrival.clear()
 
+    @property
     def _unanswered(self) -> bool:
-        return self._inbox.newest < to_nanoseconds(self._state.header.stamp)
+        """Whether a state that got out, not lost or delayed by a fault, has no answer."""
+        return self._inbox.newest < _stamp(self._asked)
 
     def _on_command(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)
@@ -248,6 +261,7 @@ class SimNode(Node):
             **refused,
             'cycles waited for': self._cycles_waited,
             'clock stood still [s]': self._robot_clock.stood_still,
+            'clock behind [s]': self._robot_clock.lag,
             'stopped at [ns]': self._stopped_at,
         }
         if session.reason:
@@ -256,6 +270,10 @@ class SimNode(Node):
             connection = f'connection {session.quality.name}: {session.at_fault}'
             return Health(WARN, self._refusals.reasons or connection, figures)
         return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
+
+
+def _stamp(state: JointState) -> int:
+    return to_nanoseconds(state.header.stamp)
 
 
 def main(arguments: list[str] | None = None) -> int:
