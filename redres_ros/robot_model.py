@@ -84,6 +84,7 @@ class RobotModel:
         self.q_min = self._model.lowerPositionLimit.copy()  # (n,) [rad]
         self.q_max = self._model.upperPositionLimit.copy()  # (n,) [rad]
         self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
+        self.tau_max = self._model.effortLimit.copy()  # (n,) [Nm]
 
     @classmethod
     def named(

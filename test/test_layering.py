@@ -12,9 +12,10 @@ import redres_ros
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
     {'errors'},
-    {'parameter', 'share', 'yaml_file', 'resolution', 'robots', 'cycles'},
-    {'robot_model', 'waypoints'},
-    {'laws', 'planner', 'playout'},
+    {'parameter', 'share', 'yaml_file', 'resolution', 'robots', 'cycles', 'compiled'},
+    {'robot_model', 'waypoints', 'cascade'},
+    {'bounded'},
+    {'laws', 'limits', 'planner', 'playout'},
     {'controller', 'fri'},
     {'following'},
     {'simulation'},

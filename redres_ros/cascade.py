@@ -1,0 +1,587 @@
+"""Least squares in order of priority under limits: the compiled ground of bounded.py.
+
+Each level minimises 1/2 |A z - a|^2 over what the levels before it have left, subject to
+lower <= G z <= upper. The method is a primal active-set method (Nocedal and Wright, Numerical
+Optimization, 2006, Algorithm 16.3): z keeps every limit after every step. A finished level
+leaves A z as it is, and fixes the limits that its multipliers prove tight in every optimum.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import boolean, float64, int64
+
+from redres_ros.compiled import compiled, matrix, several, vector
+
+MAX_STEPS = 200  # of one level; ten are many
+BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
+DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
+RANK = 1e-11  # the same for the rows of A, beside the longest one
+ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
+WRONG = 1e-14  # a force of the wrong sign counts from this share of the gradient's terms on
+TIGHT = 1e-10  # one of the right sign proves its limit tight from this share on
+
+# The rows of Search.ends, and the sides of a limit.
+LOWER = 0
+UPPER = 1
+
+# The layers of Search.basis.
+Q = 0  # (d, d) orthonormal rows
+R = 1  # (d, d) lower triangular: row k of those along which z may not move is sum_j R[k, j] Q[j]
+
+# The rows of Search.marks.
+STATE = 0  # of each limit, one of the four below
+SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
+BEHIND = 2  # the limit behind row k of the basis
+COUNT = 3  # how many rows are fixed for good, and how many there are
+
+FREE = 0  # the state of a limit that z may come to,
+HELD = 1  # of one whose end z may not leave for now,
+FIXED = 2  # or for good,
+LATER = 3  # and of one that a later level brings in
+
+
+class Search(NamedTuple):
+    """A point, its limits, and the rows along which it may not move."""
+
+    z: np.ndarray  # (d,)
+    G: np.ndarray  # (K, d), of unit length
+    ends: np.ndarray  # (2, K), lower <= G z <= upper
+    basis: np.ndarray  # (2, d, d)
+    marks: np.ndarray  # (4, K + d) of int64
+    n: int  # z = (dq, s, slack variables), where dq is (n,)
+
+
+@compiled()
+def dot(a: np.ndarray, b: np.ndarray) -> float:
+    """a' b. For so few elements a loop takes less time than a call of BLAS."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled(boolean(vector(), vector(), vector()))
+def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
+    """Whether lower <= values <= upper, element by element; False for NaN."""
+    for i in range(len(values)):  # noqa: SIM110 (numba knows no generators)
+        if not lower[i] <= values[i] <= upper[i]:
+            return False
+    return True
+
+
+# --- the rows along which z may not move ----------------------------------------------------------
+
+
+@compiled()
+def append(search: Search, row: np.ndarray, least: float) -> bool:
+    """Add a row, unless less than a length of `least` is orthogonal to those that are there."""
+    basis = search.basis
+    k = search.marks[COUNT, 1]
+    if k == len(row):
+        return False
+    rest = row.copy()
+    for j in range(k):
+        basis[R, k, j] = 0.0
+    for _ in range(2):  # Gram-Schmidt, and once more for what rounding left
+        for j in range(k):
+            along = dot(basis[Q, j], rest)
+            basis[R, k, j] += along
+            for i in range(len(rest)):
+                rest[i] -= along * basis[Q, j, i]
+    length = np.sqrt(dot(rest, rest))
+    if not length > least:
+        return False
+    for i in range(len(rest)):
+        basis[Q, k, i] = rest[i] / length
+    basis[R, k, k] = length
+    search.marks[COUNT, 1] = k + 1
+    return True
+
+
+@compiled()
+def hold(search: Search, i: int, side: int, state: int) -> None:
+    """Keep limit i at its end, unless the other rows keep it where it is already."""
+    marks = search.marks
+    marks[STATE, i] = FREE
+    if append(search, search.G[i], DEPENDENT):
+        marks[BEHIND, marks[COUNT, 1] - 1] = i
+        marks[STATE, i] = state
+        marks[SIDE, i] = side
+
+
+@compiled()
+def release(search: Search, k: int) -> None:
+    """Let the limit behind row k go."""
+    marks = search.marks
+    end = marks[COUNT, 1]
+    marks[COUNT, 1] = k
+    marks[STATE, marks[BEHIND, k]] = FREE
+    for j in range(k + 1, end):
+        i = marks[BEHIND, j]
+        hold(search, i, marks[SIDE, i], HELD)
+
+
+# --- one level ------------------------------------------------------------------------------------
+
+
+@compiled()
+def least_squares(B: np.ndarray, rest: np.ndarray, rank: int) -> np.ndarray:
+    """The t (rank,) with the least |B t - rest| for the first columns of B. Both are used up."""
+    m = len(B)
+    U = np.zeros((rank, rank + 1))
+    for k in range(rank):  # modified Gram-Schmidt on the columns of [B rest]
+        for i in range(m):
+            U[k, k] += B[i, k] ** 2
+        U[k, k] = np.sqrt(U[k, k])
+        for i in range(m):
+            B[i, k] /= U[k, k]
+        for c in range(k + 1, rank):
+            for i in range(m):
+                U[k, c] += B[i, k] * B[i, c]
+            for i in range(m):
+                B[i, c] -= U[k, c] * B[i, k]
+        for i in range(m):
+            U[k, rank] += B[i, k] * rest[i]
+        for i in range(m):
+            rest[i] -= U[k, rank] * B[i, k]
+    t = np.empty(rank)
+    for k in range(rank - 1, -1, -1):
+        t[k] = U[k, rank]
+        for c in range(k + 1, rank):
+            t[k] -= U[k, c] * t[c]
+        t[k] /= U[k, k]
+    return t
+
+
+@compiled()
+def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """The shortest p across the basis with the least |A (z + p) - a|, (d,)."""
+    m, d = A.shape
+    count = search.marks[COUNT, 1]
+    rest = np.empty(m)
+    P = A.copy()  # (m, d), A made orthogonal to the basis
+    largest = 0.0
+    for i in range(m):
+        rest[i] = a[i] - dot(A[i], search.z)
+        largest = max(largest, dot(A[i], A[i]))
+        for _ in range(2):
+            for k in range(count):
+                along = dot(P[i], search.basis[Q, k])
+                for j in range(d):
+                    P[i, j] -= along * search.basis[Q, k, j]
+    V = np.empty((min(m, d - count), d))  # orthonormal rows, P = B V
+    B = np.zeros((m, len(V)))
+    rank = 0
+    while rank < len(V):
+        longest = 0
+        square = 0.0
+        for i in range(m):
+            if dot(P[i], P[i]) > square:
+                longest = i
+                square = dot(P[i], P[i])
+        if not square > RANK**2 * largest:
+            break
+        for j in range(d):
+            V[rank, j] = P[longest, j] / np.sqrt(square)
+        for i in range(m):
+            B[i, rank] = dot(P[i], V[rank])
+            for j in range(d):
+                P[i, j] -= B[i, rank] * V[rank, j]
+        rank += 1
+    t = least_squares(B, rest, rank)
+    p = np.zeros(d)
+    for k in range(rank):
+        for j in range(d):
+            p[j] += t[k] * V[k, j]
+    return p
+
+
+@compiled()
+def advance(search: Search, p: np.ndarray) -> bool:
+    """Move z along p as far as the limits allow; hold the one that stops it, False for none."""
+    z = search.z
+    largest = 0.0
+    for j in range(len(p)):
+        largest = max(largest, abs(p[j]))
+    share = 1.0
+    first = -1
+    side = 0
+    for i in range(len(search.G)):
+        if search.marks[STATE, i] != FREE:
+            continue
+        slope = 0.0
+        value = 0.0
+        noise = largest
+        for j in range(len(z)):
+            slope += search.G[i, j] * p[j]
+            value += search.G[i, j] * z[j]
+            noise += abs(search.G[i, j] * z[j])
+        room = search.ends[UPPER, i] - value if slope > 0.0 else value - search.ends[LOWER, i]
+        speed = abs(slope)
+        if speed <= 10.0 * DEPENDENT * largest or speed <= room + ROUNDING * noise:
+            continue
+        if share * speed > room:
+            share = max(room, 0.0) / speed
+            first = i
+            side = 1 if slope > 0.0 else -1
+    for j in range(len(z)):
+        z[j] += share * p[j]
+    if first >= 0:
+        hold(search, first, side, HELD)
+    return first >= 0
+
+
+@compiled()
+def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float]:
+    """How hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the least.
+
+    Returns:
+        The forces (d,), and the largest term of the gradient, beside which rounding is judged.
+    """
+    d = len(search.z)
+    g = np.zeros(d)
+    fastest = 0.0
+    for j in range(search.n):
+        fastest = max(fastest, abs(search.z[j]))
+    largest = 0.0
+    for i in range(len(A)):
+        rest = -a[i]
+        size = abs(a[i])
+        for j in range(d):
+            rest += A[i, j] * search.z[j]
+            # A slack variable is a difference of velocities.
+            size += abs(A[i, j]) * (fastest if j > search.n else abs(search.z[j]))
+        for j in range(d):
+            g[j] += A[i, j] * rest
+            largest = max(largest, abs(A[i, j]) * size)
+    count = search.marks[COUNT, 1]
+    force = np.zeros(d)
+    for k in range(count - 1, -1, -1):
+        total = -dot(search.basis[Q, k], g)
+        for j in range(k + 1, count):
+            total -= search.basis[R, j, k] * force[j]
+        force[k] = total / search.basis[R, k, k]
+    return force, largest
+
+
+@compiled()
+def most_wrong(search: Search, force: np.ndarray, least: float, by_index: bool) -> int:
+    """The row that keeps z from where it wants to go inside the limits, -1 for none.
+
+    Of several it is the one with the largest force, or that of the first limit.
+    """
+    marks = search.marks
+    found = -1
+    for k in range(marks[COUNT, 0], marks[COUNT, 1]):
+        i = marks[BEHIND, k]
+        pull = -force[k] * marks[SIDE, i]
+        if by_index and found >= 0 and i > marks[BEHIND, found]:
+            continue
+        if pull > least:
+            found = k
+            if not by_index:
+                least = pull
+    return found
+
+
+@compiled()
+def minimise(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """Move z to the least |A z - a| within the limits.
+
+    Returns:
+        The forces of the rows (d,), the least that proves a limit tight, and whether z got there.
+    """
+    for count in range(MAX_STEPS):
+        if advance(search, step(search, A, a)):
+            continue
+        force, largest = forces(search, A, a)
+        k = most_wrong(search, force, WRONG * largest, count > BY_INDEX)
+        if k < 0:
+            return force, TIGHT * largest, True
+        release(search, k)
+    return np.zeros(len(search.z)), 1.0, False
+
+
+@compiled()
+def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> int:
+    """Fix A z and the limits that are tight; other held limits stay held.
+
+    Returns:
+        The limit with the largest force of those that are tight, other than the share's; -1 for
+        none.
+    """
+    marks = search.marks
+    fixed = marks[COUNT, 0]
+    held = marks[BEHIND, fixed : marks[COUNT, 1]].copy()
+    marks[COUNT, 1] = fixed
+    hardest = -1
+    largest = 0.0
+    for k in range(len(held)):
+        i = held[k]
+        push = force[fixed + k] * marks[SIDE, i]
+        if push > tight:
+            hold(search, i, marks[SIDE, i], FIXED)
+            if push > largest and i != search.n:
+                largest = push
+                hardest = i
+    square = 0.0
+    for i in range(len(A)):
+        square = max(square, dot(A[i], A[i]))
+    for i in range(len(A)):
+        append(search, A[i], RANK * np.sqrt(square))
+    marks[COUNT, 0] = marks[COUNT, 1]
+    for i in held:
+        if marks[STATE, i] == HELD:
+            hold(search, i, marks[SIDE, i], HELD)
+    return hardest
+
+
+# --- the levels -----------------------------------------------------------------------------------
+
+
+@compiled()
+def finite(a: np.ndarray, A: np.ndarray, B: np.ndarray, b: np.ndarray, C: np.ndarray) -> bool:
+    """Whether every value is."""
+    total = 0.0
+    for i in range(len(a)):
+        total += 0.0 * a[i]
+    for i in range(len(b)):
+        total += 0.0 * b[i]
+    for i in range(len(A)):
+        for j in range(len(a)):
+            total += 0.0 * A[i, j]
+    for i in range(len(B)):
+        for j in range(len(a)):
+            total += 0.0 * B[i, j]
+    for i in range(len(C)):
+        for j in range(len(a)):
+            total += 0.0 * C[i, j]
+    return total == 0.0
+
+
+@compiled()
+def begin_at(
+    dq_free: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    C: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    d: int,
+) -> tuple[Search, np.ndarray]:
+    """A search that starts at the point of the box nearest to dq_free, with a share of 1.
+
+    Returns:
+        The search, and the lengths (K,) of its rows before they became unit vectors.
+    """
+    n = len(dq_free)
+    K = n + 1 + len(C)
+    search = Search(
+        np.zeros(d),
+        np.zeros((K, d)),
+        np.zeros((2, K)),
+        np.zeros((2, d, d)),
+        np.zeros((4, K + d), np.int64),
+        n,
+    )
+    z, G, ends, _, marks, _ = search
+    length = np.ones(K)
+    z[n] = 1.0
+    G[n, n] = 1.0  # 0 <= s <= 1
+    ends[UPPER, n] = 1.0
+    for i in range(n):
+        G[i, i] = 1.0
+        ends[LOWER, i] = lower[i]
+        ends[UPPER, i] = upper[i]
+        z[i] = min(max(dq_free[i], lower[i]), upper[i])
+        if lower[i] == upper[i]:
+            hold(search, i, 1 if dq_free[i] > z[i] else -1, FIXED)
+    marks[COUNT, 0] = marks[COUNT, 1]
+    for i in range(n):
+        if z[i] != dq_free[i] and marks[STATE, i] == FREE:
+            hold(search, i, 1 if dq_free[i] > z[i] else -1, HELD)
+    hold(search, n, 1, HELD)
+    for r in range(len(C)):
+        i = n + 1 + r
+        marks[STATE, i] = LATER
+        square = 0.0
+        for j in range(n):
+            square += C[r, j] ** 2
+        if square > 0.0:
+            length[i] = np.sqrt(square)
+        for j in range(n):
+            G[i, j] = C[r, j] / length[i]
+        ends[LOWER, i] = low[r] / length[i]
+        ends[UPPER, i] = high[r] / length[i]
+    return search, length
+
+
+@compiled()
+def open_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, slack: int) -> None:
+    """Bring in the limits from `begin` on, as many as A has rows: lower <= G z - w <= upper.
+
+    w are the variables of z from `slack` on. A receives the rows that ask for the least |length w|.
+    """
+    z = search.z
+    for r in range(len(A)):
+        i = begin + r
+        value = 0.0
+        noise = 0.0
+        for j in range(slack):
+            value += search.G[i, j] * z[j]
+            noise += abs(search.G[i, j] * z[j])
+        above = value - search.ends[UPPER, i]
+        below = search.ends[LOWER, i] - value
+        A[r, slack + r] = length[i]
+        search.G[i, slack + r] = -1.0
+        search.marks[STATE, i] = FREE
+        if above > ROUNDING * noise:
+            z[slack + r] = above
+            hold(search, i, 1, HELD)
+        elif below > ROUNDING * noise:
+            z[slack + r] = -below
+            hold(search, i, -1, HELD)
+
+
+@compiled()
+def close_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, slack: int) -> float:
+    """Move the ends of limits that remain in excess to where they are.
+
+    Returns:
+        The sum of squares of the excess.
+    """
+    z = search.z
+    square = 0.0
+    for r in range(len(A)):
+        i = begin + r
+        square += (length[i] * z[slack + r]) ** 2
+        z[slack + r] = 0.0
+        search.G[i, slack + r] = 0.0
+        value = dot(search.G[i], z)
+        search.ends[UPPER, i] = max(search.ends[UPPER, i], value)
+        search.ends[LOWER, i] = min(search.ends[LOWER, i], value)
+    return square
+
+
+@compiled()
+def ask_for_law(W: np.ndarray, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray) -> None:
+    """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = L' of W = L L', I for an empty W."""
+    n = len(dq_free)
+    for i in range(n):
+        A[i, i] = 1.0
+    for i in range(len(W)):
+        for j in range(i, n):
+            total = W[i, j]
+            for k in range(i):
+                total -= A[k, i] * A[k, j]
+            A[i, j] = np.sqrt(total) if i == j else total / A[i, i]
+    for i in range(n):
+        for j in range(i, n):
+            a[i] += A[i, j] * dq_free[j]
+
+
+@compiled(
+    several(float64[::1], float64, float64, float64, int64, int64, boolean)(
+        *(vector(), matrix(), matrix(), vector(), vector(int64)),
+        *(vector(), vector(), matrix(), vector(), vector(), vector(int64)),
+    )
+)
+def cascade(
+    dq_free: np.ndarray,
+    W: np.ndarray,
+    J: np.ndarray,
+    dx: np.ndarray,
+    tasks: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    C: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    groups: np.ndarray,
+) -> tuple[np.ndarray, float, float, float, int, int, bool]:
+    """The joint velocity nearest to dq_free under limits and after tasks, in order of priority.
+
+    Args:
+        dq_free: (n,) what the last level wants.
+        W: (n, n) its weight; (0, 0) for the identity.
+        J: (m, n) rows of all tasks.
+        dx: (m,) what they want.
+        tasks: (k,) number of rows of each task, one at least.
+        lower: (n,) limits of dq.
+        upper: (n,)
+        C: (r, n) rows of the other limits.
+        low: (r,) limits of C dq.
+        high: (r,)
+        groups: (g,) number of rows of each group that has a priority of its own.
+
+    Returns:
+        dq (n,); the share of the first task; its error; the excess of the rows; the limit that
+        resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
+        end; and whether each level got to its least.
+    """
+    n = len(dq_free)
+    if not finite(dq_free, W, J, dx, C):
+        dq = np.zeros(n)
+        for i in range(n):
+            dq[i] = min(max(dq[i], lower[i]), upper[i])
+        return dq, 0.0, np.nan, np.nan, -1, 0, False
+    d = n + 1  # z = (dq, s, slack variables of one group)
+    for rows in groups:
+        d = max(d, n + 1 + rows)
+    search, length = begin_at(dq_free, lower, upper, C, low, high, d)
+    z = search.z
+    first_task = len(groups)
+    share = first_task + 1
+    law = first_task + 1 + len(tasks)
+    hardest = -1
+    solved = True
+    excess = 0.0
+    error = 0.0
+    limit_row = n + 1
+    task_row = 0
+    for level in range(law + 1):
+        if level < first_task:
+            A = np.zeros((groups[level], d))
+            a = np.zeros(len(A))
+            open_slack(search, limit_row, length, A, n + 1)
+        elif level == share:
+            A = np.zeros((1, d))
+            a = np.ones(1)
+            A[0, n] = 1.0  # s = 1
+        elif level == law:
+            A = np.zeros((n, d))
+            a = np.zeros(n)
+            ask_for_law(W, dq_free, A, a)
+        else:
+            A = np.zeros((tasks[max(level - share, 0)], d))
+            a = np.zeros(len(A))
+            for i in range(len(A)):
+                for j in range(n):
+                    A[i, j] = J[task_row + i, j]
+                if level == first_task:
+                    A[i, n] = -dx[task_row + i]  # J dq - s dx = 0
+                else:
+                    a[i] = dx[task_row + i]  # J dq = dx
+            task_row += len(A)
+        force, tight, reached = minimise(search, A, a)
+        solved = solved and reached
+        if level == first_task:
+            for i in range(len(A)):
+                error += dot(A[i], z) ** 2
+        if level < first_task:
+            excess += close_slack(search, limit_row, length, A, n + 1)
+            limit_row += len(A)
+            A = np.zeros((0, d))
+        tightest = settle(search, A, force, tight)
+        if hardest < 0:
+            hardest = tightest
+
+    dq = np.empty(n)
+    for i in range(n):
+        dq[i] = min(max(z[i], lower[i]), upper[i])  # which changes it at rounding level
+    s = min(max(z[n], 0.0), 1.0)
+    side = search.marks[SIDE, hardest] if hardest >= 0 else 0
+    if hardest > n:
+        hardest -= 1  # the share is no limit to others
+    return dq, s, np.sqrt(error), np.sqrt(excess), hardest, side, solved

@@ -1,0 +1,40 @@
+"""Compiling numerical functions: once, when their module is loaded, and never in the loop."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba import types
+
+
+def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
+    """A decorator that compiles a function for the given signatures, or takes it from the cache.
+
+    Without a signature the function is compiled for whoever calls it first. Where no folder for the
+    cache can be written, it is compiled anew in every process.
+    """
+    signature = list(signatures) or None
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        # As in numpy, 1/0 is infinite.
+        try:
+            return numba.njit(signature, cache=True, error_model='numpy', nogil=True)(function)
+        except RuntimeError:  # numba found no folder for its cache
+            return numba.njit(signature, error_model='numpy', nogil=True)(function)
+
+    return decorate
+
+
+def vector(dtype: Any = types.float64) -> Any:
+    """The type of a one-dimensional array of any stride, read-only or not."""
+    return types.Array(dtype, 1, 'A', readonly=True)
+
+
+def matrix(dtype: Any = types.float64) -> Any:
+    """The type of a two-dimensional array of any order, read-only or not."""
+    return types.Array(dtype, 2, 'A', readonly=True)
+
+
+def several(*members: Any) -> Any:
+    """The type of a tuple."""
+    return types.Tuple(members)  # type: ignore[no-untyped-call]

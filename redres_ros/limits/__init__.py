@@ -1,0 +1,99 @@
+"""The limits by name. A new limit is one small class and one line in this table."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+from redres_ros.errors import UnknownNameError
+from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
+from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
+from redres_ros.limits.limits import Bounds, Limits
+from redres_ros.limits.torque import TorqueLimit
+from redres_ros.parameter import parameters
+from redres_ros.robot_model import RobotModel
+
+LIMITS: dict[str, type[Limit]] = {
+    'position': PositionLimit,
+    'velocity': VelocityLimit,
+    'acceleration': AccelerationLimit,
+    'torque': TorqueLimit,
+}
+
+
+def make_limits(
+    names: Iterable[str | Limit],
+    model: RobotModel,
+    *,
+    limit_scale: float = 1.0,
+    torque_scale: float = 1.0,
+    acceleration: tuple[float, ...] = (),
+    gains: Mapping[str, float] = MappingProxyType({}),
+) -> Limits:
+    """The limits of those names, to be kept together.
+
+    Args:
+        names: of the table LIMITS; a limit that was made already is taken as it is.
+        model: the arm, from which they have their figures.
+        limit_scale: the share of its velocities and accelerations that is allowed.
+        torque_scale: the share of its torques that is allowed.
+        acceleration: (n,) [rad/s^2], for an arm whose table has none.
+        gains: as {'position.margin': 0.02}; those of limits that are not asked for do nothing.
+
+    Raises:
+        UnknownNameError: for a limit or a gain that does not exist.
+        RangeError: for a gain or a scale outside its range.
+        ArrayError: for figures that the arm lacks.
+    """
+    for gain in gains:
+        if gain not in gain_names():
+            raise UnknownNameError('gain of a limit', gain, gain_names())
+    given = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
+    made = []
+    for name in names:
+        if isinstance(name, Limit):
+            made.append(name)
+            continue
+        if name not in LIMITS:
+            raise UnknownNameError('limit', name, LIMITS)
+        cls = LIMITS[name]
+        values: dict[str, Any] = {'scale': given[cls.scaled_by]}
+        if any(field.name == 'acceleration' for field in fields(cls)):
+            values['acceleration'] = acceleration
+        for gain in gains:
+            limit, _, field_name = gain.partition('.')
+            if limit == name:
+                values[field_name] = gains[gain]
+        made.append(cls(model, **values))
+    return Limits(made)
+
+
+def gain_names() -> tuple[str, ...]:
+    """What can be set of each limit beside the scales, as position.margin."""
+    return tuple(
+        f'{name}.{field.name}'
+        for name, cls in LIMITS.items()
+        for field in parameters(cls)
+        if field.name != 'scale'
+    )
+
+
+def limit_name(limit: Limit) -> str:
+    """The limit's name in the table; the class name for one that is not in it."""
+    for name, cls in LIMITS.items():
+        if type(limit) is cls:
+            return name
+    return type(limit).__name__
+
+
+__all__ = [
+    'LIMITS',
+    'Bounds',
+    'BoxLimit',
+    'Limit',
+    'Limits',
+    'RowLimit',
+    'gain_names',
+    'limit_name',
+    'make_limits',
+]

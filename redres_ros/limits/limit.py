@@ -1,0 +1,69 @@
+"""What a limit is: a box lower <= dq <= upper, or rows low <= C dq <= high, at one state."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from redres_ros.bounded import Box, Rows
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robot_model import RobotModel
+
+
+class State(Protocol):
+    """What a limit may ask: the reference that is integrated, the last command, the dynamics."""
+
+    @property
+    def q(self) -> np.ndarray:
+        """The position reference, (n,) [rad]."""
+
+    @property
+    def dq_prev(self) -> np.ndarray:
+        """The last command, (n,) [rad/s]."""
+
+    @property
+    def M(self) -> np.ndarray:
+        """Inertia, (n, n) [kg m^2]."""
+
+    @property
+    def n(self) -> np.ndarray:
+        """Coriolis, centrifugal and gravity torque, (n,) [Nm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limit(ABC):
+    """A bound on joint velocities: a BoxLimit or a RowLimit.
+
+    A subclass is a frozen dataclass. Its figures come from the model; the fields that it declares
+    with `param` are what users set.
+
+    Args:
+        model: the arm.
+        scale: the share of the arm's figures that is allowed.
+    """
+
+    order: ClassVar[int]  # among boxes, and among rows: a lower number is kept before a higher one
+    scaled_by: ClassVar[str] = 'limit_scale'  # the parameter that sets `scale` of all such limits
+
+    model: RobotModel = field(repr=False)
+    scale: float = param(1.0, 'share of the limit that is allowed', 1e-3, 1.0, live=True)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+class BoxLimit(Limit):
+    """A limit whose rows bound one joint each."""
+
+    @abstractmethod
+    def box(self, state: State, T: float) -> Box:
+        """lower and upper of dq, both (n,) [rad/s], for a sampling time T [s]."""
+
+
+class RowLimit(Limit):
+    """A limit whose rows tie joints together."""
+
+    @abstractmethod
+    def rows(self, state: State, T: float) -> Rows:
+        """C (r, n), low (r,) and high (r,) with low <= C dq <= high, for a sampling time T [s]."""
