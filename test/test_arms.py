@@ -1,13 +1,23 @@
 """What holds for every arm of the table: a further row is tested by these without another word."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from redres_ros import Controller, RobotModel, Task, load_task, make_law
+from redres_ros import (
+    LAWS,
+    Controller,
+    Law,
+    RobotModel,
+    RobotState,
+    Task,
+    load_task,
+    make_law,
+)
 from redres_ros.errors import ArrayError
 from redres_ros.fri.plant import MujocoPlant, Witness
 from redres_ros.resolution import resolve
@@ -20,6 +30,7 @@ from redres_ros.simulation.recording import Recording
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
 T = 0.002  # [s]
 EVERY_ARM = pytest.mark.parametrize('name', sorted(ARMS))
+EVERY_LAW = pytest.mark.parametrize('law', sorted(LAWS))
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
 
@@ -133,6 +144,43 @@ def test_the_simulated_arm_stands_at_its_start(name):
         plant.step(start)
     # Gravity is compensated within the effort limits: what is left is rounding.
     assert np.abs(plant.q - start).max() < 1e-9
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+def resolved(name: str, law: Law) -> Iterator[tuple[RobotState, np.ndarray, np.ndarray]]:
+    """States around an arm's start, task velocities that it can execute, and joint velocities."""
+    model = RobotModel.named(name)
+    random = np.random.default_rng(0)
+    for _ in range(50):
+        q = np.array(ARMS[name].start) + random.uniform(-0.3, 0.3, model.n)
+        state = model.state(q, random.normal(0.0, 0.5, model.n))
+        J = state.J[:3]
+        dx = J @ random.normal(0.0, 0.5, model.n)  # in its plane, of a planar arm
+        yield state, dx, resolve(J, dx, law.bias(state, T), law.weight(state))
+
+
+@EVERY_ARM
+@EVERY_LAW
+def test_every_law_executes_the_task(name, law):
+    for state, dx, dq in resolved(name, make_law(law)):
+        # Rounding of 1e-16 grows with the condition of W, up to 1e9 of the squared inertia matrix.
+        assert np.abs(state.J[:3] @ dq - dx).max() < 1e-6 * np.abs(dq).max()
+
+
+@EVERY_ARM
+@EVERY_LAW
+def test_every_law_is_optimal(name, law):
+    law = make_law(law)
+    for state, _, dq in resolved(name, law):
+        *_, directions = np.linalg.svd(state.J[:3])
+        rank = np.linalg.matrix_rank(state.J[:3], tol=1e-9)
+        Z = directions[rank:].T  # (n, n - rank), the null space
+        weight = law.weight(state)
+        W = np.eye(len(dq)) if weight is None else np.asarray(weight)
+        gradient = W @ (dq - law.bias(state, T))  # (n,)
+        assert np.abs(Z.T @ gradient).max() < 1e-6 * max(np.abs(gradient).max(), 1.0)
 
 
 # --- limits ---------------------------------------------------------------------------------------
