@@ -10,6 +10,7 @@ import pytest
 
 from redres_ros.fri.faults import Faults
 from redres_ros.fri.session import Refusal
+from redres_ros.robots import ARMS
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / 'docs' / 'when_things_go_wrong.md'
@@ -62,3 +63,13 @@ def test_every_kind_of_refusal_has_a_row(kind: Refusal) -> None:
 def test_every_fault_has_a_row(fault: str) -> None:
     of = fault.removesuffix('_spread').removesuffix('_burst')
     assert any(f'`{of}`' in row[0] for row in rows())
+
+
+@pytest.mark.parametrize('name', sorted(ARMS))
+def test_every_arm_has_a_row_on_its_page(name: str) -> None:
+    page = PAGE.with_name('arms.md').read_text(encoding='utf-8')
+    rows = [row.split('|') for row in page.splitlines() if row.startswith(f'| `{name}` |')]
+    arm = ARMS[name]
+    assert [(row[3].strip(), row[4].strip()) for row in rows] == [
+        (str(len(arm.start)), f'`{arm.task}`')
+    ]
