@@ -449,6 +449,15 @@ def test_the_sim_stamps_its_states_exactly_one_period_apart(tmp_path: Path) -> N
     assert np.diff(stamps).min() == PERIOD
 
 
+def test_the_sim_stamps_its_states_by_the_computers_clock_whatever_use_sim_time_says(
+    tmp_path: Path,
+) -> None:
+    with nodes(tmp_path, sim={'use_sim_time': True}) as (probe, _):
+        states = probe.listen(JointState, 'joint_states')
+        await_that(lambda: bool(states), 'states')
+        assert abs(states[0].header.stamp.sec - time.time()) < 3600.0
+
+
 def test_the_sim_reports_its_session_and_the_five_statistics(tmp_path: Path) -> None:
     with nodes(tmp_path, sim={}) as (probe, _):
         state = probe.listen(String, 'sim/session_state', LATCHED)

@@ -9,6 +9,8 @@ as long as they should.
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -270,6 +272,55 @@ def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told(tmp_pat
         assert gaps.index(max(gaps)) < 140  # it began anew
     lines = sum('does not follow' in line for line in log_lines(tmp_path, 'controller'))
     assert 1 <= lines < 5  # at most one in five seconds, not one a tick
+
+
+# --- computers that stall -------------------------------------------------------------------------
+
+# A process that looks at the parameters of all nodes, as `ros2 param list` does.
+JOINING = """
+import time, rclpy
+from rclpy.parameter_client import AsyncParameterClient
+rclpy.init()
+node = rclpy.create_node('joining')
+clients = [AsyncParameterClient(node, name) for name in ('sim', 'controller', 'planner')]
+until = time.monotonic() + 20.0
+while not all(client.services_are_ready() for client in clients) and time.monotonic() < until:
+    rclpy.spin_once(node, timeout_sec=0.1)
+node.destroy_node()
+rclpy.shutdown()
+"""
+
+
+def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_command_mode(
+    tmp_path: Path,
+) -> None:
+    with graph(Witness) as (witness, start):
+        start('sim', tmp_path / 'sim.log')
+        await_that(lambda: bool(witness.states), 'the robot')
+        start('controller', tmp_path / 'controller.log')
+        witness.await_command_mode()
+        start('planner', tmp_path / 'planner.log', autostart=True)
+        for _ in range(2):
+            subprocess.run([sys.executable, '-c', JOINING], check=True, timeout=60.0)
+        witness.await_motion()
+        assert [state for _, state in witness.session] == ['MON', 'CMD']
+        assert not any(witness.reasons)
+
+
+@UNDISTURBED
+def test_a_controller_that_stalls_for_half_a_second_is_waited_for(moving: Graph) -> None:
+    witness = moving.witness
+    controller = moving.processes['controller'].pid
+    first = len(witness.states)
+    os.kill(controller, signal.SIGSTOP)
+    time.sleep(0.5)
+    os.kill(controller, signal.SIGCONT)
+    stalled_at = witness.at
+    await_that(lambda: witness.at > stalled_at + 10**9, 'the robot to go on')
+    moving.assert_undisturbed()
+    stamps = np.array([stamp for stamp, _ in witness.states[first:]])
+    assert set(np.diff(stamps)) == {round(1e9 / RATE)}
+    witness.assert_all_was_well()
 
 
 # --- users that misbehave -------------------------------------------------------------------------
