@@ -97,10 +97,10 @@ setup(
         'console_scripts': [
             'redres = redres_ros.cli:main',
             # These land in bin/, which all packages of an environment share: hence the long names.
-            'redres_composed = redres_ros.nodes.composed:main',
-            'redres_controller = redres_ros.nodes.controller:main',
-            'redres_planner = redres_ros.nodes.planner:main',
-            'redres_sim = redres_ros.nodes.sim:main',
+            'redres_composed = redres_ros.nodes.entry:composed',
+            'redres_controller = redres_ros.nodes.entry:controller',
+            'redres_planner = redres_ros.nodes.entry:planner',
+            'redres_sim = redres_ros.nodes.entry:sim',
         ],
     },
     data_files=[

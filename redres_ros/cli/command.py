@@ -3,8 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from typing import TextIO
 
 from redres_ros.cli import bench, compare, demo, laws, reproduce, simulate, watch
 from redres_ros.cli.options import Parser, Version
@@ -35,29 +34,26 @@ def run_command(arguments: list[str] | None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     # Pictures go to files. A window system that the user named for other programs may not be here.
     os.environ.pop('MPLBACKEND', None)
+    command = ' '.join(['redres', *given[:1]])
+    try:
+        try:
+            return _run(given)
+        finally:
+            _flush()
+    except BrokenPipeError:  # who read our output, as in `redres laws | head`, has gone
+        _let_go_of(sys.stdout)
+        return 1
+    except (RedresError, OSError, ImportError, MemoryError) as error:
+        _complain(f'{command}: {_line(error)}')
+        return 1
+
+
+def _run(given: list[str]) -> int:
     if not given:
         sys.stderr.write(_BEGINNING)
         return 2
-    try:
-        options = _parser().parse_args(given)
-        return _carry_out(options.command, lambda: options.run(options))
-    except SystemExit:  # of argparse, which has written its help or its complaint
-        if _carry_out('', lambda: 0):
-            return 1
-        raise
-
-
-def _carry_out(command: str, run: Callable[[], int]) -> int:
-    """Run something, and see to it that all it wrote has gone where it should."""
-    try:
-        status = run()
-        _flush()
-    except BrokenPipeError:  # who read our output, as in `redres laws | head`, has gone
-        _let_go_of_output()
-        return 1
-    except (RedresError, OSError, ImportError, MemoryError) as error:
-        _complain(f'redres {command}'.strip() + f': {_line(error)}')
-        return 1
+    options = _parser().parse_args(given)
+    status: int = options.run(options)
     return status
 
 
@@ -85,15 +81,19 @@ def _complain(line: str) -> None:
     try:
         _flush()
     except OSError:
-        _let_go_of_output()
-    with suppress(OSError):  # nobody may be there to be told
+        _let_go_of(sys.stdout)
+    if sys.stderr is None:  # as for sys.stdout in _flush
+        return
+    try:
         print(line, file=sys.stderr, flush=True)
+    except OSError:
+        _let_go_of(sys.stderr)
 
 
-def _let_go_of_output() -> None:
+def _let_go_of(stream: TextIO) -> None:
     """What is still to be written has no place to go; without this Python would try once more."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
+    os.dup2(nowhere, stream.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:

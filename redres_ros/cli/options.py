@@ -45,6 +45,11 @@ class Parser(argparse.ArgumentParser):
             self._declarations.pop()()
         return super().parse_known_args(args, namespace)
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """As of the base class, which passes over output that cannot be written."""
+        if message and file is not None:
+            file.write(message)
+
 
 class Version(argparse.Action):
     """Prints the package's version."""

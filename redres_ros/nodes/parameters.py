@@ -53,6 +53,8 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
         raise ParameterError(
             f'{reason}; allowed for {name}: {_allowed(default, parameter)}'
         ) from None
+    if value is None:  # as ROS takes an empty array
+        raise ParameterError(f'{name} has no value; allowed: {_allowed(default, parameter)}')
     return tuple(value) if isinstance(default, tuple) else value
 
 

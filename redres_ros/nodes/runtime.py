@@ -14,6 +14,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -171,7 +172,7 @@ def run_nodes(
     try:
         start(arguments)
         _spin([make() for make in makes], stopped, one_thread)
-    except (RedresError, RCLError) as error:
+    except (RedresError, RCLError, ParameterException) as error:
         if isinstance(error, RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
         print(

@@ -37,12 +37,14 @@ def in_parallel(
     shares = multiprocessing.RawArray('d', len(things))
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
+    others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(workers, context, _begin, (shares,)) as pool:
-        futures = [pool.submit(_piece, work, place, thing) for place, thing in enumerate(things)]
         try:
+            futures = [pool.submit(_piece, work, place, each) for place, each in enumerate(things)]
             _watch(futures, shares, progress)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+        except BaseException:  # whatever it is, nobody waits for the other results any more
+            for process in set(multiprocessing.active_children()) - others:
+                process.kill()
             raise
         return [future.result() for future in futures]
 

@@ -1,0 +1,65 @@
+"""The executables. Each loads its node in here: help needs no ROS, and Ctrl-C while Python loads
+ends quietly.
+"""
+
+import ast
+import sys
+from importlib import import_module
+from pathlib import Path
+
+
+def composed() -> int:
+    """The executable redres_composed, for `ros2 run` composed."""
+    return run_node('composed', sys.argv[1:])
+
+
+def controller() -> int:
+    """The executable redres_controller, for `ros2 run` controller."""
+    return run_node('controller', sys.argv[1:])
+
+
+def planner() -> int:
+    """The executable redres_planner, for `ros2 run` planner."""
+    return run_node('planner', sys.argv[1:])
+
+
+def sim() -> int:
+    """The executable redres_sim, for `ros2 run` sim."""
+    return run_node('sim', sys.argv[1:])
+
+
+def run_node(name: str, arguments: list[str]) -> int:
+    """Run a node until it ends.
+
+    Args:
+        name: Of its module.
+        arguments: What follows the name of the executable.
+
+    Returns:
+        The exit status: 0, 1 after an error, or 130 after Ctrl-C before the node began.
+    """
+    try:
+        if {'-h', '--help'} & set(arguments):
+            print(_help(name), flush=True)
+            return 0
+        status: int = import_module(f'redres_ros.nodes.{name}').main()
+        return status
+    except KeyboardInterrupt:
+        return 130
+    except (OSError, ImportError) as error:
+        print(f'redres_{name}: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+
+
+def _help(name: str) -> str:
+    """How the executable is used; its description is that of its module, which is not loaded."""
+    from redres_ros.share import share_path
+
+    source = Path(__file__).with_name(f'{name}.py').read_text(encoding='utf-8')
+    return f"""\
+usage: redres_{name} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
+
+{ast.get_docstring(ast.parse(source))}
+
+All parameters, with defaults and units: {share_path('config/redres.yaml')}
+What is allowed for one of a running node: ros2 param describe /{name} PARAMETER"""

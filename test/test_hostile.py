@@ -1,0 +1,178 @@
+"""Programs in a bad environment: each ends with one clear line, a status, and no traceback."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+PATIENCE = 120.0  # [s] for a process that should end by itself
+REDRES = f'{sys.executable} -m redres_ros.cli'
+QUICK = 'simulate --period 0.01'
+
+needs_ros = pytest.mark.skipif(
+    importlib.util.find_spec('rclpy') is None, reason='needs ROS 2: pip install .[test]'
+)
+
+
+def shell(line: str, folder: Path, **variables: str) -> tuple[int, str]:
+    """Exit status and all that is written to standard error by a line of shell, run in a folder."""
+    done = subprocess.run(
+        ['bash', '-c', line],
+        cwd=folder,
+        env={**os.environ, 'PYTHONUNBUFFERED': '', **variables},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    return done.returncode, done.stderr
+
+
+# --- output that has no place to go ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize('unbuffered', ['', '1'])
+@pytest.mark.parametrize(
+    'command', ['--help', '--version', 'laws', 'simulate --help', QUICK, f'{QUICK} --out /dev/full']
+)
+def test_a_full_device_is_told_in_one_line(tmp_path, command, unbuffered):
+    target = '' if '--out' in command else '> /dev/full'
+    status, said = shell(f'{REDRES} {command} {target}', tmp_path, PYTHONUNBUFFERED=unbuffered)
+    assert status == 1
+    assert 'No space left on device' in said
+    assert said.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('redirection', 'status'), [('2> /dev/full', 1), ('2>&-', 1), ('2> /dev/full > /dev/full', 1)]
+)
+def test_an_error_that_nobody_can_be_told_still_has_its_status(tmp_path, redirection, status):
+    assert shell(f'{REDRES} simulate --law fastest {redirection}', tmp_path) == (status, '')
+
+
+def test_output_that_nobody_wants_is_no_error(tmp_path):
+    assert shell(f'{REDRES} laws >&-', tmp_path) == (0, '')
+
+
+def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
+    status, said = shell(f'{REDRES} laws | true', tmp_path)
+    assert (status, said) == (0, '')
+
+
+# --- an environment that lacks something ----------------------------------------------------------
+
+
+@pytest.mark.parametrize('files', [6, 12, 16])
+@pytest.mark.parametrize('command', [QUICK, 'compare --period 0.01'])
+def test_few_file_descriptors_are_enough_or_told_in_one_line(tmp_path, command, files):
+    status, said = shell(f'ulimit -n {files}; exec {REDRES} {command}', tmp_path)
+    assert status in (0, 1)
+    assert 'Traceback' not in said
+    assert said.count('\n') == status
+    assert status == 0 or 'Too many open files' in said
+
+
+def test_a_window_system_that_is_not_there_does_not_matter(tmp_path):
+    status, said = shell(f'{REDRES} compare --period 0.01', tmp_path, MPLBACKEND='nonsense')
+    assert (status, said) == (0, '')
+    assert (tmp_path / 'redres_compare' / 'comparison.png').is_file()
+
+
+# --- Ctrl-C while Python still loads --------------------------------------------------------------
+
+INTERRUPTED = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+"""
+
+
+def interrupted(module: str, program: str, folder: Path) -> tuple[int, str]:
+    """What comes of a program that gets SIGINT in the moment in which it loads a module."""
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED.format(module=module) + program],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    'module', ['argparse', 'redres_ros.cli.options', 'numpy', 'pinocchio', 'rich.progress', 'yaml']
+)
+def test_ctrl_c_while_the_command_loads_ends_it_quietly(tmp_path, module):
+    program = 'from redres_ros.cli import main\nsys.exit(main(["simulate"]))'
+    assert interrupted(module, program, tmp_path) == (130, '')
+
+
+@needs_ros
+@pytest.mark.parametrize('module', ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco'])
+def test_ctrl_c_while_a_node_loads_ends_it_quietly(tmp_path, module):
+    program = 'from redres_ros.nodes.entry import sim\nsys.exit(sim())'
+    assert interrupted(module, program, tmp_path) == (130, '')
+
+
+# --- nodes ----------------------------------------------------------------------------------------
+
+NODES = ('composed', 'controller', 'planner', 'sim')
+
+
+def entry(name: str, arguments: str, folder: Path) -> tuple[int, str, str]:
+    """Status, output and errors of an executable of a node."""
+    done = subprocess.run(
+        [
+            sys.executable,
+            '-c',
+            f'import sys\nfrom redres_ros.nodes.entry import {name}\nsys.exit({name}())',
+            *arguments.split(),
+        ],
+        cwd=folder,
+        env={**os.environ, 'ROS_DOMAIN_ID': '99', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize('option', ['-h', '--help'])
+@pytest.mark.parametrize('name', NODES)
+def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, option):
+    status, out, err = entry(name, option, tmp_path)
+    assert (status, err) == (0, '')
+    assert out.startswith(f'usage: redres_{name} ')
+    assert 'redres.yaml' in out
+
+
+@needs_ros
+@pytest.mark.parametrize(
+    ('name', 'parameter', 'words'),
+    [
+        ('sim', 'start:=[]', 'start has no value; allowed: an array of numbers'),
+        ('sim', 'processors:=[]', 'processors has no value; allowed: an array of whole numbers'),
+        ('controller', 'processors:=[]', 'processors has no value'),
+        ('sim', 'use_sim_time:=5', "'use_sim_time' to '5'"),
+        ('controller', 'use_sim_time:=x', "'use_sim_time' to 'x'"),
+        ('planner', 'task:=' + 'x' * 300, "unknown task 'xxx"),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_refused_in_one_line(tmp_path, name, parameter, words):
+    status, out, err = entry(name, f'--ros-args -p {parameter}', tmp_path)
+    assert (status, out) == (1, '')
+    assert words in err
+    assert err.count('\n') == 1
