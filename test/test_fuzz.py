@@ -305,13 +305,16 @@ class TestOverDds:
     @few
     @given(joint_states(), joint_states(), twists())
     def test_over_dds_random_messages_are_refused_without_an_end(self, live, state, command, twist):
-        _, graph_parts, _ = live
+        witness, graph_parts, _ = live
         for topic, message in (
             ('joint_states', state),
             ('joint_command', command),
             ('cartesian_velocity', twist),
         ):
             graph_parts[topic].publish(message)
+        # A node that it brought down is found here, or after the next message.
+        states = len(witness.states)
+        await_that(lambda: len(witness.states) > states, 'a state of the sim', every=0.001)
         for name in ('sim', 'controller', 'planner'):
             graph_parts[name].check()
 
@@ -325,7 +328,8 @@ class TestOverDds:
             }
             return [(q_ref, dq) for stamp, q_ref, dq in witness.commands if stamp in real]
 
-        await_that(lambda: len(answers()) > 100, 'answers')
+        before = len(answers())
+        await_that(lambda: len(answers()) > before + 100, 'answers')
         for name in ('sim', 'controller', 'planner'):
             graph_parts[name].check()
             lines = log_lines(directory, name)

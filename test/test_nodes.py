@@ -349,7 +349,7 @@ def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Pat
         assert laws[-1].data == 'minimum_torque'
 
 
-def test_signals_are_published_only_while_somebody_listens(tmp_path: Path) -> None:
+def test_the_torque_that_is_published_is_that_of_the_model(tmp_path: Path) -> None:
     with nodes(tmp_path, controller={}) as (probe, _):
         norms = probe.listen(Float64, 'controller/joint_torque_norm')
         await_that(lambda: probe.ask(START) and bool(norms), 'joint_torque_norm')

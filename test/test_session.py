@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
-from redres_ros.fri.profile import State
+from redres_ros.fri.profile import PROFILES, Profile, State
 from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics
 from redres_ros.fri.session import AnswerError, Refusal, Session, SessionSettings
 from redres_ros.fri.timing import WINDOW, TimingMonitor
@@ -154,20 +154,41 @@ def test_refusals_are_counted_by_kind():
     assert session.counts.cycles == 0  # a refusal is no cycle
 
 
-@pytest.mark.parametrize('state', list(State))
-def test_a_stop_leads_to_monitor_mode_and_its_reason_blocks_command_mode_until_reset(state):
-    session = (
-        commanding()
-        if state is State.CMD
-        else answered(Session(T, SessionSettings(monitor_time=0.0)))
-    )
+EVERY_STATE = [(profile, state) for profile in PROFILES.values() for state in profile.states]
+
+
+def follow(session: Session, cycles: int = 1) -> None:
+    """Answer in time, each time where the arm is."""
+    for _ in range(cycles):
+        session.record(0)
+        session.offer(0.0)
+
+
+def in_state(profile: Profile, state: State) -> Session:
+    """A session that answers have brought into that state."""
+    session = Session(T, SessionSettings(profile=profile.name, monitor_time=10 * T))
+    for _ in range(10 * WINDOW):
+        for step in (lambda: None, lambda: session.record(0), lambda: session.offer(0.0)):
+            step()
+            if session.state is state:
+                return session
+    raise AssertionError(f'{profile.name} never came to {state}')
+
+
+@pytest.mark.parametrize(
+    ('profile', 'state'),
+    EVERY_STATE,
+    ids=[f'{profile.name}-{state.name}' for profile, state in EVERY_STATE],
+)
+def test_a_stop_keeps_for_its_first_reason_from_commanding_until_reset(profile, state):
+    session = in_state(profile, state)
     session.stop('first')
     session.stop('second')
-    answered(session, 100).offer(0.0)
-    assert (session.state, session.reason) == (State.MON, 'first')
+    follow(session, 10 * WINDOW)
+    assert (session.commanding, session.reason) == (False, 'first')
     session.reset()
-    answered(session).offer(0.0)
-    assert (session.state, session.reason) == (State.CMD, '')
+    follow(session, 10 * WINDOW)
+    assert (session.commanding, session.reason) == (True, '')
 
 
 def test_reset_costs_a_new_monitor_time():
