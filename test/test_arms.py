@@ -217,6 +217,11 @@ def test_the_start_is_well_inside_the_ranges(name):
 
 
 @EVERY_ARM
+def test_the_start_is_away_from_where_a_driver_may_jump_by_a_turn(name):
+    assert np.abs(ARMS[name].start).max() < np.radians(150.0)
+
+
+@EVERY_ARM
 def test_the_start_is_away_from_singularities(name):
     model = RobotModel.named(name)
     start = np.array(ARMS[name].start)

@@ -216,6 +216,17 @@ def test_the_simulated_arm_has_the_same_joints_and_stands():
     assert np.abs(plant.q - arm.start).max() < 1e-9
 
 
+def test_the_simulated_arm_follows_with_a_linear_axis():
+    rail = PARTS['yaw'].replace('axis xyz="0 0 1"', 'axis xyz="0 1 0"')
+    arm = arm_from_urdf(urdf(yaw=rail.replace('"revolute"', '"prismatic"')), 'tip')
+    plant = MujocoPlant(arm, T, np.array(arm.start))
+    references = arm.start + np.linspace(0.0, 0.1, 201)[:, None]  # 0.1 m or rad in 1 s
+    for reference in references:
+        plant.step(reference)
+    # Starting in full motion, the servos lag for a few of their time constants of 10 ms.
+    assert np.abs(plant.q - references[-1]).max() < 1e-4
+
+
 # --- joints of the chain --------------------------------------------------------------------------
 
 

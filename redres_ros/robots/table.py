@@ -71,7 +71,8 @@ _GEN3 = Arm(
     elbow_frame='forearm_link',
     # Kinova's user guide: 297.94 deg/s^2 for the large actuators, 572.95 deg/s^2 for the small.
     acceleration_limit=(5.2, 5.2, 5.2, 5.2, 10.0, 10.0, 10.0),
-    start=_radians(0.0, 15.0, 180.0, -130.0, 0.0, 55.0, 90.0),
+    # Kinova's home, but with joint 3 away from 180 degrees, where its driver jumps by a turn.
+    start=_radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
     task='gen3_square',
 )
 
