@@ -10,9 +10,19 @@ if TYPE_CHECKING:
     from redres_ros.errors import RedresError
     from redres_ros.laws import LAWS, Law, make_law
     from redres_ros.planner import Planner
+    from redres_ros.preferences import (
+        PREFERENCES,
+        ElbowHeight,
+        JointCentering,
+        Manipulability,
+        Posture,
+        Preference,
+        make_preference,
+    )
     from redres_ros.resolution import resolve
     from redres_ros.robot_model import RobotModel, RobotState
-    from redres_ros.waypoints import Task, load_task
+    from redres_ros.tasks import TASKS, Task, make_task
+    from redres_ros.waypoints import WaypointTask, load_task
 
 # Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy
 # nor pinocchio.
@@ -27,22 +37,42 @@ _HOMES = {
     'resolve': 'resolution',
     'RobotModel': 'robot_model',
     'RobotState': 'robot_model',
-    'Task': 'waypoints',
+    'TASKS': 'tasks',
+    'Task': 'tasks',
+    'make_task': 'tasks',
+    'PREFERENCES': 'preferences',
+    'ElbowHeight': 'preferences',
+    'JointCentering': 'preferences',
+    'Manipulability': 'preferences',
+    'Posture': 'preferences',
+    'Preference': 'preferences',
+    'make_preference': 'preferences',
+    'WaypointTask': 'waypoints',
     'load_task': 'waypoints',
 }
 
 __all__ = [
     'LAWS',
+    'PREFERENCES',
+    'TASKS',
     'Command',
     'Controller',
+    'ElbowHeight',
+    'JointCentering',
     'Law',
+    'Manipulability',
     'Planner',
+    'Posture',
+    'Preference',
     'RedresError',
     'RobotModel',
     'RobotState',
     'Task',
+    'WaypointTask',
     'load_task',
     'make_law',
+    'make_preference',
+    'make_task',
     'resolve',
 ]
 

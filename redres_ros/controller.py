@@ -2,39 +2,54 @@
 out, once a cycle.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.errors import DivergedError, RangeError, UnknownNameError
 from redres_ros.laws import Law
-from redres_ros.planner import quintic
-from redres_ros.resolution import project, resolve
+from redres_ros.motion import STANDING, Aim, Blend, Following
+from redres_ros.preferences import Preference, make_preference
+from redres_ros.resolution import Weight, project
+from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
 from redres_ros.robot_model import RobotModel, RobotState, finite_vector
+from redres_ros.tasks import Task, make_task
+
+if TYPE_CHECKING:
+    from redres_ros.limits.limit import Limit
 
 INTEGRATE_FROM = ('command', 'measurement')
+SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
 
 
 class Command(NamedTuple):
-    """One tick's answer: dq (n,) [rad/s], q_ref (n,) [rad], and the state it answers.
+    """One tick's answer. What only onlookers want is computed when it is asked for.
 
-    What only onlookers want is computed when asked for; find_null does it for `null`.
+    dq: (n,) [rad/s]. q_ref: (n,) [rad]. state: what it answers. T: sampling time [s]. J: (m, n) of
+    the first task. W: the metric of the law. s: the share of dx that the limits allow. limiting:
+    'joint: limit' that acts, '' if none does. lost: (m,), the part of dx that a singularity does
+    not let through.
     """
 
     dq: np.ndarray
     q_ref: np.ndarray
-    find_null: Callable[[], np.ndarray]
     state: RobotState
     T: float
+    J: np.ndarray
+    W: Weight
+    s: float
+    limiting: str
+    lost: np.ndarray
 
     @property
     def null(self) -> np.ndarray:
-        """What the law adds to the least motion for the task: the null-space term of Eq. (2), (n,)
-        [rad/s].
+        """The null-space term of Eq. (2), (n,) [rad/s].
+
+        It is P dq, which is P b: P J_W^# = 0.
         """
-        return self.find_null()
+        return project(self.J, self.dq, self.W)
 
     @property
     def ddq(self) -> np.ndarray:
@@ -49,18 +64,11 @@ class Command(NamedTuple):
     @property
     def min_singular_value(self) -> float:
         """Smallest singular value of the task Jacobian."""
-        return float(np.linalg.svd(self.state.J, compute_uv=False)[-1])
+        return float(np.linalg.svd(self.J, compute_uv=False)[-1])
 
 
 class Controller:
-    """Turns task velocities into position references by the law in force, for one arm and one
-    sampling time.
-
-    model, law, T [s] as they say. switch_time [s]: over it a change of law is blended, as are
-    starting and stopping; 0 switches at once. integrate_from: q_ref = q + T dq (footnote 1) with q
-    the last 'command', so that a servo's lag does not make the arm creep, or the last
-    'measurement'. Raises RangeError for T, switch_time or the law's damping.
-    """
+    """Turns task velocities into position references by the law in force."""
 
     def __init__(
         self,
@@ -68,9 +76,37 @@ class Controller:
         law: Law,
         T: float,
         *,
+        task: str | Task = 'position',
         switch_time: float = 0.0,
         integrate_from: str = 'command',
+        limits: Iterable['str | Limit'] = (),
+        limit_scale: float = 1.0,
+        torque_scale: float = 1.0,
+        preferences: Iterable[str | Preference] = (),
+        secondary_tasks: Iterable[str | Task] = (),
     ) -> None:
+        """A controller that stands still, for one arm and one sampling time.
+
+        Args:
+            model: The arm.
+            law: The law to begin with.
+            T: Sampling time [s].
+            task: What dx is the velocity of: a name in TASKS, or a task.
+            switch_time: Time over which changes, starting and stopping are blended [s]; 0: at once.
+            integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a
+                servo's lag does not make the arm creep, or the last 'measurement'.
+            limits: Names in LIMITS, or limits, that no command leaves.
+            limit_scale: Factor on the arm's velocity and acceleration limits.
+            torque_scale: Factor on its torque limits.
+            preferences: Names in PREFERENCES, or preferences; they add up.
+            secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
+                stands for holding the value of the start of the motion.
+
+        Raises:
+            RangeError: For T, switch_time, a scale or the law's damping.
+            UnknownNameError: For a name that is in no table.
+            ArrayError: For limits that the arm has no figures for.
+        """
         if not 1e-5 <= T <= 1.0:
             raise RangeError('T', T, 1e-5, 1.0, 's')
         if not 0.0 <= switch_time <= 60.0:
@@ -80,16 +116,34 @@ class Controller:
         law.check_damping(T)
         self.model = model
         self.T = T
+        self.task = _task(task)
+        self.m = self.task.size
         self.switch_time = switch_time
         self._integrate_from = integrate_from
-        self._law = law
+        self._scale = self.task.row_scale(model)
+        self._nothing_lost = np.zeros(self.m)
+        self._nothing_lost.flags.writeable = False  # every command shares it
+        self._asked = Following(law, _preferences(preferences), _tasks(secondary_tasks))
+        self._begun = self._asked  # with targets that were left open filled in
+        self._resolver: Resolver = UNLIMITED
         self._moving = True
         self.reset()
+        self.set_limits(limits, limit_scale=limit_scale, torque_scale=torque_scale)
 
     @property
     def law(self) -> Law:
         """The law asked for last; a blend towards it may be under way."""
-        return self._law
+        return self._asked.law
+
+    @property
+    def preferences(self) -> tuple[Preference, ...]:
+        """The preferences asked for last."""
+        return self._asked.preferences
+
+    @property
+    def secondary_tasks(self) -> tuple[Task, ...]:
+        """The tasks below the first one that were asked for last."""
+        return self._asked.lower_tasks
 
     @property
     def moving(self) -> bool:
@@ -103,21 +157,66 @@ class Controller:
         outside [0, 1/T]; the law in force then stays.
         """
         law.check_damping(self.T)
-        self._law = law
+        self._asked = replace(self._asked, law=law)
+        self._begun = replace(self._begun, law=law)
+
+    def set_preferences(self, preferences: Iterable[str | Preference]) -> None:
+        """Go over to other preferences; names or objects, as at construction."""
+        made = _preferences(preferences)
+        if made != self._asked.preferences:
+            self._asked = replace(self._asked, preferences=made)
+            self._begun = replace(self._begun, preferences=made)
+            self._is_open = True
+
+    def set_secondary_tasks(self, tasks: Iterable[str | Task]) -> None:
+        """Go over to other tasks below the first one; names or objects, as at construction."""
+        made = _tasks(tasks)
+        if made != self._asked.lower_tasks:
+            self._asked = replace(self._asked, lower_tasks=made)
+            self._begun = replace(self._begun, lower_tasks=made)
+            self._is_open = True
+
+    def set_limits(
+        self,
+        limits: Iterable['str | Limit'],
+        *,
+        limit_scale: float = 1.0,
+        torque_scale: float = 1.0,
+    ) -> None:
+        """Go over to other limits.
+
+        Limits on the acceleration act at once, because nothing can jump under them. Others are
+        blended in.
+
+        Args:
+            limits: Names in LIMITS, or limits; none: no limits.
+            limit_scale: Factor on the arm's velocity and acceleration limits.
+            torque_scale: Factor on its torque limits.
+
+        Raises:
+            RedresError: A limit or a scale that cannot be used; the limits in force then stay.
+        """
+        resolver = make_resolver(self.model, limits, limit_scale, torque_scale)
+        if self._q_ref is None or resolver.bounds_acceleration:
+            self._resolver = resolver
+        else:
+            self._resolver = Changeover(self._resolver, resolver)
 
     def hold(self) -> None:
-        """Come to a standstill; the task is left."""
+        """Come to a standstill, beginning at once; the task is left."""
         self._moving = False
 
     def resume(self) -> None:
-        """Follow the law again, from standing still."""
+        """Follow the law again, beginning at once."""
         self._moving = True
 
     def reset(self) -> None:
         """Forget the last command: the next update starts at the measured position, standing still."""
         self._q_ref: np.ndarray | None = None
         self._dq_prev = np.zeros(self.model.n)
-        self._blend = _Blend(None, None, np.zeros(self.model.n), 1.0)
+        self._blend = Blend(STANDING, STANDING, np.zeros(self.model.n), 1.0)
+        self._begun = self._asked
+        self._is_open = bool(self._asked.preferences or self._asked.lower_tasks)
 
     def lag(self, q: np.ndarray) -> float:
         """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before
@@ -126,96 +225,81 @@ class Controller:
         return 0.0 if self._q_ref is None else max(map(abs, (self._q_ref - q).tolist()))
 
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
-        """The command for the measured joint positions q (n,) [rad] and the task velocity dx (m,).
+        """The command that answers one state.
 
-        dx: [m/s], and [rad/s] below it. missed: cycles since the last update that went without one;
-        the arm is taken to have gone on with the last velocity. Raises ArrayError for a wrong
-        shape, NaN or infinity, RangeError for missed; the controller is then as it was before.
+        Args:
+            q: Measured joint positions, (n,) [rad].
+            dx: Velocity of the task, (m,) [m/s], and [rad/s] below it.
+            missed: Cycles since the last update that went without one; the arm is taken to have
+                gone on with the last velocity.
+
+        Raises:
+            ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
+            RangeError: For missed. The controller is as it was before.
+            DivergedError: A joint would have to go faster than SPEED_LIMIT. Where dx is the reason,
+                the controller is as it was before. Where its own memory is, it has forgotten it.
         """
         if missed < 0:
             raise RangeError('missed', missed, 0, np.inf, 'cycles')
         q = finite_vector(q, self.model.n, 'q')
-        dx = finite_vector(dx, self.model.m, 'dx')
+        dx = finite_vector(dx, self.m, 'dx')
         state = self.model.unchecked_state(q, self._dq_prev)
+        begun = self._begun.begun(state) if self._is_open else self._begun
+        aim = Aim(self.task.jacobian(state), dx, self._scale)
         blend = self._blend.advanced(
-            self._law if self._moving else None, self._dq_prev, self.T, self.switch_time
+            begun if self._moving else STANDING, self._dq_prev, self.T, self.switch_time
         )
-        dq, after = blend.resolve(state, dx, self.T)
-        if self._q_ref is None or self._integrate_from == 'measurement':
-            q_ref = q + self.T * dq  # footnote 1
-        else:
-            q_ref = self._q_ref + self.T * (missed * self._dq_prev + dq if missed else dq)
+        answer, after = blend.answer(state, aim, self.T)
+        start = self._integrated(q, missed)
+        resolver = self._resolver.advanced(self.T, self.switch_time)
+        dq, s, limiting = resolver.resolve(answer, aim, self._at(start, state), self.T)
+        self._check_speed(dq, blend, state, aim)
+        q_ref = start + self.T * dq  # footnote 1
         self._q_ref = q_ref
         self._dq_prev = dq
         self._blend = after
-        return Command(dq.copy(), q_ref.copy(), lambda: blend.project(state, self.T), state, self.T)
+        self._resolver = resolver
+        self._begun = begun
+        self._is_open = False
+        lost = self._nothing_lost if answer.lost is None else answer.lost
+        return Command(dq.copy(), q_ref.copy(), state, self.T, aim.J, answer.W, s, limiting, lost)
+
+    def _integrated(self, q: np.ndarray, missed: int) -> np.ndarray:
+        """The position from which the reference goes on, (n,) [rad]."""
+        if self._q_ref is None or self._integrate_from == 'measurement':
+            return q
+        if missed:
+            return self._q_ref + self.T * missed * self._dq_prev
+        return self._q_ref
+
+    def _at(self, q: np.ndarray, state: RobotState) -> RobotState:
+        """The state at the reference that is integrated; the same one where the arm is there."""
+        if self._resolver is UNLIMITED or q is state.q or (q == state.q).all():
+            return state
+        return self.model.unchecked_state(q, self._dq_prev)
+
+    def _check_speed(self, dq: np.ndarray, blend: Blend, state: RobotState, aim: Aim) -> None:
+        """Raise DivergedError for a speed beyond any arm; forget a memory that asks for it."""
+        speed = max(map(abs, dq.tolist()))
+        if speed <= SPEED_LIMIT:
+            return
+        without_dx, _ = blend.answer(state, aim._replace(dx=np.zeros(self.m)), self.T)
+        is_own = max(map(abs, without_dx.dq.tolist())) > SPEED_LIMIT
+        if is_own:
+            self.reset()
+        raise DivergedError(speed, SPEED_LIMIT, 'its own motion' if is_own else 'dx')
 
 
-@dataclass(frozen=True)
-class _Blend:
-    """On the way from one law to another; None in the place of a law stands for standing still.
-
-    dq_old: (n,) [rad/s] what the old law remembers as the last velocity: its own, or its null-space
-    motion would fade by the mixture's share in every cycle. The new law remembers the mixture,
-    which is what it takes over. share: of the switch time that is over; at 1 only the new law acts.
-    """
-
-    old: Law | None
-    new: Law | None
-    dq_old: np.ndarray
-    share: float
-
-    def advanced(
-        self, wanted: Law | None, dq_prev: np.ndarray, T: float, switch_time: float
-    ) -> '_Blend':
-        """One cycle on; towards the wanted law once the last blend is over."""
-        blend = self
-        if self.share >= 1.0:
-            if wanted is self.new or wanted == self.new:
-                return self
-            blend = _Blend(self.new, wanted, dq_prev, 0.0)
-        return replace(
-            blend, share=min(blend.share + (T / switch_time if switch_time > 0.0 else 1.0), 1.0)
-        )
-
-    def resolve(self, state: RobotState, dx: np.ndarray, T: float) -> tuple[np.ndarray, '_Blend']:
-        """dq = (1 - s) dq_old + s dq_new: where both execute the task, J dq = dx, so does every
-        mixture.
-        """
-        new = _resolve(self.new, state, dx, T)
-        if self.share >= 1.0:
-            return new, self
-        old = _resolve(self.old, self._remembered(state), dx, T)
-        return self._mixture(old, new), replace(self, dq_old=old)
-
-    def project(self, state: RobotState, T: float) -> np.ndarray:
-        """The null-space part of the same dq, (n,) [rad/s]."""
-        new = _project(self.new, state, T)
-        return (
-            new
-            if self.share >= 1.0
-            else self._mixture(_project(self.old, self._remembered(state), T), new)
-        )
-
-    def _remembered(self, state: RobotState) -> RobotState:
-        return state._replace(dq_prev=self.dq_old)
-
-    def _mixture(self, old: np.ndarray, new: np.ndarray) -> np.ndarray:
-        s, _ = quintic(self.share)
-        return (1.0 - s) * old + s * new
+def _task(task: str | Task) -> Task:
+    return make_task(task) if isinstance(task, str) else task
 
 
-def _resolve(law: Law | None, state: RobotState, dx: np.ndarray, T: float) -> np.ndarray:
-    return (
-        np.zeros(len(state.q))
-        if law is None
-        else resolve(state.J, dx, law.bias(state, T), law.weight(state))
-    )
+def _tasks(tasks: Iterable[str | Task]) -> tuple[Task, ...]:
+    return tuple(_task(task) for task in tasks)
 
 
-def _project(law: Law | None, state: RobotState, T: float) -> np.ndarray:
-    return (
-        np.zeros(len(state.q))
-        if law is None
-        else project(state.J, law.bias(state, T), law.weight(state))
+def _preferences(preferences: Iterable[str | Preference]) -> tuple[Preference, ...]:
+    return tuple(
+        make_preference(preference) if isinstance(preference, str) else preference
+        for preference in preferences
     )

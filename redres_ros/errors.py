@@ -52,6 +52,19 @@ class ArrayError(RedresError):
     """An array of the wrong shape, or one that holds NaN or infinity."""
 
 
+class DivergedError(RedresError):
+    """A joint speed beyond any arm's, which is not commanded."""
+
+    def __init__(self, speed: float, limit: float, reason: str) -> None:
+        self.speed = speed
+        self.limit = limit
+        self.reason = reason
+        super().__init__(
+            f'a joint would have to go at {speed:.3g} rad/s; allowed: up to {limit:g}; '
+            f'the reason is {reason}'
+        )
+
+
 class JointNamesError(RedresError):
     """Joint names of a message that are not those of the arm."""
 

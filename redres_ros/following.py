@@ -119,7 +119,7 @@ class Following:
         playout = playout or PlayoutSettings()
         if self.settings.lockstep:
             playout = replace(playout, twist_lag=0)
-        self.playout = Playout(controller.model.m, controller.T, playout)
+        self.playout = Playout(controller.m, controller.T, playout)
         self._controller = controller
         self._cycles = Cycles(round(NANOSECONDS * controller.T))
         self._session = _Session(self.settings.lockstep)

@@ -3,13 +3,16 @@ and docs.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 from redres_ros.errors import RangeError, UnknownNameError
 
 _KEY = 'parameter'
+
+T = TypeVar('T')
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,34 @@ def check_parameters(instance: Any) -> None:
         check_value(f.name, value, parameter)
         if isinstance(value, Real) and hasattr(value, 'item'):
             object.__setattr__(instance, f.name, value.item())
+
+
+def make(kind: str, table: Mapping[str, type[T]], name: str, gains: Mapping[str, Any]) -> T:
+    """An object of the class that a table has under that name.
+
+    Args:
+        kind: What the table holds, for the errors: law, task, preference.
+        table: Name to class.
+        name: What is wanted.
+        gains: Fields declared with `param` that are not to have their defaults.
+
+    Raises:
+        UnknownNameError: No such name in the table, or no such field.
+        RangeError: A value outside its range.
+    """
+    if name not in table:
+        raise UnknownNameError(kind, name, table)
+    allowed = [f.name for f in parameters(table[name])]
+    for gain in gains:
+        if gain not in allowed:
+            raise UnknownNameError(f'gain of {name}', gain, allowed)
+    return table[name](**gains)
+
+
+def name_of(thing: object, table: Mapping[str, type]) -> str:
+    """The name of an object's class in a table; the class's own name if it is not in it."""
+    cls = type(thing)
+    return next((name for name, listed in table.items() if listed is cls), cls.__name__)
 
 
 def check_value(name: str, value: Any, parameter: Parameter) -> None:

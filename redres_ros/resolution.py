@@ -1,47 +1,190 @@
 """Redundancy resolution: of all joint velocities that execute a task, the one nearest to a bias in
-a chosen norm.
+a chosen norm; and the same for several tasks in order of priority.
 
 For so few joints numpy's overhead is most of the time. Hence `dot` instead of `@` (half of it),
-LAPACK's dposv called directly (a quarter of `np.linalg.solve`), and looking closely at arguments
-only when the result is not finite.
+LAPACK called directly (a quarter of `np.linalg.solve`), and looking closely at arguments only when
+the result is not finite. OpenBLAS gives dtrtrs, dgetrs and dpotri to several threads whatever the
+size, which on a busy machine takes milliseconds: dtrsm, dtrsv and dpotrs do the same in one.
 """
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.lapack import dposv, dpotri
+from scipy.linalg.blas import dtrsm, dtrsv
+from scipy.linalg.lapack import dgeqrf, dormqr, dposv, dpotrf, dpotrs
 
 from redres_ros.errors import ArrayError
 
 # task directions whose singular value is below this share of the largest one are damped
 SINGULAR_RATIO = 1e-3
+# rows whose singular value is below this share are dependent: lower tasks may use what they leave
+DEPENDENT_RATIO = 1e-9
+# |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
+_NO_FREEDOM = 1e-30
 
 
-def resolve(
-    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None = None
-) -> np.ndarray:
-    """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx, (n,) [rad/s]: Eq. (A.13), y =
-    dq, A = J, y_N = b.
+class Factor:
+    """A weight W = F'F that is known by its factor F (n, n), upper triangular.
 
-    J: (m, n) task Jacobian, m <= n; dx: (m,) task velocity; b: (n,) bias [rad/s]; W: (n, n)
-    symmetric positive definite weight, None for the identity. Near a singularity, where the least
-    squares solution would be unbounded, the lost direction is executed only in part (damped) and
-    drops out of the projector (end of Appendix A). Raises ArrayError for shapes that do not fit and
-    for NaN or infinity.
+    Solving with F twice keeps the digits that forming W would lose: its condition is the root of
+    W's. np.asarray gives W itself.
+    """
+
+    def __init__(self, F: np.ndarray) -> None:
+        self.F = F
+        self.shape = F.shape
+
+    def solve_transposed(self, B: np.ndarray) -> np.ndarray:
+        """F'^-1 B for B (n, k)."""
+        X: np.ndarray = dtrsm(1.0, self.F, B, trans_a=1)
+        return X
+
+    def solve_factor(self, b: np.ndarray) -> np.ndarray:
+        """F^-1 b for b (n,)."""
+        x: np.ndarray = dtrsv(self.F, b)
+        return x
+
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
+        W: np.ndarray = self.F.T.dot(self.F)
+        return W
+
+
+class Square(Factor):
+    """The weight W = M M of a symmetric positive definite M (n, n). Raises ArrayError for another
+    M.
+    """
+
+    def __init__(self, M: np.ndarray) -> None:
+        super().__init__(M)
+        self._cholesky = _cholesky(M)
+
+    def solve_transposed(self, B: np.ndarray) -> np.ndarray:
+        """M^-1 B for B (n, k)."""
+        X: np.ndarray = dpotrs(self._cholesky, B)[0]
+        return X
+
+    def solve_factor(self, b: np.ndarray) -> np.ndarray:
+        """M^-1 b for b (n,)."""
+        return self.solve_transposed(b)
+
+
+Weight = np.ndarray | Factor | None  # None stands for the identity
+Level = tuple[np.ndarray, np.ndarray]  # J (m, n) and dx (m,) of one task
+
+
+def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:
+    """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx, (n,) [rad/s].
+
+    Eq. (A.13) with y = dq, A = J, y_N = b. Near a singularity of J, where the solution would be
+    unbounded, the lost direction u is executed only in part: with s its singular value and e =
+    SINGULAR_RATIO max(s) > s, the share s^2/e^2 of the motion that executes u, and the rest of the
+    motion that does without it (end of Appendix A). The other directions are executed exactly.
+
+    Args:
+        J: (m, n) task Jacobian, m <= n; its rows are of one unit, or made comparable.
+        dx: (m,) task velocity.
+        b: (n,) bias [rad/s].
+        W: (n, n) symmetric positive definite weight, or its Factor; None for the identity.
+
+    Raises:
+        ArrayError: shapes that do not fit, NaN or infinity, a W that is not positive definite.
     """
     _check_shapes(J, dx, b, W)
-    WJ = J.T if W is None else solve_spd(W, J.T)  # (n, m) W^-1 J'
-    dq = b + WJ.dot(damped_solve(J.dot(WJ), dx - J.dot(b)))  # b + J_W^# (dx - J b) with Eq. (A.5)
-    if not math.isfinite(sum(dq.tolist())):
-        raise ArrayError(_complaint(J, dx, b, W, dq))
+    dq, _ = resolve_one(J, dx, b, W)
     return dq
 
 
-def project(J: np.ndarray, b: np.ndarray, W: np.ndarray | None = None) -> np.ndarray:
+def project(J: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:
     """The part of b in the null space of J, (n,): P b of Eq. (2), what the bias adds to J_W^# dx.
     As for `resolve`.
     """
     return resolve(J, np.zeros(len(J)), b, W)
+
+
+def resolve_in_order(
+    levels: Sequence[Level], b: np.ndarray, W: Weight = None
+) -> tuple[np.ndarray, bool]:
+    """dq (n,) [rad/s] for tasks in order of priority, Eq. (20), and whether the first is damped.
+
+    Each task is executed as well as those before it allow, in their null space and in the metric of
+    W; b acts in the null space that is left.
+
+    Args:
+        levels: (J, dx) of each task, the most important one first; at least one.
+        b: (n,) bias [rad/s].
+        W: weight as for `resolve`.
+
+    Raises:
+        ArrayError: as for `resolve`.
+    """
+    dq, damped = resolve_one(*levels[0], b, W)
+    Z = np.eye(len(b))  # (n, k) null space of the tasks so far
+    for (J_above, _), (J, dx) in pairwise(levels):
+        Z = Z.dot(_null_space(J_above.dot(Z)))
+        if not Z.shape[1]:
+            break
+        rest = dx - J.dot(dq)
+        z, _ = resolve_one(J.dot(Z), rest, np.zeros(Z.shape[1]), _within(W, Z), _largest(J))
+        dq = dq + Z.dot(z)
+    return dq, damped
+
+
+def resolve_one(
+    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight, size: float = 0.0
+) -> tuple[np.ndarray, bool]:
+    """As `resolve`, without the check of shapes; and whether a direction was damped.
+
+    Args:
+        J: (m, n), also with m > n.
+        dx: (m,).
+        b: (n,).
+        W: weight.
+        size: singular values are judged against this, or against the largest one of J if that is
+            larger.
+
+    Raises:
+        ArrayError: as for `resolve`.
+    """
+    r = dx - J.dot(b)
+    G = J.dot(J.T)
+    damped = False
+    if W is None:
+        factor, f, failed = dposv(G, r)
+        if not failed and _well_conditioned(G, factor, size):
+            dq = b + J.T.dot(f)  # b + J^# (dx - J b)
+        else:
+            dq, damped = _resolve_carefully(J, r, b, W, size)
+    else:
+        factor, failed = dpotrf(G)
+        regular = not failed and _well_conditioned(G, factor, size)
+        step = _weighted_step(J, r, W) if regular else None
+        if step is None:
+            dq, damped = _resolve_carefully(J, r, b, W, size)
+        else:
+            dq = b + step
+    if not math.isfinite(sum(dq.tolist())):
+        raise ArrayError(_complaint(J, dx, b, W, dq))
+    return dq, damped
+
+
+def _weighted_step(J: np.ndarray, r: np.ndarray, W: np.ndarray | Factor) -> np.ndarray | None:
+    """J_W^# r, (n,), Eq. (A.5); None where J W^-1 J' cannot be factored."""
+    if isinstance(W, Factor):
+        return W.solve_factor(_least_norm(W.solve_transposed(J.T), r))
+    WJ = solve_spd(W, J.T)  # (n, m) W^-1 J'
+    _, f, failed = dposv(J.dot(WJ), r)
+    return None if failed else WJ.dot(f)
+
+
+def _least_norm(A: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """The least y (n,) with A' y = r, for A (n, m) of full rank; A'A would square its condition."""
+    qr, tau, _, _ = dgeqrf(A)
+    y = np.zeros((len(A), 1))
+    y[: len(r), 0] = dtrsv(qr[: len(r)], r, trans=1)  # R' y = r
+    rotated: np.ndarray = dormqr('L', 'N', qr, tau, y, len(A))[0]  # Q y
+    return rotated[:, 0]
 
 
 def solve_spd(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -50,58 +193,109 @@ def solve_spd(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """
     factor, X, failed = dposv(A, B)
     if failed or not math.isfinite(sum(factor.diagonal().tolist())):
-        why = 'is not positive definite' if np.isfinite(A).all() else 'holds NaN or infinity'
-        raise ArrayError(f'the weight W {why}; expected finite values and a positive definite W')
+        raise _indefinite(A)
     return X
 
 
-def damped_solve(G: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """G^-1 r, (m,), for a symmetric positive semidefinite G = A A' (m, m), damped where A is near a
-    singularity.
-
-    With s the singular values of A and e = SINGULAR_RATIO max(s): 1/s^2 for s >= e, below it 1/(s^2
-    + e^2 - s^2) = 1/e^2, so that the pseudoinverse's gain s/e^2 is continuous, at most 1/e, and 0
-    for a lost direction (numerical filtering after Maciejewski and Klein, 1988). A zero matrix
-    gives zero. Raises ArrayError for an indefinite G.
-    """
-    factor, y, failed = dposv(G, r)
-    return y if not failed and _well_conditioned(G, factor) else _damped_inverse(G).dot(r)
-
-
-def _well_conditioned(G: np.ndarray, factor: np.ndarray) -> bool:
+def _well_conditioned(G: np.ndarray, factor: np.ndarray, size: float) -> bool:
     """Whether no direction of G = U' U, with U its Cholesky factor, needs damping; False also where
     it is a close call.
 
-    The eigenvalues other than the smallest one have a mean of at most trace / (m - 1), so their
-    product is at most that to the power of m - 1, and the smallest one is at least det / (trace /
-    (m - 1))^(m - 1). Where this is too little, as for eigenvalues of different units, it is at
-    least 1 / trace(G^-1), which takes longer.
+    The eigenvalues other than the smallest one have a mean of at most trace / (m - 1). Hence the
+    smallest one is at least det / (trace / (m - 1))^(m - 1). Where this is too little, as for
+    eigenvalues of different sizes, it is at least 1 / trace(G^-1), which takes longer.
     """
     others = len(G) - 1
     trace = sum(G.diagonal().tolist())
-    needed = SINGULAR_RATIO**2 * trace  # as the largest one is at most the trace
+    needed = SINGULAR_RATIO**2 * max(trace, size * size)  # the largest one is at most the trace
     if math.prod(factor.diagonal().tolist()) ** 2 * (others / trace) ** others > needed:
         return True
-    inverse, failed = dpotri(factor)
-    return not failed and 1.0 / sum(inverse.diagonal().tolist()) > needed
+    inverse, _ = dpotrs(factor, np.eye(len(G)))
+    return 1.0 / sum(inverse.diagonal().tolist()) > needed
 
 
-def _damped_inverse(G: np.ndarray) -> np.ndarray:
-    try:
-        squares, V = np.linalg.eigh(G)  # (m,) ascending, (m, m)
-    except np.linalg.LinAlgError:  # NaN or infinity
-        return np.full_like(G, np.nan)
-    floor = SINGULAR_RATIO**2 * abs(squares).max()
-    if squares[0] < -floor:
-        raise ArrayError(
-            f"the weight is not positive definite: J W^-1 J' has the eigenvalue {squares[0]:.3g}"
-        )
-    if floor <= 0.0:
-        return np.zeros_like(G)
-    return (V / np.maximum(squares, floor)) @ V.T
+def _resolve_carefully(
+    J: np.ndarray, r: np.ndarray, b: np.ndarray, W: Weight, size: float
+) -> tuple[np.ndarray, bool]:
+    """b + J_W^# r by orthogonal transformations, near a singularity of J damped; and whether it is.
+
+    In the coordinates y = F (dq - b), W = F'F, each formula is the plain one. The directions u_i of
+    the task are those of J = U diag(s) V'; its rows in y are s_i c_i with c_i = v_i' F^-1. For the
+    regular ones c_i y = u_i' r / s_i holds exactly. In what they leave, with C the rest of the lost
+    c_i and S their s_i, the least y for S C y = rho gets a regularisation,
+
+        y = C' S (S C C' S + diag(d))^-1 rho,   d_i = |c_i|^2 (e^2 - s_i^2),
+
+    by which a lost direction is executed to the share s^2/e^2 and drops out for s = 0.
+    """
+    if not (np.isfinite(J).all() and np.isfinite(r).all()):  # LAPACK may never come back from them
+        return np.full_like(b, np.nan), False
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    e = SINGULAR_RATIO * max(s[0], size)
+    if e == 0.0:
+        return b.copy(), True
+    factor = _factor(W, len(b))
+    C = Vt if factor is None else factor.solve_transposed(Vt.T).T  # (k, n) rows c_i
+    rho = U.T.dot(r)
+    kept = int(np.count_nonzero(s >= e))
+    Q, R = np.linalg.qr(C[:kept].T)  # (n, kept), (kept, kept)
+    y = Q.dot(np.linalg.solve(R.T, rho[:kept] / s[:kept]))
+    if kept < len(s):
+        C_lost = C[kept:] - C[kept:].dot(Q).dot(Q.T)
+        s_lost = s[kept:]
+        freedom = np.maximum((C_lost**2).sum(axis=1), _NO_FREEDOM)  # |c_i|^2
+        d = freedom * (e**2 - s_lost**2)
+        A = s_lost[:, None] * C_lost
+        rest = rho[kept:] - s_lost * C[kept:].dot(y)
+        y = y + A.T.dot(np.linalg.solve(A.dot(A.T) + np.diag(d), rest))
+    step = y if factor is None else factor.solve_factor(y)
+    return b + step, kept < len(U)
 
 
-def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None) -> None:
+def _factor(W: Weight, n: int) -> Factor | None:
+    """W as a Factor; None for the identity. Raises ArrayError for a W that has none."""
+    if W is None or isinstance(W, Factor):
+        return W
+    return Factor(_cholesky(W))
+
+
+def _cholesky(W: np.ndarray) -> np.ndarray:
+    """The upper triangular F (n, n) of W = F'F. Raises ArrayError where there is none."""
+    F, failed = dpotrf(W)
+    if failed or not math.isfinite(sum(F.diagonal().tolist())):
+        raise _indefinite(W)
+    return F
+
+
+def _within(W: Weight, Z: np.ndarray) -> Weight:
+    """The weight of z in dq = Z z, Z' W Z, for orthonormal Z (n, k)."""
+    if W is None:
+        return None
+    if isinstance(W, Factor):
+        _, R = np.linalg.qr(W.F.dot(Z))
+        return Factor(R)
+    restricted: np.ndarray = Z.T.dot(W).dot(Z)
+    return restricted
+
+
+def _null_space(J: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (n, n - rank) that J (m, n) takes to zero."""
+    _, s, Vt = np.linalg.svd(J)
+    rank = int(np.count_nonzero(s > DEPENDENT_RATIO * max(s[0], np.finfo(float).tiny)))
+    return Vt[rank:].T
+
+
+def _largest(J: np.ndarray) -> float:
+    """A lower bound of the largest singular value of J, at most sqrt(m) times too small."""
+    return float(np.linalg.norm(J)) / math.sqrt(len(J))
+
+
+def _indefinite(W: np.ndarray) -> ArrayError:
+    why = 'is not positive definite' if np.isfinite(W).all() else 'holds NaN or infinity'
+    return ArrayError(f'the weight W {why}; expected finite values and a positive definite W')
+
+
+def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight) -> None:
     if (
         J.shape == dx.shape + b.shape
         and 1 <= len(dx) <= len(b)
@@ -118,14 +312,11 @@ def _check_shapes(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | 
             )
 
 
-def _complaint(
-    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: np.ndarray | None, dq: np.ndarray
-) -> str:
-    """Why the result is not finite."""
+def _complaint(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight, dq: np.ndarray) -> str:
     bad = [
         name
         for name, array in (('J', J), ('dx', dx), ('b', b), ('W', W))
-        if array is not None and not np.isfinite(array).all()
+        if array is not None and not np.isfinite(np.asarray(array)).all()
     ]
     if bad:
         return f'{" and ".join(bad)} hold NaN or infinity; every value must be finite'

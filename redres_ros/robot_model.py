@@ -1,8 +1,8 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
 import math
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -10,65 +10,81 @@ import pinocchio as pin
 from redres_ros.errors import ArrayError, FileError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 
-TASK_SPACES = {'position': 3, 'pose': 6}  # rows of the task
 
+class RobotState:
+    """Everything a law, a task or a preference may ask, at one (q, dq_prev).
 
-class RobotState(
-    NamedTuple
-):  # a third of a frozen dataclass's time to make, which is 2 us in every tick
-    """Everything a law may ask, at one (q, dq_prev); what most laws do without is evaluated when it
-    is asked for.
+    Each quantity is evaluated once, when it is asked for first: most laws do without most of them.
 
-    q, dq_prev: (n,) [rad], [rad/s], the previous velocity being all that is known at a tick
-    (footnote 4); J: (m, n) task Jacobian, linear rows first, in the base frame (the URDF's root
-    link); model: the arm.
+    q: (n,) [rad]. dq_prev: (n,) [rad/s], the last command, which is all that is known of the
+    velocity at a tick (footnote 4). model: the arm.
     """
 
-    q: np.ndarray
-    dq_prev: np.ndarray
-    J: np.ndarray
-    model: 'RobotModel'
+    def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
+        self.model = model
+        self.q = q
+        self.dq_prev = dq_prev
+
+    def with_velocity(self, dq_prev: np.ndarray) -> 'RobotState':
+        """The same position at another last velocity (n,) [rad/s]; keeps what q alone decides."""
+        state = RobotState(self.model, self.q, dq_prev)
+        for name in ('J', 'M', '_tip'):
+            if name in self.__dict__:
+                state.__dict__[name] = self.__dict__[name]
+        return state
+
+    @cached_property
+    def J(self) -> np.ndarray:
+        """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
+        return self.model._tip_jacobian(self.q)
 
     @property
     def x(self) -> np.ndarray:
         """Tip position in the base frame, (3,) [m]."""
-        return self.model._pose(self.q)[0]
+        return self._tip[0]
 
     @property
     def R(self) -> np.ndarray:
         """Tip orientation in the base frame, (3, 3)."""
-        return self.model._pose(self.q)[1]
+        return self._tip[1]
 
-    @property
+    @cached_property
     def M(self) -> np.ndarray:
         """Inertia, (n, n) [kg m^2]."""
         return self.model._inertia(self.q)
 
-    @property
+    @cached_property
     def n(self) -> np.ndarray:
         """Coriolis, centrifugal and gravity torque n(q, dq_prev), (n,) [Nm]."""
         return self.model._bias_torque(self.q, self.dq_prev)
 
-    @property
+    @cached_property
     def free_acceleration(self) -> np.ndarray:
         """-M^-1 n, (n,) [rad/s^2]: how the arm would move without any torque, Eq. (6)."""
-        return self.model._acceleration(self.q, self.dq_prev, self.model._no_torque)
+        return self.model._free_acceleration(self.q, self.dq_prev)
+
+    def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) [m] and orientation (3, 3) of a frame; '' is the tip."""
+        return self.model.pose(self.q, frame) if frame else self._tip
+
+    def jacobian(self, frame: str) -> np.ndarray:
+        """Jacobian (6, n) of a frame, rows as in `J`; '' is the tip."""
+        return self.model.jacobian(self.q, frame) if frame else self.J
+
+    @cached_property
+    def _tip(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.model._pose(self.q, self.model._tip)
 
 
 class RobotModel:
     """An arm as Pinocchio sees it.
 
-    arm: geometry and dynamics; task_space: 'position' (m = 3) or 'pose' (m = 6, angular velocity
-    below the linear one). Raises FileError for a URDF that cannot be used, UnknownNameError for a
-    frame or task space that does not exist.
+    arm: geometry and dynamics. Raises FileError for a URDF that cannot be used, UnknownNameError
+    for a frame that does not exist.
     """
 
-    def __init__(self, arm: Arm, task_space: str = 'position') -> None:
-        if task_space not in TASK_SPACES:
-            raise UnknownNameError('task space', task_space, TASK_SPACES)
+    def __init__(self, arm: Arm) -> None:
         self.arm = arm
-        self.task_space = task_space
-        self.m = TASK_SPACES[task_space]
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
@@ -85,12 +101,19 @@ class RobotModel:
         self.q_max = self._model.upperPositionLimit.copy()  # (n,) [rad]
         self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
         self.tau_max = self._model.effortLimit.copy()  # (n,) [Nm]
+        self.reach = self._reach()
+
+    @property
+    def elbow_frame(self) -> str:
+        """The frame that is the arm's elbow. Raises FileError for an arm that names none."""
+        if not self.arm.elbow_frame:
+            raise FileError(f'{self.arm.source}: no elbow_frame is given, which the elbow needs')
+        return self.arm.elbow_frame
 
     @classmethod
     def named(
         cls,
         name: str,
-        task_space: str = 'position',
         *,
         dynamics: str | None = None,
         base_offset: float | None = None,
@@ -100,28 +123,19 @@ class RobotModel:
         given here.
         """
         return cls(
-            find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset),
-            task_space,
+            find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset)
         )
 
     @classmethod
-    def from_urdf(
-        cls,
-        path: str | Path,
-        tip_frame: str,
-        task_space: str = 'position',
-        *,
-        elbow_frame: str = '',
-    ) -> 'RobotModel':
+    def from_urdf(cls, path: str | Path, tip_frame: str, *, elbow_frame: str = '') -> 'RobotModel':
         """Any serial arm from a URDF or xacro file.
 
         Args:
             path: The file.
             tip_frame: The link that carries out the task.
-            task_space: 'position' or 'pose'.
             elbow_frame: The link whose origin counts as the elbow; empty: chosen.
         """
-        return cls(arm_from_urdf(Path(path), tip_frame, elbow_frame), task_space)
+        return cls(arm_from_urdf(Path(path), tip_frame, elbow_frame))
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad
@@ -132,13 +146,11 @@ class RobotModel:
         )
 
     def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """The same for finite vectors (n,) that nobody will change: a vector's check and copy take
-        4 % of a tick.
+        """As `state`, without check or copy, which take 4 % of a tick.
+
+        The caller guarantees finite vectors (n,) that it never modifies.
         """
-        J = pin.computeFrameJacobian(
-            self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
-        )  # (6, n)
-        return RobotState(q, dq_prev, J[: self.m], self)
+        return RobotState(self, q, dq_prev)
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without
@@ -147,33 +159,47 @@ class RobotModel:
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         tau = finite_vector(tau, self.n, 'tau')
-        return self._acceleration(q, dq, tau)
+        return pin.aba(self._model, self._data, q, dq, tau)  # a copy
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """dJ dq, (m,): the task acceleration at (q, dq) with ddq = 0, Eq. (4)."""
+        """dJ dq, (6,): the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J."""
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
         ddx = pin.getFrameClassicalAcceleration(
             self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED
         )
-        return ddx.vector[: self.m].copy()
+        return ddx.vector.copy()
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
-        return self._pose(finite_vector(q, self.n, 'q'))
+        return self._pose(finite_vector(q, self.n, 'q'), self._tip)
+
+    def pose(self, q: np.ndarray, frame: str) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) [m] and orientation (3, 3) of a frame in the base frame."""
+        return self._pose(finite_vector(q, self.n, 'q'), self._frame(frame))
 
     def position(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame's origin in the base frame, (3,) [m]."""
-        pin.framesForwardKinematics(self._model, self._data, finite_vector(q, self.n, 'q'))
-        return self._data.oMf[self._frame(frame)].translation.copy()
+        return self.pose(q, frame)[0]
 
-    def _pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
+        """Jacobian of a frame in the base frame, (6, n): the linear rows, then the angular ones."""
+        return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
+
+    def _pose(self, q: np.ndarray, frame: int) -> tuple[np.ndarray, np.ndarray]:
         pin.forwardKinematics(self._model, self._data, q)
-        H = pin.updateFramePlacement(
-            self._model, self._data, self._tip
-        ).homogeneous  # (4, 4), a copy
+        placement = pin.updateFramePlacement(self._model, self._data, frame)
+        H = placement.homogeneous  # (4, 4), a copy
         return H[:3, 3], H[:3, :3]
+
+    def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
+        return pin.computeFrameJacobian(  # a copy
+            self._model, self._data, q, frame, pin.LOCAL_WORLD_ALIGNED
+        )
+
+    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+        return self._jacobian(q, self._tip)
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return pin.crba(self._model, self._data, q)  # a copy
@@ -181,8 +207,14 @@ class RobotModel:
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         return pin.nonLinearEffects(self._model, self._data, q, dq)  # a copy
 
-    def _acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return pin.aba(self._model, self._data, q, dq, tau)  # a copy
+    def _free_acceleration(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        return pin.aba(self._model, self._data, q, dq, self._no_torque)  # a copy
+
+    def _reach(self) -> float:
+        """Length of the arm from its second joint to the tip, stretched out [m]."""
+        joints = self._model.jointPlacements[2:]
+        tip = self._model.frames[self._tip].placement
+        return float(sum(np.linalg.norm(place.translation) for place in (*joints, tip)))
 
     def _frame(self, name: str) -> int:
         if not self._model.existFrame(name):

@@ -2,14 +2,16 @@
 or a YAML file.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError, quoted
 from redres_ros.parameter import check_parameters, param
+from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 from redres_ros.share import share_path
 from redres_ros.yaml_file import read_yaml
 
@@ -20,11 +22,12 @@ _MOST_DEGREES = 36000.0
 
 
 @dataclass(frozen=True)
-class Task:
+class WaypointTask:
     """Points x_0 ... x_N of the tip and how to pass them.
 
-    start: (n,) joint positions q(0) [rad]; waypoints: (N + 1, 3) [m] in the base frame, x_0 being
-    f(q(0)). switching 'at_rest' goes on once a segment's time is over and the error is below
+    robot: the arm's name. start: (n,) joint positions q(0) [rad]. waypoints: (N + 1, 3) [m] in the
+    base frame, x_0 being f(q(0)). orientations: (N + 1, 3, 3) of the tip at the points; None leaves
+    it free. switching 'at_rest' goes on once a segment's time is over and the error is below
     tolerance; 'within_tolerance' as soon as the error is, which cuts each segment short and makes a
     step in the task velocity.
     """
@@ -32,10 +35,14 @@ class Task:
     robot: str
     start: np.ndarray
     waypoints: np.ndarray
+    orientations: np.ndarray | None = None
     segment_time: float = param(3.0, 'T_AB, duration of a segment [s]', 1e-3, 3600.0)
     feedback_gain: float = param(10.0, 'k_P of Eq. (37) [1/s]', 0.0, 1e3)
     tolerance: float = param(
         0.001, 'epsilon, error at which a point counts as reached [m]', 1e-9, 1.0
+    )
+    orientation_tolerance: float = param(
+        0.01, 'error at which an orientation counts as reached [rad]', 1e-9, 3.0
     )
     switching: str = param('at_rest', 'when the next segment begins', choices=SWITCHING)
 
@@ -48,7 +55,7 @@ class Task:
         return len(self.waypoints) - 1
 
 
-def load_task(name_or_path: str) -> Task:
+def load_task(name_or_path: str) -> WaypointTask:
     """The task of that name in config/tasks, or of that YAML file. Raises FileError,
     UnknownNameError, RangeError.
     """
@@ -62,9 +69,11 @@ def load_task(name_or_path: str) -> Task:
     return _to_task(read_yaml(path), path)
 
 
-def _to_task(content: Any, path: Path) -> Task:
+def _to_task(content: Any, path: Path) -> WaypointTask:
     required = ('robot', 'start', 'waypoints')
-    optional = ('segment_time', 'feedback_gain', 'tolerance', 'switching')
+    orientations = tuple(form.key for form in _FORMS)
+    numbers = ('segment_time', 'feedback_gain', 'tolerance', 'orientation_tolerance')
+    optional = (*orientations, *numbers, 'switching')
     if not isinstance(content, dict) or not all(key in content for key in required):
         raise FileError(
             f'{path} is no task; expected the keys {", ".join(required)} '
@@ -74,9 +83,7 @@ def _to_task(content: Any, path: Path) -> Task:
         if key not in required + optional:
             raise UnknownNameError(f'key in {path}', str(key), required + optional)
     given: dict[str, Any] = {
-        key: _number(content[key], key, path)
-        for key in optional
-        if key != 'switching' and key in content
+        key: _number(content[key], key, path) for key in numbers if key in content
     }
     if 'switching' in content:
         given['switching'] = content['switching']
@@ -87,7 +94,46 @@ def _to_task(content: Any, path: Path) -> Task:
             f'{path}: waypoints has shape {waypoints.shape}; '
             'expected at least two points of three coordinates'
         )
-    return Task(_name(content['robot'], 'robot', path), start, waypoints, **given)
+    given['orientations'] = _orientations(content, len(waypoints), path)
+    return WaypointTask(_name(content['robot'], 'robot', path), start, waypoints, **given)
+
+
+def _orientations(content: dict[str, Any], count: int, path: Path) -> np.ndarray | None:
+    """Rotations (count, 3, 3); one in the file stands for all points. None where it has none."""
+    if 'quaternions' in content and 'rpy' in content:
+        raise FileError(f'{path} has quaternions and rpy; expected one of them')
+    form = next((form for form in _FORMS if form.key in content), None)
+    if form is None:
+        return None
+    rows = _numbers(content[form.key], form.key, 2, form.largest, path)
+    if rows.shape not in ((1, form.size), (count, form.size)):
+        raise FileError(
+            f'{path}: {form.key} has shape {rows.shape}; expected one row of {form.size} numbers, '
+            f'or one for each of the {count} points'
+        )
+    if form.key == 'quaternions' and (np.linalg.norm(rows, axis=1) < 1e-6).any():
+        raise FileError(f'{path}: quaternions holds a zero; expected x, y, z, w')
+    turns = np.array([form.convert(row) for row in rows])
+    return np.broadcast_to(turns, (count, 3, 3)).copy()
+
+
+def _from_degrees(rpy: np.ndarray) -> np.ndarray:
+    return from_roll_pitch_yaw(np.radians(rpy))
+
+
+class _Form(NamedTuple):
+    """How a file may give an orientation."""
+
+    key: str
+    size: int
+    largest: float
+    convert: Callable[[np.ndarray], np.ndarray]
+
+
+_FORMS = (
+    _Form('quaternions', 4, 1e3, from_quaternion),
+    _Form('rpy', 3, _MOST_DEGREES, _from_degrees),  # [deg]
+)
 
 
 def _name(value: Any, key: str, path: Path) -> str:

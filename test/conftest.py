@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from redres_ros import RobotModel, RobotState, Task, load_task
+from redres_ros import RobotModel, RobotState, WaypointTask, load_task
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -20,7 +20,7 @@ def model() -> RobotModel:
 
 
 @pytest.fixture(scope='session')
-def task() -> Task:
+def task() -> WaypointTask:
     """The paper's task."""
     return load_task('rectangle')
 

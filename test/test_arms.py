@@ -14,7 +14,7 @@ from redres_ros import (
     Law,
     RobotModel,
     RobotState,
-    Task,
+    WaypointTask,
     load_task,
     make_law,
 )
@@ -108,7 +108,7 @@ def test_joints_are_named_as_by_the_arms_driver(name, joint_names):
 @EVERY_DYNAMICS
 def test_pinocchio_and_mujoco_agree(name, dynamics):
     arm = find_arm(name, dynamics=dynamics)
-    model, witness = RobotModel(arm, 'pose'), Witness(arm)
+    model, witness = RobotModel(arm), Witness(arm)
     for q, dq in random_motion(model.n, 300):
         state = model.state(q, dq)
         seen = witness.kinematics(q) + witness.dynamics(q, dq)
@@ -241,7 +241,7 @@ def test_the_default_task_is_the_arms_own_and_begins_at_its_start(name):
 
 
 @cache
-def motion(name: str, law: str) -> tuple[Task, Recording]:
+def motion(name: str, law: str) -> tuple[WaypointTask, Recording]:
     """The default task of an arm in the ideal loop."""
     task = load_task(ARMS[name].task)
     return task, run(Controller(RobotModel.named(name), make_law(law), T), task)

@@ -9,7 +9,7 @@ import independent
 import numpy as np
 import pytest
 
-from redres_ros import LAWS, Controller, RobotModel, Task, load_task, make_law
+from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
@@ -30,7 +30,7 @@ def simulated(law: str, T: float, k_d: float = K_D) -> Recording:
     )
 
 
-def one_segment(task: Task = TASK) -> Task:
+def one_segment(task: WaypointTask = TASK) -> WaypointTask:
     """The first 3 s."""
     return replace(task, waypoints=task.waypoints[:2])
 

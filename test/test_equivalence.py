@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from redres_ros import RobotModel, Task
+from redres_ros import RobotModel, WaypointTask
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.paper import equivalence
 from redres_ros.paper.continuous import DivergenceError, integrate
@@ -35,7 +35,7 @@ def heavy() -> RobotModel:
 
 
 @pytest.fixture(scope='module')
-def side(task: Task) -> Task:
+def side(task: WaypointTask) -> WaypointTask:
     """The first side of the paper's rectangle."""
     return replace(task, waypoints=task.waypoints[:2])
 

@@ -20,7 +20,7 @@ from redres_ros.paper.figures.differences import difference
 from redres_ros.paper.figures.norms import torque_norm
 from redres_ros.paper.savgol import Motion
 from redres_ros.robots import Arm, find_arm
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +28,7 @@ FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
 WITH_UNITS = ('[s]', '[m]', '[rad/s]', '[rad/s$^2$]', '[Nm]')
 
 
-def shortened(task: Task) -> Task:
+def shortened(task: WaypointTask) -> WaypointTask:
     """Half of the first segment, so that a run takes a second instead of nine."""
     return replace(
         task,

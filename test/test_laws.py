@@ -48,12 +48,12 @@ FORGOTTEN = 1.0 / T  # the damping that makes lambda zero
 
 
 def solve(law: Law, state: RobotState, dx: np.ndarray = DX) -> np.ndarray:
-    return resolve(state.J, dx, law.bias(state, T), law.weight(state))
+    return resolve(state.J[:3], dx, law.bias(state, T), law.weight(state))
 
 
 def weight(law: Law, state: RobotState) -> np.ndarray:
     W = law.weight(state)
-    return np.eye(len(state.q)) if W is None else W
+    return np.eye(len(state.q)) if W is None else np.asarray(W)
 
 
 def same(got: np.ndarray, expected: np.ndarray) -> bool:
@@ -70,7 +70,7 @@ def test_the_task_is_executed(cls, damping, states):
     for state in states:
         # Rounding is relative to the fastest of the motions that add up, which gravity sets in the
         # torque laws.
-        assert np.linalg.norm(state.J @ solve(law, state) - DX) < ROUNDING * (
+        assert np.linalg.norm(state.J[:3] @ solve(law, state) - DX) < ROUNDING * (
             1.0 + np.linalg.norm(law.bias(state, T))
         )
 
@@ -82,7 +82,7 @@ def test_no_step_in_the_null_space_is_better_in_the_norm_of_the_law(cls, damping
     for state in states:
         way = solve(law, state) - law.bias(state, T)
         W = weight(law, state)
-        gradient = null_space(state.J).T @ W @ way
+        gradient = null_space(state.J[:3]).T @ W @ way
         assert np.linalg.norm(gradient) < ROUNDING * np.linalg.norm(W, 2) * np.linalg.norm(way)
 
 
@@ -177,7 +177,7 @@ def test_the_controller_runs_it_without_knowing_it(cls, model, task):
     for _ in range(20):
         command = controller.update(q, dx)
         assert same(command.dq, solve(cls(), command.state, dx))
-        assert np.linalg.norm(command.state.J @ command.dq - dx) < 1e-9
+        assert np.linalg.norm(command.J @ command.dq - dx) < 1e-9
         q = command.q_ref
 
 
@@ -190,7 +190,7 @@ def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(mode
     # No self-motion brings the joints nearer to their centres: that slope, 1.2 at the start, falls
     # tenfold every 2.5 s
     # or faster (the arm's curvature works against the spring, else it would fall with exp(-2 t)).
-    assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J).T @ q) < 1e-3
+    assert np.linalg.norm(null_space(model.state(q, np.zeros(7)).J[:3]).T @ q) < 1e-3
 
 
 # --- the table ------------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ def test_an_unknown_gain_is_refused_with_those_of_the_law():
 def test_minimum_velocity_is_the_pseudoinverse(states):
     for state in states:
         assert same(
-            solve(make_law('minimum_velocity'), state), np.linalg.pinv(state.J) @ DX
+            solve(make_law('minimum_velocity'), state), np.linalg.pinv(state.J[:3]) @ DX
         )  # Eq. (2)
 
 
@@ -248,8 +248,8 @@ def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_veloc
 ):
     law = make_law('minimum_acceleration', damping=damping)
     for state in states:
-        J_pinv = np.linalg.pinv(state.J)
-        P = np.eye(7) - J_pinv @ state.J
+        J_pinv = np.linalg.pinv(state.J[:3])
+        P = np.eye(7) - J_pinv @ state.J[:3]
         assert same(
             solve(law, state), J_pinv @ DX + (1.0 - damping * T) * P @ state.dq_prev
         )  # Eq. (15), (23)
@@ -258,7 +258,7 @@ def test_minimum_acceleration_is_the_pseudoinverse_plus_the_projected_last_veloc
 def test_the_two_forms_of_minimum_acceleration_agree(states):
     for state in states:
         law = make_law('minimum_acceleration', damping=0.0)
-        correction = np.linalg.pinv(state.J) @ (DX - state.J @ state.dq_prev)
+        correction = np.linalg.pinv(state.J[:3]) @ (DX - state.J[:3] @ state.dq_prev)
         assert same(solve(law, state), state.dq_prev + correction)  # Eq. (17)
 
 
@@ -274,8 +274,10 @@ def test_with_full_damping_dynamic_consistency_forgets_the_last_velocity(states)
     law = make_law('dynamically_consistent', damping=FORGOTTEN)
     for state in states:
         M_inv = np.linalg.inv(state.M)
-        J_M = M_inv @ state.J.T @ np.linalg.inv(state.J @ M_inv @ state.J.T)  # Eq. (A.5)
-        P_M = np.eye(7) - J_M @ state.J  # Eq. (33)
+        J_M = (
+            M_inv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ M_inv @ state.J[:3].T)
+        )  # Eq. (A.5)
+        P_M = np.eye(7) - J_M @ state.J[:3]  # Eq. (33)
         assert same(solve(law, state), J_M @ DX - T * P_M @ M_inv @ state.n)  # Eq. (35)
 
 
@@ -283,7 +285,7 @@ def test_minimum_kinetic_energy_has_the_least_of_all_motions_that_execute_the_ta
     random = np.random.default_rng(1)
     for state in states[:20]:
         dq = solve(make_law('minimum_kinetic_energy'), state)
-        others = dq + random.normal(size=(50, 4)) @ null_space(state.J).T
+        others = dq + random.normal(size=(50, 4)) @ null_space(state.J[:3]).T
         assert (np.einsum('ki,ij,kj->k', others, state.M, others) >= dq @ state.M @ dq).all()
 
 
@@ -306,14 +308,14 @@ def ticks(model, states) -> list[Tick]:
     """At random states, the tick before having executed its task: J_{k-1} dq_{k-1} = dx_{k-1}."""
     result = []
     for state in states:
-        J_prev = model.state(state.q - T * state.dq_prev, state.dq_prev).J
+        J_prev = model.state(state.q - T * state.dq_prev, state.dq_prev).J[:3]
         ddx = (DX - J_prev @ state.dq_prev) / T  # Eq. (8)
-        result.append(Tick(state, ddx, (state.J - J_prev) / T @ state.dq_prev))  # Eq. (9), (10)
+        result.append(Tick(state, ddx, (state.J[:3] - J_prev) / T @ state.dq_prev))  # Eq. (9), (10)
     return result
 
 
 def minimum_torque(tick: Tick, k_d: float) -> np.ndarray:
-    J = tick.state.J
+    J = tick.state.J[:3]
     M_inv = np.linalg.inv(tick.state.M)
     return np.linalg.pinv(J @ M_inv, rcond=1e-12) @ (
         tick.ddx - tick.dJdq + J @ M_inv @ tick.state.n
@@ -321,7 +323,7 @@ def minimum_torque(tick: Tick, k_d: float) -> np.ndarray:
 
 
 def minimum_weighted_torque(tick: Tick, k_d: float) -> np.ndarray:
-    J = tick.state.J
+    J = tick.state.J[:3]
     M = tick.state.M
     return (
         M @ np.linalg.pinv(J) @ (tick.ddx - tick.dJdq + J @ np.linalg.inv(M) @ tick.state.n)
@@ -329,7 +331,7 @@ def minimum_weighted_torque(tick: Tick, k_d: float) -> np.ndarray:
 
 
 def dynamically_consistent(tick: Tick, k_d: float) -> np.ndarray:
-    J = tick.state.J
+    J = tick.state.J[:3]
     M = tick.state.M
     M_inv = np.linalg.inv(tick.state.M)
     task_inertia = np.linalg.inv(J @ M_inv @ J.T)
@@ -359,8 +361,8 @@ def test_a_torque_law_moves_as_its_torque_level_scheme_does(scheme, damping, tic
 
 def test_minimum_acceleration_moves_as_its_acceleration_level_scheme_does(ticks):
     for tick in ticks:
-        J_pinv = np.linalg.pinv(tick.state.J)
-        P = np.eye(7) - J_pinv @ tick.state.J
+        J_pinv = np.linalg.pinv(tick.state.J[:3])
+        P = np.eye(7) - J_pinv @ tick.state.J[:3]
         ddq = J_pinv @ (tick.ddx - tick.dJdq) - 10.0 * P @ tick.state.dq_prev  # Eq. (22)
         assert same(
             solve(make_law('minimum_acceleration', damping=10.0), tick.state),
@@ -382,7 +384,7 @@ def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, s
         tau = state.M @ (solve(law, state) - state.dq_prev) / T + state.n
         norm = np.linalg.matrix_power(np.linalg.inv(state.M), -power)  # M^power
         slopes = (
-            state.M @ null_space(state.J)
+            state.M @ null_space(state.J[:3])
         ).T @ norm  # of accelerations that leave the task as it is
         assert np.linalg.norm(slopes @ tau) < 10.0 * ROUNDING * np.linalg.norm(
             slopes, 2
@@ -397,13 +399,15 @@ class Floating:
 
     def __init__(self, M: np.ndarray) -> None:
         self._M = M
-        self._no_torque = np.zeros(len(M))
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 
-    def _acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return np.linalg.solve(self._M, tau)
+    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+        return np.zeros((6, 7))
+
+    def _free_acceleration(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        return np.zeros(len(q))
 
 
 def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.ndarray:
@@ -418,7 +422,7 @@ def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.
     for _ in range(ticks):
         q = q + T * dq
         history.append(q)
-        dq = solve(law, RobotState(q, dq, np.zeros((3, 7)), arm), np.zeros(3))
+        dq = solve(law, RobotState(arm, q, dq), np.zeros(3))
     return np.array(history)
 
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from redres_ros import Planner, Task
+from redres_ros import Planner, WaypointTask
 from redres_ros.planner import Reference, orientation_error, quintic
 
 T = 0.001  # [s]
 
 
 @pytest.fixture
-def square() -> Task:
+def square() -> WaypointTask:
     """Three segments of 0.5 s in a plane."""
     points = np.array(((0.4, 0.0, 0.5), (0.5, 0.0, 0.5), (0.5, 0.1, 0.5), (0.4, 0.1, 0.6)))
-    return Task('lwr4', np.zeros(7), points, segment_time=0.5)
+    return WaypointTask('lwr4', np.zeros(7), points, segment_time=0.5)
 
 
 def follow(planner: Planner, x: np.ndarray, ticks: int) -> list[Reference]:

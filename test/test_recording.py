@@ -13,7 +13,8 @@ from redres_ros.simulation.recording import Recording, columns, row
 T = 0.002  # [s]
 COLUMNS = (
     't,q1,q2,q3,q4,q5,q6,q7,dq1,dq2,dq3,dq4,dq5,dq6,dq7,x,y,z,x_d,y_d,z_d,task_error,joint_velocity_norm,'
-    'joint_acceleration_norm,null_velocity_norm,joint_torque_norm,min_singular_value,segment'
+    'joint_acceleration_norm,null_velocity_norm,joint_torque_norm,min_singular_value,'
+    'task_scaling,segment'
 )
 
 
@@ -22,17 +23,20 @@ def tick(model: RobotModel) -> tuple[Command, Reference]:
     """A command and a reference whose numbers are all different."""
     random = np.random.default_rng(0)
     state = model.state(random.normal(size=7), random.normal(size=7))
-    dq, null = random.normal(size=(2, 7))
+    dq = random.normal(size=7)
     reference = Reference(
         random.normal(size=3), random.normal(size=3), random.normal(size=3), 2, False
     )
-    return Command(dq, state.q + T * dq, lambda: null, state, T), reference
+    command = Command(dq, state.q + T * dq, state, T, state.J[:3], None, 0.75, '', np.zeros(3))
+    return command, reference
 
 
 @pytest.fixture
 def recording() -> Recording:
     """Fifty rows of awkward numbers."""
-    data = np.random.default_rng(1).normal(size=(50, len(columns(7)))) * 10.0 ** np.arange(-14, 14)
+    data = np.random.default_rng(1).normal(size=(50, len(columns(7)))) * 10.0 ** np.linspace(
+        -14, 14, len(columns(7))
+    )
     data[0, :4] = 1.0 / 3.0, np.nextafter(1.0, 2.0), 5e-324, -0.0
     return Recording(data, 7, T, True, 'ended')
 
@@ -57,6 +61,7 @@ def test_a_row_holds_the_vectors_of_its_tick(tick):
         ('x_d', reference.x_d),
     ):
         assert (recording.vectors(name)[0] == vector).all()
+    assert recording['task_scaling'] == [0.75]
     assert recording['segment'] == [2]
 
 
@@ -75,7 +80,7 @@ def test_a_row_holds_the_norms_of_its_tick(tick):
     for name, vector in expected.items():
         assert recording[name] == pytest.approx(np.sqrt(vector @ vector), rel=1e-14)
     assert recording['min_singular_value'] == pytest.approx(
-        np.linalg.svd(state.J)[1].min(), rel=1e-12
+        np.linalg.svd(command.J)[1].min(), rel=1e-12
     )
 
 

@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 from scipy.linalg import null_space
 
 from redres_ros.errors import ArrayError
-from redres_ros.resolution import SINGULAR_RATIO, damped_solve, project, resolve
+from redres_ros.resolution import (
+    SINGULAR_RATIO,
+    Factor,
+    Square,
+    _resolve_carefully,
+    project,
+    resolve,
+    resolve_in_order,
+)
 
 SHAPES = ((1, 7), (3, 7), (6, 7), (7, 7), (2, 3))
 ROUNDING = 1e-11  # 1e-16 times the condition of J and W below, which stays under 1e5
@@ -126,15 +134,32 @@ def test_the_gain_has_a_bound(ratio, largest):
     )  # rounding of s^2 / max(s)^2, 1e-16 / 1e-6
 
 
-def test_the_gain_has_the_same_bound_in_the_norm_of_the_weight():
-    L = with_singular_values(
-        np.random.default_rng(6).uniform(0.1, 3.0, 7), 7, np.random.default_rng(7)
-    )
-    for ratio in np.logspace(-12, -1, 30):
-        J = near_singular(ratio)
-        speeds = [L.T @ resolve(J, dx, np.zeros(7), L @ L.T) for dx in np.eye(3)]
-        largest = np.linalg.norm(np.linalg.solve(L, J.T), 2)  # of J in the coordinates y = L' dq
-        assert np.linalg.norm(speeds, 2) <= 1.0 / (SINGULAR_RATIO * largest) * (1.0 + 1e-9)
+@WEIGHTS
+@pytest.mark.parametrize('ratio', [0.9, 0.3, 0.01])
+def test_a_lost_direction_is_executed_to_the_share_of_its_singular_value(weighted, ratio):
+    """The rest is what the motion without that direction does along it."""
+    J = near_singular(ratio * SINGULAR_RATIO)
+    W = random_problem(3, 7, 1)[3] if weighted else None
+    b = np.linspace(-1.0, 1.0, 7)
+    dx = np.array((0.1, -0.2, 0.3))
+    U = np.linalg.svd(J)[0]
+    lost = U[:, 2]
+    without = resolve(U[:, :2].T @ J, U[:, :2].T @ dx, b, W)
+    share = ratio**2
+    expected = share * (lost @ dx) + (1.0 - share) * (lost @ J @ without)
+    assert lost @ J @ resolve(J, dx, b, W) == pytest.approx(expected, abs=1e-9)
+
+
+@WEIGHTS
+def test_what_is_lost_altogether_leaves_the_optimum_of_the_rest(weighted):
+    """The projector is built from the independent rows alone (end of Appendix A)."""
+    J = near_singular(0.0)
+    W = random_problem(3, 7, 1)[3] if weighted else None
+    b = np.linspace(-1.0, 1.0, 7)
+    dq = resolve(J, J @ np.ones(7), b, W)
+    way = dq - b if W is None else W @ (dq - b)
+    assert J @ dq == pytest.approx(J @ np.ones(7), abs=1e-9)
+    assert null_space(J, rcond=1e-9).T @ way == pytest.approx(0.0, abs=1e-9)
 
 
 def test_above_the_threshold_the_task_is_executed_exactly():
@@ -183,25 +208,117 @@ def test_without_any_task_direction_the_bias_is_followed(W):
     assert (resolve(np.zeros((3, 7)), np.ones(3), b, W) == b).all()
 
 
-def test_far_from_singular_the_damped_solution_is_the_solution():
-    G = np.array(((2.0, 0.5), (0.5, 1.0)))
-    assert G @ damped_solve(G, np.array((1.0, -2.0))) == pytest.approx((1.0, -2.0), abs=1e-14)
-
-
-@given(st.lists(st.floats(-6.0, 0.0), min_size=1, max_size=6), st.integers(0, 99))
-def test_the_quick_way_gives_what_the_damped_one_gives(exponents, seed):
-    """damped_solve factors where it can prove that nothing is to be damped; the eigenvectors must
-    agree with it.
+@given(st.lists(st.floats(-6.0, 0.0), min_size=1, max_size=6), st.integers(0, 99), st.booleans())
+def test_the_quick_way_gives_what_the_careful_one_gives(exponents, seed, weighted):
+    """resolve factors where it can prove that nothing is to be damped; the orthogonal
+    transformations must agree with it.
     """
-    A = with_singular_values(
-        10.0 ** np.array(exponents), len(exponents), np.random.default_rng(seed)
-    )
-    G = A @ A.T
-    r = np.random.default_rng(seed).normal(size=len(A))
-    squares, V = np.linalg.eigh(G)
-    damped = V @ (V.T @ r / np.maximum(squares, SINGULAR_RATIO**2 * squares[-1]))
-    # Relative rounding of a solution is the condition, at most 1e6, times 1e-16 a few times.
-    assert damped_solve(G, r) == pytest.approx(damped, abs=1e-8 * np.linalg.norm(damped))
+    random = np.random.default_rng(seed)
+    J = with_singular_values(10.0 ** np.array(exponents), 7, random)
+    _, dx, b, W = random_problem(len(J), 7, seed)
+    W = W if weighted else None
+    careful, _ = _resolve_carefully(J, dx - J @ b, b, W, 0.0)
+    # Relative rounding of a solution is the condition of J W^-1 J', at most 1e9, times 1e-16.
+    tolerance = 1e-6 * np.linalg.norm(careful)
+    assert resolve(J, dx, b, W) == pytest.approx(careful, abs=tolerance)
+
+
+# --- a weight known by its factor -----------------------------------------------------------------
+
+
+def test_a_factor_is_the_weight_that_it_makes():
+    for J, dx, b, W in PROBLEMS:
+        F = np.linalg.cholesky(W).T
+        assert np.asarray(Factor(F)) == pytest.approx(W, abs=ROUNDING)
+        assert resolve(J, dx, b, Factor(F)) == pytest.approx(resolve(J, dx, b, W), abs=ROUNDING)
+
+
+def test_a_factor_of_condition_a_million_costs_the_task_no_digits():
+    """Of its square, of condition 1e12, four digits would be left."""
+    random = np.random.default_rng(8)
+    for _ in range(50):
+        J = with_singular_values(random.uniform(0.3, 2.0, 6), 7, random)
+        F = np.linalg.qr(with_singular_values(np.logspace(-3, 3, 7), 7, random))[1]
+        dx, b = random.normal(size=6), random.normal(size=7)
+        dq = resolve(J, dx, b, Factor(F))
+        assert J @ dq == pytest.approx(dx, abs=1e-9)
+        slope = (F @ null_space(J)).T @ (F @ (dq - b))
+        assert np.abs(slope).max() < 1e-9 * np.linalg.norm(F, 2) * np.linalg.norm(F @ (dq - b))
+
+
+def test_a_square_is_the_weight_of_its_matrix_twice():
+    for J, dx, b, W in PROBLEMS:
+        assert resolve(J, dx, b, Square(W)) == pytest.approx(resolve(J, dx, b, W @ W), abs=1e-9)
+
+
+def test_nearness_to_a_singularity_is_judged_on_the_jacobian_alone():
+    """A weight that makes one direction a million times as heavy is no singularity."""
+    J = with_singular_values(np.array((1.0, 0.7, 0.5)), 7, np.random.default_rng(9))
+    W = np.diag((1e6, 1.0, 1.0, 1e6, 1.0, 1.0, 1e6))
+    dx = np.array((0.1, -0.2, 0.3))
+    assert J @ resolve(J, dx, np.ones(7), W) == pytest.approx(dx, abs=1e-9)
+
+
+# --- several tasks --------------------------------------------------------------------------------
+
+
+def random_levels(seed: int, rows: tuple[int, ...] = (3, 2, 1)) -> tuple[list, np.ndarray, Factor]:
+    """Tasks that do not conflict, for 7 joints, with b and a weight by its factor."""
+    random = np.random.default_rng(seed)
+    levels = [(random.normal(size=(m, 7)), random.normal(size=m)) for m in rows]
+    F = np.linalg.qr(with_singular_values(random.uniform(0.3, 2.0, 7), 7, random))[1]
+    return levels, random.normal(size=7), Factor(F)
+
+
+WEIGHT_KINDS = pytest.mark.parametrize(
+    'kind', [lambda W: None, np.asarray, lambda W: W], ids=['identity', 'matrix', 'factor']
+)
+
+
+@WEIGHT_KINDS
+def test_tasks_that_do_not_conflict_are_all_executed(kind):
+    for seed in range(20):
+        levels, b, W = random_levels(seed)
+        dq, damped = resolve_in_order(levels, b, kind(W))
+        assert not damped
+        for J, dx in levels:
+            assert J @ dq == pytest.approx(dx, abs=1e-9)
+
+
+@WEIGHT_KINDS
+def test_the_bias_acts_in_the_null_space_that_all_tasks_leave(kind):
+    for seed in range(20):
+        levels, b, W = random_levels(seed)
+        dq, _ = resolve_in_order(levels, b, kind(W))
+        metric = np.eye(7) if kind(W) is None else np.asarray(W)
+        Z = null_space(np.vstack([J for J, _ in levels]))
+        assert np.abs(Z.T @ metric @ (dq - b)).max() < 1e-9
+
+
+@WEIGHT_KINDS
+def test_a_lower_task_never_disturbs_a_higher_one(kind):
+    """The second one asks for what the first one forbids; four levels in all."""
+    for seed in range(20):
+        levels, b, W = random_levels(seed, (3, 3, 3, 2))
+        levels[1][0][0] = levels[0][0][1]
+        alone, _ = resolve_in_order(levels[:1], b, kind(W))
+        pair, _ = resolve_in_order(levels[:2], b, kind(W))
+        all_four, _ = resolve_in_order(levels, b, kind(W))
+        first, second = levels[0][0], levels[1][0]
+        assert first @ all_four == pytest.approx(first @ alone, abs=1e-10)
+        assert second @ all_four == pytest.approx(second @ pair, abs=1e-9)
+
+
+@WEIGHT_KINDS
+def test_a_conflicting_task_is_executed_with_the_least_error(kind):
+    """Its error is then orthogonal to all that it could still move."""
+    for seed in range(20):
+        (J, dx), (J_low, dx_low) = random_levels(seed, (3, 3))[0]
+        J_low[0] = J[0]
+        b, W = random_levels(seed)[1:]
+        dq, _ = resolve_in_order([(J, dx), (J_low, dx_low)], b, kind(W))
+        reachable = J_low @ null_space(J)
+        assert reachable.T @ (J_low @ dq - dx_low) == pytest.approx(0.0, abs=1e-9)
 
 
 # --- what cannot be used --------------------------------------------------------------------------

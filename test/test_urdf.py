@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from redres_ros import Controller, RobotModel, Task, make_law
+from redres_ros import Controller, RobotModel, WaypointTask, make_law
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.fri.plant import MujocoPlant, Witness
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
@@ -87,7 +87,7 @@ def refusal(text: str, tip: str = 'tip') -> str:
 
 
 def model_of(text: str, tip: str = 'tip') -> RobotModel:
-    return RobotModel(arm_from_urdf(text, tip), 'pose')
+    return RobotModel(arm_from_urdf(text, tip))
 
 
 def random_motion(n: int, count: int = 50) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -103,7 +103,7 @@ def random_motion(n: int, count: int = 50) -> list[tuple[np.ndarray, np.ndarray]
 
 def assert_libraries_agree(text: str, tip: str = 'tip') -> None:
     arm = arm_from_urdf(text, tip)
-    model, witness = RobotModel(arm, 'pose'), Witness(arm)
+    model, witness = RobotModel(arm), Witness(arm)
     for q, dq in random_motion(model.n):
         state = model.state(q, dq)
         seen = witness.kinematics(q) + witness.dynamics(q, dq)
@@ -557,7 +557,7 @@ def test_the_start_is_inside_the_ranges_and_away_from_singularities(source):
 @EVERY_URDF
 def test_the_kinematics_for_defaults_are_those_of_the_model(source):
     arm = unknown(source)
-    kinematics, model = arm.kinematics(), RobotModel(arm, 'pose')
+    kinematics, model = arm.kinematics(), RobotModel(arm)
     for q, dq in random_motion(model.n, 20):
         assert np.abs(kinematics.position(q) - model.tip(q)[0]).max() < 1e-12
         assert np.abs(kinematics.jacobian(q) - model.state(q, dq).J).max() < 1e-12
@@ -570,7 +570,9 @@ def test_the_square_is_gone_round_within_the_limits(source, law):
     square = square_before_tip(
         arm.kinematics(), np.array(arm.start), np.array(arm.acceleration_limit)
     )
-    task = Task('test', np.array(arm.start), square.waypoints, segment_time=square.segment_time)
+    task = WaypointTask(
+        'test', np.array(arm.start), square.waypoints, segment_time=square.segment_time
+    )
     recording = run(Controller(RobotModel(arm), make_law(law), T), task)
     limits = JointLimits.of(arm)
     q, dq = recording.vectors('q1'), recording.vectors('dq1')

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from redres_ros.controller import Controller
     from redres_ros.laws import Law
     from redres_ros.robot_model import RobotModel
-    from redres_ros.waypoints import Task
+    from redres_ros.waypoints import WaypointTask
 
 _URDF = ('.urdf', '.xacro')  # endings by which a file is told from a name
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
@@ -168,7 +168,7 @@ def task_name(options: argparse.Namespace, default: str = 'rectangle') -> str:
     return options.task or own or default
 
 
-def find_task(options: argparse.Namespace, name: str) -> tuple['Task', 'RobotModel']:
+def find_task(options: argparse.Namespace, name: str) -> tuple['WaypointTask', 'RobotModel']:
     """The task of that name, and the arm that is to carry it out.
 
     Args:
@@ -214,7 +214,7 @@ def _last_link(path: Path) -> str:
     return ends[0]
 
 
-def _check_start(task: 'Task', model: 'RobotModel') -> None:
+def _check_start(task: 'WaypointTask', model: 'RobotModel') -> None:
     """Refuse a task that was written for another arm, tip or base."""
     import numpy as np
 

@@ -22,7 +22,7 @@ from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 START_PATIENCE = 30.0  # [s] from starting the processes to command mode
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
@@ -177,7 +177,7 @@ class Demo:
     Raises UnknownNameError or RangeError for a law, damping or rate that the nodes would refuse.
     """
 
-    def __init__(self, options: DemoOptions, task: Task, out: Path) -> None:
+    def __init__(self, options: DemoOptions, task: WaypointTask, out: Path) -> None:
         self._options = options
         self._task = task
         self._out = out

@@ -14,7 +14,7 @@ from redres_ros.demo.replay import Log
 from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 EVERYTHING = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -68,7 +68,7 @@ class Recorder(Node):
         """Time on the robot's clock since the planner began [s]."""
         return (self.newest - self.begun) / 1e9 if self.begun else 0.0
 
-    def final_error(self, model: RobotModel, task: Task) -> float:
+    def final_error(self, model: RobotModel, task: WaypointTask) -> float:
         """Distance from the tip to the last point at the newest state [m]."""
         return float(
             np.linalg.norm(model.tip(self.log.states[self.newest])[0] - task.waypoints[-1])

@@ -2,17 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from redres_ros.controller import Command
 from redres_ros.laws import Law
 from redres_ros.planner import Planner
-from redres_ros.resolution import project
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, row
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ def replay(
     log: Log,
     begun: int,
     model: RobotModel,
-    task: Task,
+    task: WaypointTask,
     laws: Sequence[tuple[int, Law]],
     T: float,
     ending: str,
@@ -65,12 +63,18 @@ def replay(
             if not finished:
                 # more than T where a cycle was missed
                 elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T
-                null = partial(
-                    project, state.J, dq, law.weight(state)
-                )  # P_W dq = P_W b, because P_W J_W^# = 0
-                rows.append(
-                    row((stamp - begun) / 1e9, Command(dq, q_ref, null, state, elapsed), reference)
+                command = Command(
+                    dq,
+                    q_ref,
+                    state,
+                    elapsed,
+                    state.J[:3],
+                    law.weight(state),
+                    s=1.0,
+                    limiting='',
+                    lost=np.zeros(3),
                 )
+                rows.append(row((stamp - begun) / 1e9, command, reference))
         dq_prev = dq
         stamp_prev = stamp
     return Recording.of(rows, model.n, T, finished, ending)

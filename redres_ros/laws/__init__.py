@@ -1,6 +1,5 @@
 """The laws of the paper by name. A new law is one small class and one line in this table."""
 
-from redres_ros.errors import UnknownNameError
 from redres_ros.laws.dynamic import (
     DynamicallyConsistent,
     MinimumKineticEnergy,
@@ -9,7 +8,7 @@ from redres_ros.laws.dynamic import (
 )
 from redres_ros.laws.kinematic import MinimumAcceleration, MinimumVelocity
 from redres_ros.laws.law import Law
-from redres_ros.parameter import parameters
+from redres_ros.parameter import make, name_of
 
 LAWS: dict[str, type[Law]] = {
     'minimum_velocity': MinimumVelocity,
@@ -25,18 +24,12 @@ def make_law(name: str, **gains: float) -> Law:
     """The law of that name with the given gains, as damping=10.0. Raises UnknownNameError,
     RangeError.
     """
-    if name not in LAWS:
-        raise UnknownNameError('law', name, LAWS)
-    allowed = [field.name for field in parameters(LAWS[name])]
-    for gain in gains:
-        if gain not in allowed:
-            raise UnknownNameError(f'gain of {name}', gain, allowed)
-    return LAWS[name](**gains)
+    return make('law', LAWS, name, gains)
 
 
 def law_name(law: Law) -> str:
     """The law's name in the table; the class name for one that is not in it."""
-    return next((name for name, cls in LAWS.items() if type(law) is cls), type(law).__name__)
+    return name_of(law, LAWS)
 
 
 __all__ = ['LAWS', 'Law', 'law_name', 'make_law']

@@ -1,10 +1,12 @@
 """Laws that use the arm's dynamics M(q) ddq + n(q, dq) = tau, Eq. (6)."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from redres_ros.laws.law import Law
+from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
 
 
@@ -14,10 +16,12 @@ class MinimumKineticEnergy(Law):
     nothing.
     """
 
+    remembers: ClassVar[bool] = False
+
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return np.zeros(len(state.q))
 
-    def weight(self, state: RobotState) -> np.ndarray:
+    def weight(self, state: RobotState) -> Weight:
         return state.M
 
 
@@ -44,7 +48,7 @@ class DynamicallyConsistent(_TorqueLaw):
     = 1/T.
     """
 
-    def weight(self, state: RobotState) -> np.ndarray:
+    def weight(self, state: RobotState) -> Weight:
         return state.M
 
 
@@ -52,6 +56,5 @@ class DynamicallyConsistent(_TorqueLaw):
 class MinimumTorque(_TorqueLaw):
     """Least torque in the plain norm, Eq. (7) with (A.14)."""
 
-    def weight(self, state: RobotState) -> np.ndarray:
-        M = state.M
-        return M.dot(M)
+    def weight(self, state: RobotState) -> Weight:
+        return Square(state.M)

@@ -1,6 +1,7 @@
 """Laws that need no dynamics: least velocity (2) and least acceleration (15), (17), (23)."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from redres_ros.robot_model import RobotState
 @dataclass(frozen=True)
 class MinimumVelocity(Law):
     """Least joint velocity, Eq. (2) with dq_N = 0. Has no memory, so damping changes nothing."""
+
+    remembers: ClassVar[bool] = False
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return np.zeros(len(state.q))

@@ -2,11 +2,13 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from redres_ros.errors import RangeError
 from redres_ros.parameter import check_parameters, param
+from redres_ros.resolution import Weight
 from redres_ros.robot_model import RobotState
 
 
@@ -19,6 +21,7 @@ class Law(ABC):
     k_d of Eq. (21); it acts through the forgetting factor lambda = 1 - k_d T (Appendix B).
     """
 
+    remembers: ClassVar[bool] = True  # has the last velocity in its bias, and so takes preferences
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
 
     def __post_init__(self) -> None:
@@ -30,8 +33,21 @@ class Law(ABC):
         [s].
         """
 
-    def weight(self, state: RobotState) -> np.ndarray | None:
-        """W, symmetric positive definite, (n, n); None for the identity."""
+    def bias_with(self, state: RobotState, T: float, ddq_N: np.ndarray | None) -> np.ndarray:
+        """b + T ddq_N, (n,) [rad/s], Eq. (19); b itself for a law without memory.
+
+        Args:
+            state: The state of the tick.
+            T: Sampling time [s].
+            ddq_N: (n,) [rad/s^2], the sum of the preferences; None without any.
+        """
+        b = self.bias(state, T)
+        if ddq_N is None or not self.remembers:
+            return b
+        return b + T * ddq_N
+
+    def weight(self, state: RobotState) -> Weight:
+        """W, symmetric positive definite, (n, n), or its Factor; None for the identity."""
         return None
 
     def forgetting(self, T: float) -> float:

@@ -105,6 +105,7 @@ class ControllerNode(Node):
             model,
             self._law_parameters.law,
             1.0 / rate,
+            task=self._robot.task_space,
             switch_time=self._settings.switch_time,
             integrate_from=self._settings.integrate_from,
         )
@@ -115,7 +116,7 @@ class ControllerNode(Node):
         self._commanding = True  # a robot without a session always lets itself be commanded
         self._has_session = False
         self._silent_until = 0  # stamp [ns] until which a new robot may tell of its session
-        self._twist = _Twist(0, np.zeros(model.m))
+        self._twist = _Twist(0, np.zeros(self._controller.m))
         self._stamp = 0
         self._answer = JointMessage(model.joint_names)  # of the state answered last, and the answer
         self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter as RosParameter
 from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
-from redres_ros.robot_model import TASK_SPACES, RobotModel
+from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, find_arm
 from redres_ros.robots.arm import DYNAMICS
 
@@ -92,7 +92,7 @@ class RobotParameters:
     )
     tip_frame: str = param(_PAPER.tip_frame, 'frame that carries out the task')
     task_space: str = param(
-        'position', 'rows of the task: position 3, pose 6', choices=tuple(TASK_SPACES)
+        'position', 'rows of the task: position 3, pose 6', choices=('position', 'pose')
     )
 
     @property
@@ -109,7 +109,7 @@ class RobotParameters:
     @property
     def model(self) -> RobotModel:
         """A new model of that arm."""
-        return RobotModel(self.arm, self.task_space)
+        return RobotModel(self.arm)
 
 
 def declare_robot(node: Node) -> RobotParameters:

@@ -20,7 +20,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
-from redres_ros.planner import Planner, Reference, orientation_error
+from redres_ros.planner import Planner, Reference
 from redres_ros.waypoints import load_task
 
 
@@ -54,8 +54,7 @@ class PlannerNode(Node):
         self._joints = JointOrder(self._model.joint_names)
         self._planner: Planner | None = None
         self._wanted = self._settings.autostart
-        self._begun = 0
-        self._R = np.eye(3)  # stamp [ns] and orientation with which the task began
+        self._begun = 0  # stamp [ns] with which the task began
         self._stamp = 0
         self._twist = TwistStamped()
         self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
@@ -85,7 +84,7 @@ class PlannerNode(Node):
             return
         self._refusals.accept('joint_states')
         reference = self._reference(stamp, x, R)
-        self._stamp, self._twist = stamp, to_twist(stamp, self._frame, self._velocity(reference, R))
+        self._stamp, self._twist = stamp, to_twist(stamp, self._frame, reference.dx)
         self._twists.publish(self._twist)
         self._telemetry.publish('task_error', lambda: float(np.linalg.norm(reference.error)))
         self._telemetry.publish('segment', lambda: reference.segment)
@@ -93,17 +92,10 @@ class PlannerNode(Node):
 
     def _reference(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Reference:
         if self._planner is None or stamp < self._stamp:
-            self._planner = Planner(self._task, x, feedback_limit=self._settings.feedback_limit)
+            self._planner = Planner(self._task, x, R, feedback_limit=self._settings.feedback_limit)
             self._begun = stamp
-            self._R = R
-        return self._planner.reference(x, (stamp - self._begun) / NANOSECONDS)
-
-    def _velocity(self, reference: Reference, R: np.ndarray) -> np.ndarray:
-        if self._model.task_space == 'position':
-            return reference.dx
-        return np.concatenate(
-            (reference.dx, self._task.feedback_gain * orientation_error(self._R, R))
-        )
+        turned = R if self._robot.task_space == 'pose' else None
+        return self._planner.reference(x, (stamp - self._begun) / NANOSECONDS, turned)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = True

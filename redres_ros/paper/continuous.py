@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from redres_ros.controller import SPEED_LIMIT
 from redres_ros.errors import RangeError, RedresError
 from redres_ros.paper.second_order import Scheme
 from redres_ros.planner import Planner, quintic
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.closed_loop import SPEED_LIMIT
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 RTOL = 1e-10
 ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
@@ -32,7 +32,7 @@ class Motion:
     dq: np.ndarray
 
 
-def integrate(scheme: Scheme, model: RobotModel, task: Task, t: np.ndarray) -> Motion:
+def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarray) -> Motion:
     """The task as a scheme executes it with dJ dq and ddx known exactly, at ascending times t (N,)
     [s] up to its end.
 
@@ -66,7 +66,7 @@ def integrate(scheme: Scheme, model: RobotModel, task: Task, t: np.ndarray) -> M
     return Motion(t.copy(), q, dq)
 
 
-def _start(scheme: Scheme, model: RobotModel, task: Task) -> np.ndarray:
+def _start(scheme: Scheme, model: RobotModel, task: WaypointTask) -> np.ndarray:
     """(q, dq) at t = 0, (2n,)."""
     state = model.state(task.start, np.zeros(model.n))
     dx = Planner(task).reference(state.x, 0.0).dx
@@ -74,7 +74,7 @@ def _start(scheme: Scheme, model: RobotModel, task: Task) -> np.ndarray:
 
 
 def _flow(
-    scheme: Scheme, model: RobotModel, task: Task, segment: int
+    scheme: Scheme, model: RobotModel, task: WaypointTask, segment: int
 ) -> Callable[[float, np.ndarray], np.ndarray]:
     """The right side of (q, dq)' = (dq, ddq), (2n,), on one segment."""
     A = task.waypoints[segment]
@@ -91,9 +91,9 @@ def _flow(
         state = model.state(q, dq)
         dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)
         ddx_d = (B - A) / T_AB**2 * _ddquintic(xi)
-        ddx = ddx_d + task.feedback_gain * (dx_d - state.J @ dq)  # derivative of Eq. (37)
+        ddx = ddx_d + task.feedback_gain * (dx_d - state.J[:3] @ dq)  # derivative of Eq. (37)
         return np.concatenate(
-            (dq, scheme.acceleration(model, state, ddx, model.velocity_product(q, dq)))
+            (dq, scheme.acceleration(model, state, ddx, model.velocity_product(q, dq)[:3]))
         )
 
     return flow

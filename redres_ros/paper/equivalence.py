@@ -14,7 +14,7 @@ from redres_ros.paper.second_order import Scheme, SecondOrderController, make_sc
 from redres_ros.resolution import project
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 ZERO = 1e-9  # [rad/s]; a difference up to here is taken for rounding
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
@@ -50,7 +50,7 @@ class Difference:
 
 
 def difference(
-    law_name: str, damping: float, T: float, task: Task, *, model: RobotModel | None = None
+    law_name: str, damping: float, T: float, task: WaypointTask, *, model: RobotModel | None = None
 ) -> Difference:
     """The task executed by a law and by its yardstick, each in its own closed loop. model: None for
     the task's arm with the equal links of Section 5.2.
@@ -98,7 +98,7 @@ def amplification(
     law_name: str,
     damping: float,
     T: float,
-    task: Task,
+    task: WaypointTask,
     *,
     model: RobotModel | None = None,
     displacement: float = 1e-10,
@@ -113,7 +113,7 @@ def amplification(
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     law = make_law(law_name, damping=damping)
-    J = model.state(task.start, np.zeros(model.n)).J
+    J = model.state(task.start, np.zeros(model.n)).J[:3]
     direction = project(J, np.random.default_rng(seed).normal(size=model.n))  # J direction = 0
     aside = replace(task, start=task.start + displacement * direction / np.linalg.norm(direction))
     one = run(Controller(model, law, T), task)
@@ -152,7 +152,7 @@ class Convergence:
 def convergence(
     law_name: str,
     damping: float,
-    task: Task,
+    task: WaypointTask,
     periods: tuple[float, ...] = PERIODS,
     *,
     stretch: float = 3.0,
@@ -196,16 +196,17 @@ class _Accompanied:
     def __init__(self, controller: Controller, scheme: Scheme) -> None:
         self.model = controller.model
         self.T = controller.T
+        self.m = controller.m
         self._controller = controller
         self._scheme = scheme
-        self._J_prev = np.zeros((self.model.m, self.model.n))
-        self._dx_prev = np.zeros(self.model.m)
+        self._J_prev = np.zeros((3, self.model.n))
+        self._dx_prev = np.zeros(3)
         self.apart: list[float] = []  # [rad/s], one a tick
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
         command = self._controller.update(q, dx)
         dq = step(self.model, self._scheme, self.T, command.state, self._J_prev, dx, self._dx_prev)
         self.apart.append(float(np.linalg.norm(command.dq - dq)))
-        self._J_prev = command.state.J
+        self._J_prev = command.J
         self._dx_prev = dx
         return command

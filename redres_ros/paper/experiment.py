@@ -18,7 +18,7 @@ from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import PATIENCE, Client
 from redres_ros.simulation.recording import Recording, row
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 # [s] for which the arm is still watched once the task is over or the robot has stopped
 AFTERMATH = 1.0
@@ -44,7 +44,7 @@ class Experiment:
         return differentiate(self.q, self.recording.T)
 
 
-def experiment(client: Client, task: Task, arm: Arm) -> Experiment:
+def experiment(client: Client, task: WaypointTask, arm: Arm) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
     same bits.
 
@@ -63,7 +63,7 @@ def experiment(client: Client, task: Task, arm: Arm) -> Experiment:
 class _Run:
     """One client at one robot."""
 
-    def __init__(self, client: Client, task: Task, robot: FriRobot) -> None:
+    def __init__(self, client: Client, task: WaypointTask, robot: FriRobot) -> None:
         self._client = client
         self._task = task
         self._robot = robot

@@ -15,6 +15,7 @@ import numpy as np
 from redres_ros.controller import Command
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import check_parameters, param
+from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotModel, RobotState, finite_vector
 
 
@@ -41,8 +42,12 @@ class Scheme(ABC):
         """
 
     @abstractmethod
+    def metric(self, state: RobotState) -> Weight:
+        """W, in which the scheme chooses among the ddq; None for the identity."""
+
+    @abstractmethod
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        """J_W^#, (n, m), in the metric W in which the scheme chooses among the ddq."""
+        """J_W^#, (n, m), in that metric."""
 
     def preferred(self, state: RobotState) -> np.ndarray:
         """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a
@@ -62,10 +67,13 @@ class MinimumAcceleration(Scheme):
     ) -> np.ndarray:
         J_pinv = self.pseudoinverse(state)
         ddq_N = self.preferred(state)
-        return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J @ ddq_N)  # Eq. (18)
+        return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J[:3] @ ddq_N)  # Eq. (18)
+
+    def metric(self, state: RobotState) -> Weight:
+        return None
 
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        return _pseudoinverse(state.J)
+        return _pseudoinverse(state.J[:3])
 
 
 @dataclass(frozen=True)
@@ -93,7 +101,7 @@ class MinimumWeightedTorque(TorqueScheme):
     """
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        J = state.J
+        J = state.J[:3]
         M = state.M
         n = state.n
         J_pinv = self.pseudoinverse(state)
@@ -101,8 +109,11 @@ class MinimumWeightedTorque(TorqueScheme):
         tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, n)))  # Eq. (25)
         return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))  # M P ddq_N
 
+    def metric(self, state: RobotState) -> Weight:
+        return None
+
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        return _pseudoinverse(state.J)
+        return _pseudoinverse(state.J[:3])
 
 
 @dataclass(frozen=True)
@@ -110,7 +121,7 @@ class DynamicallyConsistent(TorqueScheme):
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        J = state.J
+        J = state.J[:3]
         M = state.M
         n = state.n
         tau_N = M @ self.preferred(state)  # Eq. (34)
@@ -118,9 +129,12 @@ class DynamicallyConsistent(TorqueScheme):
         JT_pinv = self.pseudoinverse(state).T  # Eq. (30), (m, n)
         return J.T @ force + tau_N - J.T @ (JT_pinv @ tau_N)  # Eq. (29)
 
+    def metric(self, state: RobotState) -> Weight:
+        return state.M
+
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        Minv_JT = np.linalg.solve(state.M, state.J.T)  # (n, m)
-        return _solve(state.J @ Minv_JT, Minv_JT.T).T  # (J'_M^#)', Eq. (30)
+        Minv_JT = np.linalg.solve(state.M, state.J[:3].T)  # (n, m)
+        return _solve(state.J[:3] @ Minv_JT, Minv_JT.T).T  # (J'_M^#)', Eq. (30)
 
 
 @dataclass(frozen=True)
@@ -134,16 +148,19 @@ class MinimumTorque(TorqueScheme):
     """
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        A = np.linalg.solve(state.M, state.J.T).T  # J M^-1, (m, n)
+        A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
         A_pinv = _pseudoinverse(A)
         tau_N = state.M @ self.preferred(state)
         return (
             A_pinv @ (ddx - dJ_dq + A @ state.n) + tau_N - A_pinv @ (A @ tau_N)
         )  # Eq. (7) for tau_N = 0
 
+    def metric(self, state: RobotState) -> Weight:
+        return Square(state.M)
+
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
         return np.linalg.solve(
-            state.M, _pseudoinverse(np.linalg.solve(state.M, state.J.T).T)
+            state.M, _pseudoinverse(np.linalg.solve(state.M, state.J[:3].T).T)
         )  # M^-1 (J M^-1)^#
 
 
@@ -178,20 +195,23 @@ class SecondOrderController:
         self.model = model
         self.scheme = scheme
         self.T = T
+        self.m = 3  # rows of dx: the schemes carry out a position task
         self._last: Command | None = None
-        self._dx_prev = np.zeros(model.m)
+        self._dx_prev = np.zeros(3)
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
         """The command for the joint positions q (n,) [rad] and the task velocity dx (m,) [m/s].
         Raises ArrayError.
         """
-        dx = finite_vector(dx, self.model.m, 'dx')
+        dx = finite_vector(dx, 3, 'dx')
         state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
-        J_prev = state.J if self._last is None else self._last.state.J
+        J_prev = state.J[:3] if self._last is None else self._last.state.J[:3]
         dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
         q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
-        null = dq - self.scheme.pseudoinverse(state) @ (state.J @ dq)
-        self._last = Command(dq, q_ref, lambda: null, state, self.T)
+        W = self.scheme.metric(state)
+        self._last = Command(
+            dq, q_ref, state, self.T, state.J[:3], W, s=1.0, limiting='', lost=np.zeros(3)
+        )
         self._dx_prev = dx
         return self._last
 
@@ -209,7 +229,7 @@ def step(
     dx_{k-1} (m,).
     """
     ddx = (dx - dx_prev) / T  # Eq. (8)
-    dJ = (state.J - J_prev) / T  # Eq. (9)
+    dJ = (state.J[:3] - J_prev) / T  # Eq. (9)
     ddq = scheme.acceleration(model, state, ddx, dJ @ state.dq_prev)  # with dq by Eq. (10)
     return state.dq_prev + T * ddq  # Eq. (13)
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from redres_ros.errors import FileError
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 NORMS = {
     'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',
@@ -27,7 +27,7 @@ _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the pictu
 def draw_motion(
     recording: Recording,
     model: RobotModel,
-    task: Task,
+    task: WaypointTask,
     title: str,
     path: Path,
     *,
@@ -57,7 +57,7 @@ def draw_motion(
     save(figure, path)
 
 
-def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: Task) -> None:
+def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
     """The tip in black and the elbow in blue, with the task's points, as the paper's figures show
     them.
     """

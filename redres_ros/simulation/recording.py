@@ -13,9 +13,12 @@ from redres_ros.errors import FileError
 from redres_ros.planner import Reference
 
 
-def columns(n: int) -> tuple[str, ...]:
-    """Column names for an arm of n joints; positions [rad], velocities [rad/s], lengths [m], torque
-    [Nm], time [s].
+def columns(n: int, pose: bool = False) -> tuple[str, ...]:
+    """Column names; positions [rad], velocities [rad/s], lengths [m], torque [Nm], time [s].
+
+    Args:
+        n: Number of joints.
+        pose: Whether the task has an orientation.
     """
     joints = range(1, n + 1)
     return (
@@ -29,11 +32,13 @@ def columns(n: int) -> tuple[str, ...]:
         'y_d',
         'z_d',
         'task_error',
+        *(('orientation_error',) if pose else ()),
         'joint_velocity_norm',
         'joint_acceleration_norm',
         'null_velocity_norm',
         'joint_torque_norm',
         'min_singular_value',
+        'task_scaling',
         'segment',
     )
 
@@ -42,6 +47,7 @@ def row(t: float, command: Command, reference: Reference) -> list[float]:
     """One tick in the order of `columns`; all norms are Euclidean."""
     norm = np.linalg.norm
     state = command.state
+    turn_left = reference.orientation_error
     return [
         t,
         *state.q,
@@ -49,19 +55,23 @@ def row(t: float, command: Command, reference: Reference) -> list[float]:
         *state.x,
         *reference.x_d,
         norm(reference.error),
+        *(() if turn_left is None else (norm(turn_left),)),
         norm(command.dq),
         norm(command.ddq),
         norm(command.null),
         norm(command.tau),
         command.min_singular_value,
+        command.s,
         reference.segment,
     ]
 
 
 @dataclass(frozen=True)
 class Recording:
-    """data: (ticks, columns); n: joints; T [s]; finished: the last point was reached; ending: the
-    end in words.
+    """A motion, one row a tick.
+
+    data: (ticks, columns). n: joints. T: sampling time [s]. finished: the last point was reached.
+    ending: the end in words. pose: whether the task has an orientation.
     """
 
     data: np.ndarray
@@ -69,29 +79,36 @@ class Recording:
     T: float
     finished: bool
     ending: str
+    pose: bool = False
 
     @classmethod
     def of(
-        cls, rows: Iterable[list[float]], n: int, T: float, finished: bool, ending: str
+        cls,
+        rows: Iterable[list[float]],
+        n: int,
+        T: float,
+        finished: bool,
+        ending: str,
+        pose: bool = False,
     ) -> 'Recording':
-        """From rows as `row` makes them."""
-        return cls(
-            np.array(list(rows), dtype=np.float64).reshape(-1, len(columns(n))),
-            n,
-            T,
-            finished,
-            ending,
-        )
+        """From rows as `row` makes them; the rest as in the class."""
+        data = np.array(list(rows), dtype=np.float64).reshape(-1, len(columns(n, pose)))
+        return cls(data, n, T, finished, ending, pose)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return columns(self.n, self.pose)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """One column, (ticks,)."""
-        return self.data[:, columns(self.n).index(name)]
+        return self.data[:, self.columns.index(name)]
 
     def vectors(self, first: str) -> np.ndarray:
         """The columns of a vector by its first one: 'q1' and 'dq1' give (ticks, n), 'x' and 'x_d'
         give (ticks, 3).
         """
-        start = columns(self.n).index(first)
+        start = self.columns.index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
     def peak(self, name: str) -> tuple[float, float]:
@@ -110,7 +127,7 @@ class Recording:
                 self.data,
                 fmt='%.17g',
                 delimiter=',',
-                header=','.join(columns(self.n)),
+                header=','.join(self.columns),
                 comments='',
             )
         except OSError as error:

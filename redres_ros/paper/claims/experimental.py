@@ -7,7 +7,7 @@ from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.figures.runs import Runs
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 # share of the largest velocity up to which two experiments count as practically the same
 _PRACTICAL = 0.02
@@ -95,7 +95,7 @@ def _until(recording: Recording, t: float) -> np.ndarray:
     return recording.vectors('q1')[: round(t / recording.T)]
 
 
-def _end_error(tried: Experiment, model: RobotModel, task: Task) -> float:
+def _end_error(tried: Experiment, model: RobotModel, task: WaypointTask) -> float:
     return float(np.linalg.norm(model.tip(tried.q[-1])[0] - task.waypoints[-1]))
 
 

@@ -34,7 +34,7 @@ def square_task(runs: Runs) -> Finding:
     recorded motion.
     """
     T = SIMULATION_T
-    model = RobotModel.named(runs.task.robot, 'pose')
+    model = RobotModel.named(runs.task.robot)
     recording = runs.ideal_damped
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')[:, :6]  # joint 7 stands still
@@ -60,11 +60,11 @@ def two_forms(runs: Runs) -> Finding:
     """(15) against (17) with an explicit pseudoinverse."""
     worst = 0.0
     for state, dq in states(runs.ideal_undamped, runs.model):
-        J_pinv = np.linalg.pinv(state.J)
-        dx = state.J @ dq
+        J_pinv = np.linalg.pinv(state.J[:3])
+        dx = state.J[:3] @ dq
         b = state.dq_prev
-        form_15 = J_pinv @ dx + (np.eye(len(b)) - J_pinv @ state.J) @ b
-        form_17 = b + J_pinv @ (dx - state.J @ b)
+        form_15 = J_pinv @ dx + (np.eye(len(b)) - J_pinv @ state.J[:3]) @ b
+        form_17 = b + J_pinv @ (dx - state.J[:3] @ b)
         worst = max(worst, float(np.linalg.norm(form_15 - form_17)))
     return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
 
@@ -75,9 +75,9 @@ def special_case_35(runs: Runs) -> Finding:
     worst = 0.0
     for state, dq in states(runs.ideal_35, runs.model):
         Minv = np.linalg.inv(state.M)
-        dx = state.J @ dq
-        J_M = Minv @ state.J.T @ np.linalg.inv(state.J @ Minv @ state.J.T)  # Eq. (A.5)
-        P_M = np.eye(len(dq)) - J_M @ state.J  # Eq. (33)
+        dx = state.J[:3] @ dq
+        J_M = Minv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ Minv @ state.J[:3].T)  # Eq. (A.5)
+        P_M = np.eye(len(dq)) - J_M @ state.J[:3]  # Eq. (33)
         tau_N = -state.M @ state.dq_prev / T  # Eq. (34)
         form_32 = J_M @ dx + P_M @ (state.dq_prev - T * Minv @ (state.n - tau_N))
         form_35 = J_M @ dx - T * P_M @ Minv @ state.n
@@ -96,9 +96,9 @@ def optimality(runs: Runs) -> Finding:
         for state, moved in states(runs.ideal_damped, runs.model):
             b = law.bias(state, SIMULATION_T)
             W = law.weight(state)
-            Z = null_space(state.J)
-            W = np.eye(len(b)) if W is None else W
-            dq = resolve(state.J, state.J @ moved, b, W)
+            Z = null_space(state.J[:3])
+            dq = resolve(state.J[:3], state.J[:3] @ moved, b, W)
+            W = np.eye(len(b)) if W is None else np.asarray(W)
             residuals.append(
                 np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b))
             )
@@ -158,7 +158,7 @@ def cost(runs: Runs) -> Finding:
     """Time of a tick of each law and of its scheme, measured in turns."""
     ratios = {}
     state, moved = next(states(runs.ideal_damped, runs.model, 1000))
-    dx = state.J @ moved
+    dx = state.J[:3] @ moved
     for name in SCHEMES:
         law = Controller(runs.model, make_law(name), SIMULATION_T)
         scheme = SecondOrderController(runs.model, make_scheme(name), SIMULATION_T)

@@ -12,7 +12,7 @@ from redres_ros.paper.figures.runs import Runs
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import draw_paths
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 PICTURES = (2, 3)  # rows and columns of pictures, evenly spaced in time
 
@@ -55,7 +55,7 @@ def figure_14(runs: Runs) -> Figure:
     return _draw(title, runs.experiment_35.recording, runs.experiment_model, runs.reversed_task)
 
 
-def _draw(title: str, recording: Recording, model: RobotModel, task: Task) -> Figure:
+def _draw(title: str, recording: Recording, model: RobotModel, task: WaypointTask) -> Figure:
     figure = Figure(figsize=(13.0, 7.0), layout='constrained')
     figure.suptitle(f'{title}\n{recording.ending}')
     left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.35))
@@ -69,7 +69,9 @@ def _draw(title: str, recording: Recording, model: RobotModel, task: Task) -> Fi
     return figure
 
 
-def _draw_pictures(place: SubFigure, recording: Recording, model: RobotModel, task: Task) -> None:
+def _draw_pictures(
+    place: SubFigure, recording: Recording, model: RobotModel, task: WaypointTask
+) -> None:
     """(b): the arm at instants of the motion; where nothing can be rendered, why."""
     ticks = np.linspace(0, len(recording.data) - 1, PICTURES[0] * PICTURES[1]).round().astype(int)
     place.suptitle('(b) the arm on its way', fontsize='large')
@@ -86,7 +88,7 @@ def _draw_pictures(place: SubFigure, recording: Recording, model: RobotModel, ta
         ax.set_axis_off()
 
 
-def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: Task) -> Film:
+def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: WaypointTask) -> Film:
     q = recording.vectors('q1')
     elbow = np.array([model.position(at, model.arm.elbow_frame) for at in q[::_EVERY]])
     return Film(

@@ -12,7 +12,7 @@ from redres_ros.paper.savgol import Motion
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import NORMS, draw_norm
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import Task
+from redres_ros.waypoints import WaypointTask
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 
@@ -76,7 +76,9 @@ def _norm(vectors: np.ndarray) -> np.ndarray:
     return np.linalg.norm(vectors, axis=1)
 
 
-def _simulation(title: str, recording: Recording, norms: tuple[str, ...], task: Task) -> Figure:
+def _simulation(
+    title: str, recording: Recording, norms: tuple[str, ...], task: WaypointTask
+) -> Figure:
     figure, panels = _panels(title, len(norms), task)
     for ax, norm in zip(panels, norms, strict=True):
         draw_norm(ax, norm, recording, {})
@@ -84,7 +86,7 @@ def _simulation(title: str, recording: Recording, norms: tuple[str, ...], task: 
     return figure
 
 
-def _experiment(title: str, tried: Experiment, curves: Curves, task: Task) -> Figure:
+def _experiment(title: str, tried: Experiment, curves: Curves, task: WaypointTask) -> Figure:
     """What was measured in front of what was commanded."""
     figure, panels = _panels(title, len(curves), task)
     recording = tried.recording
@@ -100,7 +102,7 @@ def _experiment(title: str, tried: Experiment, curves: Curves, task: Task) -> Fi
     return figure
 
 
-def _panels(title: str, count: int, task: Task) -> tuple[Figure, list[Axes]]:
+def _panels(title: str, count: int, task: WaypointTask) -> tuple[Figure, list[Axes]]:
     """Panels above each other with the time as their common axis, and a mark where a segment ends."""
     figure = Figure(figsize=(10.0, 2.0 + 2.2 * count), layout='constrained')
     panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))

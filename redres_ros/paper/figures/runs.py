@@ -11,7 +11,7 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.simulation.closed_loop import Client, run
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import Task, load_task
+from redres_ros.waypoints import WaypointTask, load_task
 
 SIMULATION_T = 0.001
 EXPERIMENT_T = 0.002  # [s]
@@ -140,7 +140,7 @@ class Runs:
     def _scheme(self, law: str, damping: float) -> SecondOrderController:
         return SecondOrderController(self.experiment_model, make_scheme(law, damping), EXPERIMENT_T)
 
-    def _try(self, client: Client, task: Task | None = None) -> Experiment:
+    def _try(self, client: Client, task: WaypointTask | None = None) -> Experiment:
         return experiment(
             client, task or self.task, find_arm(self.task.robot, dynamics=EXPERIMENT_DYNAMICS)
         )

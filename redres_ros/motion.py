@@ -1,0 +1,193 @@
+"""How the arm is to move: a law with its preferences and lower tasks, and going from one such
+motion to another without a jump.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from redres_ros.laws import Law
+from redres_ros.planner import quintic
+from redres_ros.preferences import Preference
+from redres_ros.resolution import Level, Weight, resolve_in_order, resolve_one
+from redres_ros.robot_model import RobotState
+from redres_ros.tasks import Task
+
+
+class Aim(NamedTuple):
+    """The first task at one tick: J (m, n), dx (m,); scale (m,) makes rows of J comparable."""
+
+    J: np.ndarray
+    dx: np.ndarray
+    scale: np.ndarray | None
+
+
+class Answer(NamedTuple):
+    """What a motion would do at one tick.
+
+    dq: (n,) [rad/s]. executed: (m,), the part of dx that dq is meant to execute. lost: (m,), the
+    part that a singularity does not let through; None if there is none. W: the metric. lower: J and
+    dx of the lower tasks, as dq executes them.
+    """
+
+    dq: np.ndarray
+    executed: np.ndarray
+    lost: np.ndarray | None
+    W: Weight
+    lower: Sequence[Level]
+
+
+class Motion(Protocol):
+    """Something that moves the arm."""
+
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+        """What it would do at this state."""
+
+
+@dataclass(frozen=True)
+class Following:
+    """The first task is followed, by a law with preferences, and lower tasks in order."""
+
+    law: Law
+    preferences: tuple[Preference, ...] = ()
+    lower_tasks: tuple[Task, ...] = ()
+
+    def begun(self, state: RobotState) -> 'Following':
+        """The same; targets that were left open are what they are at this state."""
+        return replace(
+            self,
+            preferences=tuple(preference.begun(state) for preference in self.preferences),
+            lower_tasks=tuple(task.begun(state) for task in self.lower_tasks),
+        )
+
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+        """Eq. (A.13), for several tasks Eq. (20)."""
+        b = self.law.bias_with(state, T, self._preferred(state))
+        W = self.law.weight(state)
+        first = scaled(aim.J, aim.dx, aim.scale)
+        if not self.lower_tasks:
+            dq, damped = resolve_one(*first, b, W)
+            lower: Sequence[Level] = ()
+        else:
+            levels = [first, *(_level(task, state) for task in self.lower_tasks)]
+            dq, damped = resolve_in_order(levels, b, W)
+            lower = [(J, J.dot(dq)) for J, _ in levels[1:]]
+        if not damped:
+            return Answer(dq, aim.dx, None, W, lower)
+        executed = aim.J.dot(dq)
+        return Answer(dq, executed, aim.dx - executed, W, lower)
+
+    def _preferred(self, state: RobotState) -> np.ndarray | None:
+        """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None without any."""
+        if not self.preferences or not self.law.remembers:
+            return None
+        accelerations = [preference.acceleration(state) for preference in self.preferences]
+        return np.add.reduce(accelerations)
+
+
+class Standing:
+    """The arm stands still, and the task is left."""
+
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+        """No velocity."""
+        return Answer(np.zeros(len(state.q)), np.zeros(len(aim.dx)), None, None, ())
+
+
+STANDING = Standing()
+
+
+@dataclass(frozen=True, eq=False)
+class Coasting:
+    """The joints go on with one velocity dq (n,) [rad/s]."""
+
+    dq: np.ndarray
+
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+        """That velocity."""
+        return Answer(self.dq, aim.J.dot(self.dq), None, None, ())
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """On the way from one motion to another.
+
+    dq_old: (n,) [rad/s], the last velocity the *old motion* would have commanded. It must not see
+    the blended velocity, or its self-motion would shrink every cycle. The new motion sees the
+    blended one, which is what it takes over. share: of the switch time that is over; at 1 only the
+    new motion acts.
+    """
+
+    old: Motion
+    new: Motion
+    dq_old: np.ndarray
+    share: float
+
+    def advanced(
+        self, wanted: Motion, dq_prev: np.ndarray, T: float, switch_time: float
+    ) -> 'Blend':
+        """One cycle on, towards the wanted motion.
+
+        Standing still, and moving again, begin at once, from the present velocity. Any other change
+        waits for the end of the blend under way.
+
+        Args:
+            wanted: Where to go.
+            dq_prev: (n,) [rad/s] the last command.
+            T: Sampling time [s].
+            switch_time: Time that a blend takes [s].
+        """
+        over = self.share >= 1.0
+        blend = self
+        if wanted is not self.new and wanted != self.new:
+            if over:
+                blend = Blend(self.new, wanted, dq_prev, 0.0)
+            elif STANDING in (wanted, self.new):
+                blend = Blend(Coasting(dq_prev), wanted, dq_prev, 0.0)
+        elif over:
+            return self
+        step = T / switch_time if switch_time > 0.0 else 1.0
+        return replace(blend, share=min(blend.share + step, 1.0))
+
+    def answer(self, state: RobotState, aim: Aim, T: float) -> tuple[Answer, 'Blend']:
+        """dq = (1 - s) dq_old + s dq_new, and the blend after this tick.
+
+        Where both execute the task, J dq = dx, so does every mixture.
+        """
+        new = self.new.answer(state, aim, T)
+        if self.share >= 1.0:
+            return new, self
+        old = self.old.answer(state.with_velocity(self.dq_old), aim, T)
+        s, _ = quintic(self.share)
+        dq = (1.0 - s) * old.dq + s * new.dq
+        mixed = Answer(
+            dq,
+            (1.0 - s) * old.executed + s * new.executed,
+            _mixed_loss(old.lost, new.lost, s),
+            new.W,
+            [(J, J.dot(dq)) for J, _ in new.lower],
+        )
+        return mixed, replace(self, dq_old=old.dq)
+
+
+def _level(task: Task, state: RobotState) -> Level:
+    return scaled(task.jacobian(state), task.velocity(state), task.row_scale(state.model))
+
+
+def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:
+    """J (m, n) and dx (m,) with comparable rows."""
+    if scale is None:
+        return J, dx
+    return scale[:, None] * J, scale * dx
+
+
+def _mixed_loss(old: np.ndarray | None, new: np.ndarray | None, s: float) -> np.ndarray | None:
+    """(1 - s) old + s new, where None stands for nothing."""
+    if old is not None and new is not None:
+        return (1.0 - s) * old + s * new
+    if new is not None:
+        return s * new
+    if old is not None:
+        return (1.0 - s) * old
+    return None

@@ -1,0 +1,32 @@
+"""The preferences by name. A new preference is one small class and one line in this table."""
+
+from redres_ros.parameter import make
+from redres_ros.preferences.joints import JointCentering, Posture
+from redres_ros.preferences.preference import Preference
+from redres_ros.preferences.shape import ElbowHeight, Manipulability
+
+PREFERENCES: dict[str, type[Preference]] = {
+    'joint_centering': JointCentering,
+    'posture': Posture,
+    'manipulability': Manipulability,
+    'elbow_height': ElbowHeight,
+}
+
+
+def make_preference(name: str, **gains: object) -> Preference:
+    """The preference of that name with the given gains, as gain=4.0.
+
+    Raises UnknownNameError, RangeError, ArrayError.
+    """
+    return make('preference', PREFERENCES, name, gains)
+
+
+__all__ = [
+    'PREFERENCES',
+    'ElbowHeight',
+    'JointCentering',
+    'Manipulability',
+    'Posture',
+    'Preference',
+    'make_preference',
+]

@@ -1,0 +1,65 @@
+"""Rotations as matrices (3, 3), rotation vectors (3,), quaternions and angles."""
+
+import math
+
+import numpy as np
+
+# [rad] this near to half a turn, the axis is read from the symmetric part of the matrix
+_NEAR_HALF_A_TURN = 0.1
+
+
+def rotation_vector(R: np.ndarray) -> np.ndarray:
+    """The logarithm of R (3, 3): its axis times its angle, (3,) [rad], the angle at most pi."""
+    (r11, r12, r13), (r21, r22, r23), (r31, r32, r33) = R.tolist()
+    w = np.array((r32 - r23, r13 - r31, r21 - r12)) / 2.0  # sin(angle) axis
+    sine = math.sqrt(w.dot(w))
+    cosine = (r11 + r22 + r33 - 1.0) / 2.0
+    angle = math.atan2(sine, cosine)
+    if angle > math.pi - _NEAR_HALF_A_TURN:
+        return angle * _axis(R, w, cosine)
+    return w * (angle / sine) if sine > 0.0 else w
+
+
+def rotation_matrix(vector: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) about a vector (3,) by its length [rad], by Rodrigues' formula."""
+    angle = math.sqrt(vector.dot(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = (vector / angle).tolist()
+    K = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # K v = axis x v
+    R: np.ndarray = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K.dot(K)
+    return R
+
+
+def from_quaternion(quaternion: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) of a quaternion x, y, z, w of any length but zero."""
+    x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
+    return np.array(
+        (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
+            (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
+            (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)),
+        )
+    )
+
+
+def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3), of (3,) [rad]: turns about the axes of the base."""
+    roll, pitch, yaw = (rotation_matrix(turn) for turn in np.diag(angles))
+    R: np.ndarray = yaw.dot(pitch).dot(roll)
+    return R
+
+
+def to_quaternion(R: np.ndarray) -> np.ndarray:
+    """The unit quaternion x, y, z, w (4,) of R (3, 3), w >= 0."""
+    vector = rotation_vector(R)
+    half = math.sqrt(vector.dot(vector)) / 2.0
+    return np.append(vector * (np.sinc(half / math.pi) / 2.0), math.cos(half))
+
+
+def _axis(R: np.ndarray, w: np.ndarray, cosine: float) -> np.ndarray:
+    """The unit axis a (3,), from (R + R')/2 = cos I + (1 - cos) a a'; w gives its sign."""
+    outer = ((R + R.T) / 2.0 - cosine * np.eye(3)) / (1.0 - cosine)
+    column = int(np.argmax(outer.diagonal()))
+    a: np.ndarray = outer[column] / math.sqrt(outer[column, column])
+    return -a if a.dot(w) < 0.0 else a

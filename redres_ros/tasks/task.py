@@ -1,0 +1,63 @@
+"""What a task is: the rows J of one aim, and the velocity that brings it about."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from redres_ros.errors import ArrayError
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robot_model import RobotModel, RobotState
+
+
+@dataclass(frozen=True)
+class Task(ABC):
+    """One aim of the arm: J dq = dx, with dx = k e where the task has a target of its own.
+
+    The first task of a controller gets its dx from outside. The others hold their targets. A target
+    that is left open, (), becomes the value at the start of the motion. A subclass is a frozen
+    dataclass whose fields are declared with `param`.
+    """
+
+    size: ClassVar[int]  # m, the number of rows
+    gain: float = param(10.0, 'k in dx = k e, of the error to the target [1/s]', 0.0, 1e3)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @abstractmethod
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        """J, (m, n)."""
+
+    @abstractmethod
+    def error(self, state: RobotState) -> np.ndarray:
+        """e, (m,): what J dq has to bring about to reach the target; the target is not open."""
+
+    @abstractmethod
+    def begun(self, state: RobotState) -> Self:
+        """The same task; an open target is what it is at this state."""
+
+    def velocity(self, state: RobotState) -> np.ndarray:
+        """dx = k e, (m,)."""
+        return self.gain * self.error(state)
+
+    def row_scale(self, model: RobotModel) -> np.ndarray | None:
+        """Factors (m,) that make rows of different units comparable; None where all are alike."""
+        return None
+
+
+@dataclass(frozen=True)
+class FrameTask(Task):
+    """A task of one frame of the arm."""
+
+    frame: str = param('', 'frame that is meant; empty: the tip')
+
+
+def check_target(name: str, target: tuple[float, ...], *lengths: int) -> None:
+    """Raise ArrayError unless a target is open, (), or as long as it may be, and finite."""
+    allowed = ' or '.join(str(length) for length in lengths)
+    if target and len(target) not in lengths:
+        raise ArrayError(f'{name} holds {len(target)} numbers; expected {allowed}, or none')
+    if not np.isfinite(target).all():
+        raise ArrayError(f'{name} is {target}; every value must be finite')

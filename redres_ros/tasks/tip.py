@@ -1,0 +1,168 @@
+"""Tasks of a frame, most often the tip: where it is and how it is turned."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar, Self
+
+import numpy as np
+
+from redres_ros.errors import ArrayError
+from redres_ros.parameter import param
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.rotation import from_quaternion, rotation_matrix, rotation_vector, to_quaternion
+from redres_ros.tasks.task import FrameTask, check_target
+
+
+@dataclass(frozen=True)
+class Position(FrameTask):
+    """Where a frame's origin is: 3 rows [m/s]."""
+
+    size: ClassVar[int] = 3
+    target: tuple[float, ...] = param(
+        (), 'wanted position in the base frame [m]; none: that of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_target('target of position', self.target, 3)
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        return state.jacobian(self.frame)[:3]
+
+    def error(self, state: RobotState) -> np.ndarray:
+        return np.array(self.target) - state.pose(self.frame)[0]
+
+    def begun(self, state: RobotState) -> Self:
+        x, _ = state.pose(self.frame)
+        return replace(self, target=self.target or tuple(x.tolist()))
+
+
+@dataclass(frozen=True)
+class Orientation(FrameTask):
+    """How a frame is turned: 3 rows [rad/s]; the error is the rotation vector to the target."""
+
+    size: ClassVar[int] = 3
+    target: tuple[float, ...] = param(
+        (), 'wanted quaternion x, y, z, w [1]; none: that of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_target('target of orientation', self.target, 4)
+        _check_direction('target of orientation', self.target)
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        return state.jacobian(self.frame)[3:]
+
+    def error(self, state: RobotState) -> np.ndarray:
+        return rotation_vector(_matrix(self.target).dot(state.pose(self.frame)[1].T))
+
+    def begun(self, state: RobotState) -> Self:
+        _, R = state.pose(self.frame)
+        return replace(self, target=self.target or tuple(to_quaternion(R).tolist()))
+
+
+@dataclass(frozen=True)
+class Pose(FrameTask):
+    """Where a frame is and how it is turned: 3 rows [m/s], then 3 rows [rad/s]."""
+
+    size: ClassVar[int] = 6
+    target: tuple[float, ...] = param(
+        (), 'wanted position [m] and quaternion x, y, z, w [1]; none: those of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_target('target of pose', self.target, 7)
+        _check_direction('target of pose', self.target[3:])
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        return state.jacobian(self.frame)
+
+    def error(self, state: RobotState) -> np.ndarray:
+        x, R = state.pose(self.frame)
+        turn = rotation_vector(_matrix(self.target[3:]).dot(R.T))
+        return np.concatenate((np.array(self.target[:3]) - x, turn))
+
+    def begun(self, state: RobotState) -> Self:
+        x, R = state.pose(self.frame)
+        here = (*x.tolist(), *to_quaternion(R).tolist())
+        return replace(self, target=self.target or here)
+
+    def row_scale(self, model: RobotModel) -> np.ndarray:
+        """1 / reach for the linear rows: a turn of the stretched arm then counts alike in both."""
+        return np.repeat((1.0 / model.reach, 1.0), 3)
+
+
+@dataclass(frozen=True)
+class Axis(FrameTask):
+    """Where an axis of a frame points, free to turn about itself: 2 rows [rad/s].
+
+    The rows are the angular velocities about two directions that stand on the axis.
+    """
+
+    size: ClassVar[int] = 2
+    axis: tuple[float, ...] = param((0.0, 0.0, 1.0), 'axis in the frame [1]')
+    target: tuple[float, ...] = param(
+        (0.0, 0.0, -1.0), 'wanted direction in the base frame [1]; none: that of the start'
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_target('axis', self.axis, 3)
+        check_target('target of axis', self.target, 3)
+        _check_direction('axis', self.axis or (0.0,))
+        _check_direction('target of axis', self.target)
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        across = state.pose(self.frame)[1].dot(_across(self.axis))  # (3, 2) in the base frame
+        J: np.ndarray = across.T.dot(state.jacobian(self.frame)[3:])
+        return J
+
+    def error(self, state: RobotState) -> np.ndarray:
+        _, R = state.pose(self.frame)
+        now = R.dot(_unit(self.axis))
+        wanted = _unit(self.target)
+        turn = np.cross(now, wanted)  # sin(angle) times the axis to turn about
+        sine = float(np.linalg.norm(turn))
+        angle = np.arctan2(sine, now.dot(wanted))
+        across = R.dot(_across(self.axis))
+        if sine > 0.0:
+            turn = turn * (angle / sine)
+        elif angle > 0.0:
+            turn = angle * across[:, 0]  # the opposite direction: any way round
+        e: np.ndarray = across.T.dot(turn)
+        return e
+
+    def begun(self, state: RobotState) -> Self:
+        _, R = state.pose(self.frame)
+        return replace(self, target=self.target or tuple(R.dot(_unit(self.axis)).tolist()))
+
+
+def _check_direction(name: str, values: tuple[float, ...]) -> None:
+    if values and not any(values):
+        raise ArrayError(f'{name} is {values}; expected values that are not all zero')
+
+
+@lru_cache(maxsize=64)  # a target is looked up in every tick
+def _matrix(quaternion: tuple[float, ...]) -> np.ndarray:
+    return from_quaternion(np.array(quaternion))
+
+
+@lru_cache(maxsize=64)
+def _unit(direction: tuple[float, ...]) -> np.ndarray:
+    vector = np.array(direction)
+    return vector / np.linalg.norm(vector)
+
+
+@lru_cache(maxsize=64)
+def _across(axis: tuple[float, ...]) -> np.ndarray:
+    """Two orthonormal columns (3, 2) that stand on an axis of a frame, in that frame."""
+    z = np.array((0.0, 0.0, 1.0))
+    a = _unit(axis)
+    turn = np.cross(z, a)
+    sine = float(np.linalg.norm(turn))
+    angle = float(np.arctan2(sine, a[2]))
+    if sine == 0.0:
+        return rotation_matrix(np.array((angle, 0.0, 0.0)))[:, :2]
+    return rotation_matrix(turn * (angle / sine))[:, :2]
