@@ -47,6 +47,21 @@ def test_the_law_of_ones_own_spares_the_joint_that_it_was_told_to_spare() -> Non
     assert numbers(own)[0] < 0.6 * numbers(plain)[0]
 
 
+@pytest.mark.realtime
+def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    from redres_ros.demo.processes import NodeProcess, own_domain
+
+    with own_domain():
+        robot = NodeProcess('sim', tmp_path / 'sim.log', {})
+        try:
+            [height] = numbers(run('law_behind_your_node'))
+        finally:
+            robot.end()
+    # Half a period of the sine: 0.05 m/s * 2 / pi.
+    assert height == pytest.approx(0.032, abs=0.005)
+
+
 def test_every_example_has_a_test() -> None:
     tested = re.findall(r"run\('(\w+)'\)", Path(__file__).read_text(encoding='utf-8'))
     assert sorted(tested) == sorted(path.stem for path in EXAMPLES.glob('*.py'))

@@ -1,0 +1,71 @@
+"""A ROS 2 node of your own with a law inside: it moves the tip up and down.
+
+Start a robot first, the fake one with `redres_sim`, then: python examples/law_behind_your_node.py
+"""
+
+import math
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from redres_ros import Controller, RobotModel, make_law
+
+T = 0.002  # the robot's cycle [s]
+SPEED = 0.05  # of the tip, at most [m/s]
+DURATION = 4.0  # of the motion [s]
+
+
+class UpAndDown(Node):
+    """Answers each state of the robot with the next position reference."""
+
+    def __init__(self) -> None:
+        super().__init__('up_and_down')
+        self.model = RobotModel.named('lwr4_paper')
+        law = make_law('minimum_acceleration', damping=10.0)
+        self.controller = Controller(self.model, law, T)
+        self.commanding = False
+        self.t = 0.0  # since the robot follows [s]
+        self.heights: list[float] = []
+
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.create_subscription(JointState, 'joint_states', self.on_state, newest)
+        self.create_subscription(String, 'sim/session_state', self.on_session, 10)
+        self.commands = self.create_publisher(JointState, 'joint_command', 1)
+
+    def on_session(self, message: String) -> None:
+        """Keep whether the robot takes commands."""
+        self.commanding = message.data == 'CMD'
+
+    def on_state(self, message: JointState) -> None:
+        """Answer a state."""
+        positions = dict(zip(message.name, message.position, strict=True))
+        q = np.array([positions[name] for name in self.model.joint_names])
+
+        dx = np.zeros(3)
+        if self.commanding:
+            dx[2] = SPEED * math.sin(math.pi * self.t)
+            self.t += T
+        command = self.controller.update(q, dx)
+        self.heights.append(float(self.model.tip(q)[0][2]))
+
+        answer = JointState(name=self.model.joint_names)
+        answer.header.stamp = message.header.stamp  # which state this answers
+        answer.position = command.q_ref.tolist()
+        answer.velocity = command.dq.tolist()
+        self.commands.publish(answer)
+
+
+rclpy.init()
+node = UpAndDown()
+try:
+    while node.t < DURATION:
+        rclpy.spin_once(node)
+except KeyboardInterrupt:
+    pass
+if node.heights:
+    print(f'the tip moved up and down by {max(node.heights) - min(node.heights):.3f} m')
+rclpy.shutdown()
