@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.bench.timing import Times
-from redres_ros.demo.tape import Entry
+from redres_ros.demo.tape import Entry, stamped
 
 _QUANTILES = {'median_us': 0.5, 'p99_us': 0.99, 'p99_9_us': 0.999, 'max_us': 1.0}
 
@@ -64,10 +64,9 @@ class RoundTrips:
         """
         sent: dict[int, float] = {}
         answered: dict[int, float] = {}
-        for entry in entries:
-            stamp = entry.message.header.stamp
+        for stamp, entry in stamped(entries):
             times = answered if entry.heard else sent
-            times.setdefault(stamp.sec * 10**9 + stamp.nanosec, entry.time / 1e9)
+            times.setdefault(stamp, entry.time / 1e9)
         counted = [stamp for stamp, at in sent.items() if window[0] <= at < window[1]]
         return cls.from_times(
             period,

@@ -5,11 +5,15 @@ import math
 import signal
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import OptionError, add_motion
 from redres_ros.errors import RangeError
+
+if TYPE_CHECKING:
+    from redres_ros.demo.demo import Demo
+    from redres_ros.demo.outcome import Outcome
 
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
 _LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
@@ -25,7 +29,6 @@ def add(commands: Any) -> None:
     demo.add_argument(
         '--switch',
         action='append',
-        default=(),
         metavar='LAW@SECONDS',
         help='switch the law on the way; may be repeated',
     )
@@ -79,31 +82,40 @@ def _demo(options: argparse.Namespace) -> int:
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
     name = task_name(options, 'side_to_side' if options.duration else 'rectangle')
-    task, _ = find_task(options, name)
-    law = find_law(options, options.law, 1.0 / options.rate if options.rate else math.inf)
-    check_gains(options, {options.law, *(law for law, _ in map(_switch, options.switch))})
+    task, model = find_task(options, name)
+    period = 1.0 / options.rate if options.rate else math.inf
+    switches = tuple(map(_switch, options.switch or ()))
+    check_gains(options, {options.law, *(law for law, _ in switches)})
     wanted = DemoOptions(
         name,
         options.law,
-        law.damping,
         options.rate,
         options.dynamics,
-        tuple(map(_switch, options.switch)),
+        switches,
         options.lockstep,
         options.composed,
         options.duration,
         {'plant': options.plant, **node_parameters(options)},
     )
-    demo = Demo(wanted, task, made(options.out, 'motion.csv', 'motion.png', *_LOGS))
+    demo = Demo(
+        wanted,
+        task,
+        model,
+        lambda law: find_law(options, law, period),
+        made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS),
+    )
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with (
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
     ):
-        look = f'redres watch --domain {domain}'
-        print(f'ROS domain {domain}; look at it from another terminal with: {look}', flush=True)
+        print(
+            f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
+        )
         outcome = demo.run(progress)
-    _write(outcome, demo, task, options.out)
+    _write(outcome, demo, options.out)
+    if outcome.interrupted:
+        return 130
     return 0 if outcome.succeeded else 1
 
 
@@ -120,26 +132,37 @@ def _switch(text: str) -> tuple[str, float]:
     return law, seconds
 
 
-def _write(outcome: Any, demo: Any, task: Any, out: Path) -> None:
-    """Table to the terminal, motion.csv and motion.png to the directory."""
-    from redres_ros.controller import Controller
-    from redres_ros.laws import make_law
-    from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import draw_motion
+def _write(outcome: 'Outcome', demo: 'Demo', out: Path) -> None:
+    """Table to the terminal; summary.json, motion.csv and motion.png to the directory."""
+    from redres_ros.simulation.report import print_tables
 
-    outcome.recording.write_csv(out / 'motion.csv')
-    gains = {'damping': outcome.law.damping}
-    shown = outcome.law == make_law('minimum_velocity', **gains)
-    other = 'minimum_acceleration' if shown else 'minimum_velocity'
-    ideal = run(Controller(demo.model, make_law(other, **gains), outcome.recording.T), task)
+    outcome.write_json(out / 'summary.json')
+    print_tables(outcome.table(demo.title))
+    if outcome.motion:
+        outcome.recording.write_csv(out / 'motion.csv')
+        _draw(outcome, demo, out / 'motion.png')
+        print(f'plot {out}/motion.png, data {out}/motion.csv')
+    else:
+        print('no plot and no data: the task did not begin')
+
+
+def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
+    """The motion; and what another law would do with an ideal arm, unless the task was repeated."""
+    from redres_ros.controller import Controller
+    from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.plots import Remarks, draw_motion
+
+    beside = {}
+    if not outcome.endurance:
+        laws = ['minimum_velocity', 'minimum_acceleration']
+        other = next(law for law in laws if law != demo.options.law)
+        controller = Controller(demo.model, demo.law(other), outcome.recording.T)
+        beside[other] = run(controller, demo.task)
     draw_motion(
         outcome.recording,
         demo.model,
-        task,
-        outcome.title,
-        out / 'motion.png',
-        beside={other: ideal},
-        stopped=outcome.stop_reason,
+        demo.task,
+        demo.title.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$').replace('λ', '$\\lambda$'),
+        path,
+        Remarks(beside, outcome.stop_reason, outcome.switches),
     )
-    print(outcome.table())
-    print(f'plot {out}/motion.png, data {out}/motion.csv')

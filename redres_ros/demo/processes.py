@@ -75,9 +75,10 @@ def _free_domain() -> tuple[IO[bytes], int]:
 
 
 def _claim(domain: int) -> IO[bytes] | None:
-    """A lock against other runs of ours that have no participant yet; None where another holds it."""
+    """A lock against runs of ours that have no participant yet; None where another has it."""
     try:
-        lock = open(Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.lock', 'wb')  # noqa: SIM115, own_domain closes it
+        path = Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.lock'
+        lock = path.open('wb')
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         return None

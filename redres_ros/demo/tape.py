@@ -2,7 +2,7 @@
 
 import struct
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,10 @@ TOPICS: dict[str, type] = {
 }
 
 _NAMES = tuple(TOPICS)
+_WITH_STAMP = {topic for topic, kind in TOPICS.items() if hasattr(kind, 'header')}
+# Of a serialised message with a header: 4 bytes say how it is encoded, then come the seconds and
+# nanoseconds of its stamp.
+_STAMP = struct.Struct('<4xiI')
 _HEAD = struct.Struct('<qB?I')  # time [ns], number of the topic, heard, length [bytes]
 _BUFFER = 16384  # [bytes] it is written in small pieces, so that no cycle has much to write
 
@@ -74,6 +78,12 @@ class Tape:
         self._file.close()
 
 
+def stamp_of(data: bytes) -> int:
+    """Stamp [ns] of a serialised message that has a header."""
+    seconds, nanoseconds = _STAMP.unpack_from(data)
+    return int(seconds) * 10**9 + int(nanoseconds)
+
+
 def read_tape(path: Path) -> Iterator[Entry]:
     """The messages in their order; up to the last whole one, if the writer was killed."""
     content = memoryview(path.read_bytes())
@@ -83,3 +93,14 @@ def read_tape(path: Path) -> Iterator[Entry]:
         place += _HEAD.size + length
         if place <= len(content):
             yield Entry(at, _NAMES[number], heard, bytes(content[place - length : place]))
+
+
+def stamped(entries: Iterable[Entry]) -> Iterator[tuple[int, Entry]]:
+    """Messages with their stamps [ns]. One that has none belongs to the newest stamp before it: a
+    node publishes it in the same callback. 0 before the first.
+    """
+    newest = 0
+    for entry in entries:
+        if entry.topic in _WITH_STAMP:
+            newest = stamp_of(entry.data)
+        yield newest, entry

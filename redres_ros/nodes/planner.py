@@ -6,14 +6,20 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.conversions import NANOSECONDS, JointOrder, to_nanoseconds, to_twist
+from redres_ros.nodes.conversions import (
+    NANOSECONDS,
+    JointOrder,
+    to_nanoseconds,
+    to_pose,
+    to_twist,
+)
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import declare, declare_robot
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
@@ -60,7 +66,9 @@ class PlannerNode(Node):
         self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._state = self.create_publisher(String, 'planner/state', LATCHED)
         self._state_name = ''
-        self._telemetry = Telemetry(self, {'task_error': Float64, 'segment': Int32})
+        self._telemetry = Telemetry(
+            self, {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
+        )
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
@@ -86,6 +94,10 @@ class PlannerNode(Node):
         reference = self._reference(stamp, x, R)
         self._stamp, self._twist = stamp, to_twist(stamp, self._frame, reference.dx)
         self._twists.publish(self._twist)
+        R_d = R if reference.R_d is None else reference.R_d
+        self._telemetry.publish(
+            'desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d)
+        )
         self._telemetry.publish('task_error', lambda: float(np.linalg.norm(reference.error)))
         self._telemetry.publish('segment', lambda: reference.segment)
         self._tell('finished' if reference.finished else 'moving')

@@ -155,6 +155,8 @@ class SimNode(Node):
             self._tell_refusals()
             self._tell_session()
             if self._settings.lockstep:
+                # The answer may be here at once, from this thread; services have their turn anyway.
+                waiting.sleep(0.0)
                 self._await_answer(stopped, waiting, math.inf)
             else:
                 self._keep_time(stopped, waiting)

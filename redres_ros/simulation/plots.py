@@ -1,7 +1,10 @@
 """Pictures of motions. Draws to files; needs no display."""
 
+import textwrap
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,8 +23,26 @@ NORMS = {
     'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
 }
 
-_BESIDE = 0.06  # [m] from a point to its label, away from the middle of all points
+_SHOWN = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
+_BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
+_HEADROOM = 1.15  # of an axis, above the largest value of the run that is shown
+_GAP = 0.05  # [s] without a row, over which a curve is broken
+_TITLE_WIDTH = 110  # letters
+_ARROW = 0.08  # [m]
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """What is said of a motion beside its curves.
+
+    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the
+    robot was stopped, marked at the end of the curves; switches: (time [s], law before, law after).
+    """
+
+    beside: Mapping[str, Recording]
+    stopped: str = ''
+    switches: tuple[tuple[float, str, str], ...] = ()
 
 
 def draw_motion(
@@ -30,73 +51,178 @@ def draw_motion(
     task: WaypointTask,
     title: str,
     path: Path,
-    *,
-    beside: Mapping[str, Recording] | None = None,
-    stopped: str = '',
+    remarks: Remarks,
 ) -> None:
     """One page: the way of tip and elbow on the left, norms over time on the right.
 
-    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the
-    robot was stopped, written under the title and marked at the end of the curves. Raises
-    FileError.
+    Args:
+        recording: The motion, of at least one row.
+        model: Of the arm that moved.
+        task: What it was to do.
+        title: Above the page.
+        path: Of the file, a .png, .pdf or .svg.
+        remarks: What else is marked.
+
+    Raises:
+        FileError: The file cannot be written.
     """
-    figure = Figure(figsize=(11.0, 7.0), layout='constrained')
-    figure.suptitle(f'{title}\nstopped at the red line: {stopped}' if stopped else title)
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.0, 1.5))
-    draw_paths(figure.add_subplot(grid[:, 0], projection='3d'), recording, model, task)
-    axes: list[Axes] = []
-    for place, norm in enumerate(
-        ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
-    ):
-        axes.append(figure.add_subplot(grid[place, 1], sharex=axes[0] if axes else None))
-        draw_norm(axes[-1], norm, recording, beside or {})
-        if stopped and len(recording.data):
-            axes[-1].axvline(recording['t'][-1], color='tab:red', ls='--', lw=1.0)
-    axes[0].legend(loc='upper left', fontsize='small')
-    axes[-1].set_xlabel('time [s]')
+    figure = Figure(figsize=(13.0, 7.5), layout='constrained')
+    figure.suptitle('\n'.join([title, *_lines(remarks)]), fontsize='medium')
+    parts: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.3))
+    left, right = parts
+    draw_paths(left.add_subplot(projection='3d'), recording, model, task)
+    panels = list(right.subplots(len(_SHOWN), 1, sharex=True))
+    for ax, norm in zip(panels, _SHOWN, strict=True):
+        draw_norm(ax, norm, recording, remarks.beside)
+        _mark_events(ax, recording, remarks)
+    panels[-1].set_xlabel('time [s]')
+    panels[-1].set_xlim(0.0, max(recording['t'][-1], recording.T) * 1.02)
+    handles, labels = panels[0].get_legend_handles_labels()
+    right.legend(handles, labels, loc='outside upper center', ncols=4, fontsize='small')
     save(figure, path)
 
 
-def draw_paths(ax: Axes, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
-    """The tip in black and the elbow in blue, with the task's points, as the paper's figures show
-    them.
+def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
+    """The way of the tip in black and of the elbow in blue, with the task's points in red.
+
+    The start is a filled circle, and arrows point where the motion goes.
+
+    Args:
+        ax: A place with three dimensions.
+        recording: The motion.
+        model: Of the arm that moved.
+        task: What it was to do.
     """
+    tip = recording.vectors('x')  # (N, 3)
     elbow = np.array(
         [model.position(q, model.arm.elbow_frame) for q in recording.vectors('q1')[::10]]
-    )
-    ax.plot(*recording.vectors('x').T, color='black', label='tip')
-    if len(elbow):
+    )  # (N / 10, 3)
+    if len(tip):
+        ax.plot(*tip.T, color='black', label='tip')
         ax.plot(*elbow.T, color='tab:blue', label='elbow')
-    ax.plot(*task.waypoints.T, 'o', color='tab:red', ms=4, label='points of the task')
+        _draw_arrows(ax, tip, 'black')
+        _draw_arrows(ax, elbow, 'tab:blue')
+        ax.plot(*elbow[:1].T, 'o', color='tab:blue', ms=6)
+        ax.plot(*tip[:1].T, 'o', color='black', ms=7, label='start')
+    ax.plot(*task.waypoints.T, 's', color='tab:red', ms=4, label='points of the task')
     outwards = task.waypoints - task.waypoints.mean(axis=0)  # (N, 3)
-    labels = task.waypoints + _BESIDE * outwards / np.maximum(
-        np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE
-    )
-    for number, label in enumerate(labels):
+    lengths = np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE)
+    for number, label in enumerate(task.waypoints + _BESIDE * outwards / lengths):
         ax.text(*label, f'$x_{number}$', color='tab:red', ha='center', va='center')
-    for axis, name in ((ax.xaxis, 'x'), (ax.yaxis, 'y'), (ax.zaxis, 'z')):
-        axis.set_major_locator(MaxNLocator(4 if name == 'z' else 3))
-        axis.set_tick_params(labelsize='small')
     ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='way of tip and elbow')
     ax.set_aspect('equal')
+    _space_ticks(ax)
     ax.view_init(elev=18.0, azim=-35.0)
-    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.1), ncols=3, fontsize='small')
+    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
 
 
 def draw_norm(ax: Axes, norm: str, recording: Recording, beside: Mapping[str, Recording]) -> None:
-    """One norm over time, in front of the same norm of other motions."""
+    """One norm over time, in front of the same norm of other motions.
+
+    Args:
+        ax: Where.
+        norm: One of NORMS.
+        recording: The motion that sets the scale; what goes beyond it is cut off, and told.
+        beside: Other motions by name.
+    """
     for name, other in beside.items():
-        ax.plot(other['t'], other[norm], label=f'{name}, ideal arm', color='0.6', lw=1.0)
-    ax.plot(recording['t'], recording[norm], color='tab:blue', lw=1.2, label='this run')
+        ax.plot(*_curve(other, norm), label=f'{name}, ideal arm', color='0.6', lw=1.0)
+    ax.plot(*_curve(recording, norm), color='tab:blue', lw=1.2, label='this run')
     ax.set_ylabel(NORMS[norm], fontsize='small')
-    ax.set_ylim(0.0, max(ax.get_ylim()[1], _LEAST_SCALE))
+    top = _LEAST_SCALE
+    if len(recording.data):
+        top = max(_HEADROOM * recording.peak(norm)[0], top)
+    ax.set_ylim(0.0, top)
+    for other in beside.values():
+        _tell_hidden_peak(ax, other, norm, top)
     ax.grid(alpha=0.3)
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a file. Raises FileError."""
+    """Write a figure as a file.
+
+    Args:
+        figure: What is drawn.
+        path: Whose folder is made if need be.
+
+    Raises:
+        FileError: It cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=130)
     except OSError as error:
         raise FileError(f'cannot write {path}: {error.strerror}') from None
+
+
+def _lines(remarks: Remarks) -> list[str]:
+    """Remarks as text, one line each."""
+    lines = []
+    for number, (t, before, after) in enumerate(remarks.switches, 1):
+        lines.append(f'{number}: at {t:.2f} s from {before} to {after}')
+    if remarks.stopped:
+        lines += textwrap.wrap(f'stopped at the red line: {remarks.stopped}', _TITLE_WIDTH)
+    return lines
+
+
+def _mark_events(ax: Axes, recording: Recording, remarks: Remarks) -> None:
+    """Switches by their numbers, and the stop."""
+    across = ax.get_xaxis_transform()  # x in seconds, y from 0 at the bottom to 1 at the top
+    for number, (t, _, _) in enumerate(remarks.switches, 1):
+        ax.axvline(t, color='tab:green', ls='--', lw=1.0)
+        ax.text(
+            t, 1.01, str(number), color='tab:green', transform=across, ha='center', fontsize='small'
+        )
+    if remarks.stopped:
+        ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
+
+
+def _tell_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:
+    """How high a curve is, beside the place where it leaves the picture."""
+    peak, t = other.peak(norm)
+    beyond = other['t'][other[norm] > top]
+    if not len(beyond):
+        return
+    place = {'x': beyond[0], 'ha': 'right'}
+    if beyond[0] < 0.3 * other['t'][-1]:
+        place = {'x': beyond[-1], 'ha': 'left'}
+    ax.text(
+        y=0.96,
+        s=f'  up to {peak:.3g} at {t:.2f} s  ',
+        transform=ax.get_xaxis_transform(),
+        color='0.4',
+        fontsize='small',
+        va='top',
+        clip_on=True,
+        **place,
+    ).set_in_layout(False)
+
+
+def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values, with a NaN wherever nothing was recorded for a while."""
+    t = recording['t']
+    breaks = np.flatnonzero(np.diff(t) > _GAP) + 1
+    return np.insert(t, breaks, np.nan), np.insert(recording[norm], breaks, np.nan)
+
+
+def _draw_arrows(ax: Any, way: np.ndarray, color: str) -> None:
+    """Arrow heads along a way (N, 3) [m]."""
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
+    if lengths[-1] < 2.0 * _ARROW:
+        return
+    for share in (0.15, 0.5, 0.85):
+        at = int(np.searchsorted(lengths, share * lengths[-1]))
+        ahead = min(int(np.searchsorted(lengths, lengths[at] + _ARROW / 4.0)), len(way) - 1)
+        direction = way[ahead] - way[at]
+        direction *= _ARROW / max(float(np.linalg.norm(direction)), 1e-9)
+        ax.quiver(*way[at], *direction, color=color, arrow_length_ratio=0.6, lw=1.5)
+
+
+def _space_ticks(ax: Any) -> None:
+    """As many ticks on each axis as its length has room for."""
+    limits = (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())
+    spans = [abs(high - low) for low, high in limits]
+    for axis, span in zip((ax.xaxis, ax.yaxis, ax.zaxis), spans, strict=True):
+        axis.set_major_locator(MaxNLocator(max(round(4.0 * span / max(spans)), 1)))
+        axis.set_tick_params(labelsize='small')

@@ -50,6 +50,26 @@ def table(
     return shown
 
 
+def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
+    """Labels and what belongs to them, both text.
+
+    Args:
+        rows: (label, text); a row of one cell is the heading of a section.
+        title: above them.
+    """
+    shown = Table(
+        title=Text(title, style='bold') if title else None,
+        box=box.SIMPLE,
+        show_header=False,
+        title_justify='left',
+    )
+    for row in rows:
+        if len(row) == 1:
+            shown.add_section()
+        shown.add_row(*map(Text, row), style='bold' if len(row) == 1 else None)
+    return shown
+
+
 def print_tables(*tables: Table) -> None:
     """Print tables, as wide as the terminal is, or as they need to be where there is none."""
     console = Console(width=None if sys.stdout.isatty() else _WIDE)

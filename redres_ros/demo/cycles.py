@@ -1,0 +1,75 @@
+"""What became of every cycle of the robot, from its tape."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from redres_ros.demo.tape import Entry, stamped
+
+_HELD_UP = 1.5  # cycles from one state to the next: the robot's clock stood still between them
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """How the states of the robot were answered; every state is one of these.
+
+    in_time: within the cycle; waited_for: later, but the next state was not out, because the
+    robot's clock stood still; late: after the next state; missed: never. stood_still: for how long
+    the clock stood still altogether [s].
+    """
+
+    in_time: int
+    waited_for: int
+    late: int
+    missed: int
+    stood_still: float
+
+    @property
+    def total(self) -> int:
+        """All states."""
+        return self.in_time + self.waited_for + self.late + self.missed
+
+
+def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int]) -> Cycles:
+    """Count them.
+
+    Args:
+        entries: of the robot's tape.
+        period: of its states [s]; infinite in lock-step, where there is no clock.
+        stamps: of the first and the last state that count [ns].
+    """
+    sent: dict[int, int] = {}
+    answered: dict[int, int] = {}
+    for stamp, entry in stamped(entries):
+        if entry.topic == 'joint_states':
+            sent.setdefault(stamp, entry.time)
+        elif entry.topic == 'joint_command' and entry.heard:
+            answered.setdefault(stamp, entry.time)
+    order = [stamp for stamp in sorted(sent) if stamps[0] <= stamp <= stamps[1]]
+    after = dict(pairwise(sorted(sent)))
+    counts = dict.fromkeys(('in_time', 'waited_for', 'late', 'missed'), 0)
+    stood_still = 0.0
+    for stamp in order:
+        cycle = period
+        if stamp in after:
+            cycle = (sent[after[stamp]] - sent[stamp]) / 1e9
+        if cycle > _HELD_UP * period:
+            stood_still += cycle - period
+        latency = (answered[stamp] - sent[stamp]) / 1e9 if stamp in answered else None
+        counts[_kind(latency, period, cycle)] += 1
+    return Cycles(**counts, stood_still=stood_still)
+
+
+def _kind(latency: float | None, period: float, cycle: float) -> str:
+    """What a cycle counts as.
+
+    Args:
+        latency: from the state to its answer [s]; None if there was none.
+        period: how long a cycle should be [s].
+        cycle: how long it was [s].
+    """
+    if latency is None:
+        return 'missed'
+    if latency > cycle:
+        return 'late'
+    return 'in_time' if latency <= period else 'waited_for'

@@ -1,0 +1,54 @@
+"""A listener that hears what the nodes say of themselves, and how far the robot's clock is."""
+
+import time
+from functools import partial
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from redres_ros.demo.replay import MOVING
+from redres_ros.demo.tape import stamp_of
+from redres_ros.nodes.qos import LATCHED, NEWEST
+
+SESSION = 'sim/session_state'
+REASON = 'sim/stop_reason'
+PLANNER = 'planner/state'
+
+
+class Onlooker(Node):
+    """Keeps the newest words of session and planner, and the newest state as it came.
+
+    States are not even read: at the rate of the robot that would take a good part of a core, and
+    whoever needs one asks for it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('onlooker')
+        self.heard_at = time.monotonic()  # [s] when the newest state came
+        self.began = 0  # stamp [ns] of the newest state when a task began last; 0 before the first
+        self.first_began = 0  # and when it began first
+        self._state = b''
+        self._words = {SESSION: '', REASON: '', PLANNER: ''}
+        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
+        for topic in self._words:
+            self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
+
+    def word(self, topic: str) -> str:
+        """What was said last; empty before anything was."""
+        return self._words[topic]
+
+    @property
+    def newest(self) -> int:
+        """Stamp of the newest state [ns]; 0 before the first."""
+        return stamp_of(self._state) if self._state else 0
+
+    def _on_word(self, topic: str, message: String) -> None:
+        self._words[topic] = message.data
+        if topic == PLANNER and message.data == MOVING:
+            self.began = self.newest
+            self.first_began = self.first_began or self.newest
+
+    def _on_state(self, message: bytes) -> None:
+        self._state = message
+        self.heard_at = time.monotonic()

@@ -1,0 +1,202 @@
+"""What came of a demo: in numbers, in words, as a file."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from redres_ros.demo.cycles import Cycles
+from redres_ros.errors import FileError
+from redres_ros.simulation.recording import Recording
+from redres_ros.simulation.report import facts
+
+MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
+STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still
+
+_START = 0.1  # [s] that count as the start
+
+
+@dataclass(frozen=True)
+class Endurance:
+    """What came of repeating a task.
+
+    seconds: on the robot's clock; memory: of each node's process after the first round and at the
+    end [MB].
+    """
+
+    rounds: int
+    seconds: float
+    memory: Mapping[str, tuple[float, float]]
+
+    @property
+    def steady(self) -> bool:
+        """Whether no process has grown by more than is usual for an interpreter that has not seen
+        everything yet.
+        """
+        return all(end - start < MOST_GROWTH for start, end in self.memory.values())
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A recording in a few figures; a peak is (value, time [s]).
+
+    error, final_error: of the task [m], the latter when the run ended; acceleration [rad/s^2],
+    velocity [rad/s], torque [Nm]: norms over the joints; jump: largest change of a joint's velocity
+    within a cycle at the start [rad/s]; delay: until the arm began to move [s]; still: time without
+    motion, that included [s].
+    """
+
+    seconds: float
+    segments: int
+    error: tuple[float, float]
+    final_error: float
+    acceleration: tuple[float, float]
+    velocity: tuple[float, float]
+    torque: tuple[float, float]
+    jump: float
+    delay: float
+    still: float
+
+    @classmethod
+    def of(cls, recording: Recording, final_error: float) -> 'Motion':
+        """Of a recording of at least one tick."""
+        t = recording['t']
+        moves = recording['joint_velocity_norm'] > STILL
+        dq = recording.vectors('dq1')  # (N, n)
+        steps = np.abs(np.diff(dq, axis=0, prepend=0.0))  # from rest
+        return cls(
+            seconds=float(t[-1]),
+            segments=int(recording['segment'].max()),
+            error=recording.peak('task_error'),
+            final_error=final_error,
+            acceleration=recording.peak('joint_acceleration_norm'),
+            velocity=recording.peak('joint_velocity_norm'),
+            torque=recording.peak('joint_torque_norm'),
+            jump=float(steps[t <= _START].max()),
+            delay=float(t[np.argmax(moves)] if moves.any() else t[-1]),
+            still=recording.T * int(np.count_nonzero(~moves)),
+        )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of it.
+
+    recording, motion, cycles: of the task; None where it did not begin. stop_reason: the robot's
+    own words, empty if it was not stopped; session: its states, as they were passed through;
+    planner_missed: states that the planner did not get; switches: (time [s], law before, law
+    after); interrupted: by Ctrl-C.
+    """
+
+    recording: Recording
+    motion: Motion | None
+    cycles: Cycles | None
+    stop_reason: str
+    session: tuple[str, ...]
+    planner_missed: int = 0
+    switches: tuple[tuple[float, str, str], ...] = ()
+    endurance: Endurance | None = None
+    interrupted: bool = False
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the last point was reached by a robot that was not stopped, and no node has
+        grown.
+        """
+        steady = self.endurance is None or self.endurance.steady
+        return self.recording.finished and not self.stop_reason and not self.interrupted and steady
+
+    @property
+    def ending(self) -> str:
+        """In a word or two."""
+        if self.interrupted:
+            return 'interrupted'
+        if self.stop_reason or not self.recording.finished:
+            return 'NOT finished'
+        if not self.succeeded:
+            return 'finished, but a node has grown'
+        return 'finished'
+
+    def table(self, title: str) -> Table:
+        """The summary that ends a demo."""
+        rows: list[tuple[str, ...]] = [
+            ('task', self.ending),
+            ('robot', f'stopped: {self.stop_reason}' if self.stop_reason else 'not stopped'),
+            ('session', ' > '.join(self.session)),
+        ]
+        if self.motion:
+            rows += _motion_rows(self.motion)
+        if self.cycles:
+            rows += _cycle_rows(self.cycles)
+            rows.append(('missed by the planner', str(self.planner_missed)))
+        if self.endurance:
+            rows += _endurance_rows(self.endurance)
+        return facts(rows, title=title)
+
+    def write_json(self, path: Path) -> None:
+        """The same figures, in SI units.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        content = {
+            'task': self.ending,
+            'stop_reason': self.stop_reason,
+            'session': self.session,
+            'switches': self.switches,
+            'motion': asdict(self.motion) if self.motion else None,
+            'cycles': asdict(self.cycles) if self.cycles else None,
+            'planner_missed': self.planner_missed,
+            'endurance': asdict(self.endurance) if self.endurance else None,
+        }
+        try:
+            path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
+        except OSError as error:
+            raise FileError(f'cannot write {path}: {error.strerror}') from None
+
+
+def _motion_rows(motion: Motion) -> list[tuple[str, ...]]:
+    error, at = motion.error
+    rows: list[tuple[str, ...]] = [
+        ('motion',),
+        ('segments begun', f'{motion.segments} in {motion.seconds:.3f} s'),
+        ('largest task error', f'{1e3 * error:.3f} mm at {at:.3f} s'),
+        ('at the end', f'{1e3 * motion.final_error:.3f} mm from the last point'),
+    ]
+    for name, unit in (('acceleration', 'rad/s²'), ('velocity', 'rad/s'), ('torque', 'Nm')):
+        value, at = getattr(motion, name)
+        rows.append((f'largest joint {name}', f'{value:.3f} {unit} (norm) at {at:.3f} s'))
+    return [
+        *rows,
+        ('jump at the start', f'{motion.jump:.2g} rad/s of one joint, in one cycle'),
+        ('stood still', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
+    ]
+
+
+def _cycle_rows(cycles: Cycles) -> list[tuple[str, ...]]:
+    kinds = {
+        'answered in time': cycles.in_time,
+        'answered while the clock stood': cycles.waited_for,
+        'answered late': cycles.late,
+        'not answered': cycles.missed,
+    }
+    total = max(cycles.total, 1)
+    rows: list[tuple[str, ...]] = [
+        ('cycles',),
+        ('all', f'{cycles.total}, and the clock stood still for {cycles.stood_still:.3f} s'),
+    ]
+    return rows + [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
+
+
+def _endurance_rows(endurance: Endurance) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [
+        ('endurance',),
+        ('rounds', f'{endurance.rounds} in {endurance.seconds:.0f} s'),
+    ]
+    for name, (start, end) in endurance.memory.items():
+        text = f'{start:.1f} MB after the first round, {end:.1f} MB at the end'
+        rows.append((f'memory of {name}', text))
+    return rows
