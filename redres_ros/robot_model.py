@@ -217,9 +217,11 @@ class RobotModel:
         return float(sum(np.linalg.norm(place.translation) for place in (*joints, tip)))
 
     def _frame(self, name: str) -> int:
-        if not self._model.existFrame(name):
-            raise UnknownNameError('frame', name, [frame.name for frame in self._model.frames])
-        return self._model.getFrameId(name)
+        """The frame of a link; a joint may have the same name."""
+        if not self._model.existFrame(name, pin.BODY):
+            links = [frame.name for frame in self._model.frames if frame.type == pin.BODY]
+            raise UnknownNameError('frame', name, links)
+        return self._model.getFrameId(name, pin.BODY)
 
 
 def quaternion(R: np.ndarray) -> np.ndarray:

@@ -355,10 +355,11 @@ def test_the_base_frame_is_the_root_link_wherever_the_arm_stands_on_it():
     assert_libraries_agree(text)
 
 
-def test_a_joint_may_have_the_name_of_its_link():
-    text = urdf().replace('name="elbow"', 'name="c"')
-    assert model_of(text).joint_names == ('yaw', 'shoulder', 'c', 'wrist')
-    assert_libraries_agree(text)
+@pytest.mark.parametrize('tip', ['tip', 'c'])
+def test_a_joint_may_have_the_name_of_a_link(tip):
+    text = urdf().replace('name="elbow"', 'name="c"').replace('name="tip_joint"', 'name="tip"')
+    assert model_of(text, tip).joint_names[2] == 'c'
+    assert_libraries_agree(text, tip)
 
 
 def test_elements_of_other_programs_and_meshes_do_not_matter():
@@ -431,6 +432,25 @@ def test_a_part_whose_weight_is_fixed_to_it_needs_none_itself():
     text = urdf(d='<link name="d"/>')  # the palm is fixed to it
     assert 'stand-in' not in ' '.join(arm_from_urdf(text, 'tip').remarks())
     assert_libraries_agree(text)
+
+
+def test_an_inertia_that_no_body_can_have_is_replaced_by_its_mean_and_that_is_told():
+    text = urdf(c=f'<link name="c">{INERTIAL.replace("0.01", "0.001", 1)}</link>')
+    arm = arm_from_urdf(text, 'tip')  # 0.001 + 0.004 < 0.01
+    assert 'link c has an inertia that no body can have' in ' '.join(arm.remarks())
+    assert 'ixx="0.005"' in arm.description()
+    assert_libraries_agree(text)
+
+
+def test_inertias_beside_the_chain_are_mended_too():
+    text = urdf(left=f'<link name="left">{INERTIAL.replace("0.01", "0", 1)}</link>')
+    assert 'link left has an inertia' in ' '.join(arm_from_urdf(text, 'tip').remarks())
+    assert_libraries_agree(text)
+
+
+def test_a_weight_without_extent_may_be_fixed_to_a_part():
+    point = re.sub('i..="[^"]*"', '', INERTIAL).replace('<inertia ', '<inertia ixx="0" ')
+    assert_libraries_agree(urdf(left=f'<link name="left">{point}</link>'))
 
 
 @pytest.mark.parametrize(

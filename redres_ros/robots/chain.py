@@ -104,7 +104,7 @@ def _settle_limits(urdf: Urdf, joint: Joint) -> list[str]:
     if not lower < upper:
         raise urdf.error(f'{owner} has the range {lower:g} to {upper:g}; expected lower < upper')
     if urdf.number(limit, 'velocity', '0', owner) <= 0.0:
-        raise urdf.error(f'{owner} has no velocity limit above zero')
+        raise urdf.error(f'{owner} has no velocity limit above zero; expected one')
     effort = urdf.number(limit, 'effort', '0', owner)
     if effort < 0.0:
         raise urdf.error(f'{owner} has effort {effort:g}; expected a limit above zero')

@@ -13,6 +13,7 @@ CYLINDER_MIN_LENGTH = 0.001  # [m]
 
 STAND_IN_MASS = 0.01  # [kg], of a moving part that has none
 STAND_IN_INERTIA = 1e-5  # [kg m^2], of a moving part that has none
+_SMALLEST = 1e-14  # [kg m^2], of a principal moment
 _TENSOR = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
 
@@ -63,18 +64,18 @@ def fill_in_inertias(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
         chain: The joints from the root link to the tip.
 
     Returns:
-        One sentence for each part that got a stand-in.
+        One sentence for each figure that was changed.
 
     Raises:
         FileError: A negative mass, an indefinite inertia, NaN or infinity.
     """
-    remarks = []
+    remarks = [remark for link in urdf.links for remark in _mend(urdf, link)]
     for joint in chain:
         if joint.type == 'fixed':
             continue
         links = list(_part(urdf, joint.child))
         masses = [_mass(urdf, link) for link in links]
-        moments = [_largest_moment(urdf, link) for link in links]
+        moments = [_principal_moments(urdf, link)[-1] for link in links]
         if max(masses) > 0.0 and max(moments) > 0.0:
             continue
         remarks.append(f'what joint {joint.name} moves has no mass or inertia and gets stand-ins')
@@ -100,14 +101,41 @@ def _mass(urdf: Urdf, link: str) -> float:
     return mass
 
 
-def _largest_moment(urdf: Urdf, link: str) -> float:
-    """Of the principal moments of inertia, [kg m^2]."""
+def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
+    """Of a link's inertia, (3,) [kg m^2], ascending; zeros where it has none."""
     inertia = urdf.links[link].find('inertial/inertia')
     xx, xy, xz, yy, yz, zz = (urdf.number(inertia, key, '0', f'link {link}') for key in _TENSOR)
-    moments = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))  # ascending
+    return np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+
+
+def _mend(urdf: Urdf, link: str) -> Iterator[str]:
+    """Give a link the mean of its principal moments, where no body can have them.
+
+    Of any body, none is negative, and none larger than the sum of the other two. MuJoCo insists on
+    that; many a URDF does not care.
+    """
+    _write_zeros(urdf.links[link].find('inertial'))
+    moments = _principal_moments(urdf, link)
     if moments[0] < -1e-6 * abs(moments[-1]):
         raise urdf.error(f'link {link} has the principal moment of inertia {moments[0]:.3g} kg m^2')
-    return float(moments[-1])
+    possible = moments[0] > _SMALLEST and moments[0] + moments[1] >= moments[2]
+    if possible or not moments[-1] > 0.0:
+        return
+    mean = max(float(moments.mean()), 2.0 * _SMALLEST)
+    inertial = child(urdf.links[link], 'inertial')
+    _set_moments(inertial, mean, mean, mean)
+    yield f'link {link} has an inertia that no body can have; the mean of its moments is taken'
+
+
+def _write_zeros(inertial: ET.Element | None) -> None:
+    """Write out what is missing in an inertial element, which Pinocchio's parser insists on."""
+    if inertial is None:
+        return
+    mass = child(inertial, 'mass')
+    mass.set('value', mass.get('value', '0'))
+    inertia = child(inertial, 'inertia')
+    for key in _TENSOR:
+        inertia.set(key, inertia.get(key, '0'))
 
 
 def _set_moments(inertial: ET.Element, xx: float, yy: float, zz: float) -> None:
