@@ -1,0 +1,154 @@
+"""What `redres watch` shows: a page made from what was heard, and when."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
+
+_STOP_REASON = 'sim/stop_reason'
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the page: where its value comes from, what it is, its unit and the factor to it."""
+
+    topic: str
+    label: str
+    unit: str = ''
+    factor: float = 1.0
+
+
+NODES: dict[str, tuple[Row, ...]] = {
+    'sim': (
+        Row('sim/session_state', 'session'),
+        Row('sim/connection_quality', 'connection'),
+        Row(_STOP_REASON, 'stop reason'),
+    ),
+    'planner': (
+        Row('planner/state', 'state'),
+        Row('planner/segment', 'segment'),
+        Row('planner/task_error', 'task error', 'mm', 1e3),
+    ),
+    'controller': (
+        Row('controller/law', 'law'),
+        Row('controller/tip_pose', 'tip', 'm'),
+        Row('controller/task_scaling', 'share of the task velocity', '%', 100.0),
+        Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s'),
+        Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
+        Row('controller/null_velocity_norm', 'null-space velocity, norm', 'rad/s'),
+        Row('controller/joint_torque_norm', 'joint torque, norm', 'Nm'),
+        Row('controller/min_singular_value', 'smallest singular value'),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A value, and the instant [s] at which it came."""
+
+    value: object
+    at: float
+
+
+class Health(NamedTuple):
+    """What a node says of itself, and whether all is well."""
+
+    text: str
+    is_well: bool
+
+
+def page(heard: Mapping[str, Heard], now: float, domain: int) -> RenderableType:
+    """The whole page.
+
+    Args:
+        heard: The newest of each topic; the Health of a node is under the node's name.
+        now: The instant at which it is shown [s].
+        domain: The ROS domain.
+    """
+    title = Text(f'redres watch, ROS domain {domain}', style='bold')
+    if not heard:
+        return Group(title, _nobody(domain))
+    return Group(title, *_alarms(heard, now), *_panels(heard, now))
+
+
+def silence(heard: Mapping[str, Heard], node: str, now: float) -> float:
+    """For how long nothing was heard of a node [s]; infinite if nothing ever was."""
+    sources = {node, *(row.topic for row in NODES[node])}
+    return min((now - heard[source].at for source in sources & heard.keys()), default=float('inf'))
+
+
+def _nobody(domain: int) -> Text:
+    return Text(
+        f'Nobody is there: no node of redres_ros is heard in domain {domain}.\n'
+        'Start one, as with `redres demo`, which prints its domain, or name one with --domain.',
+        style='yellow',
+    )
+
+
+def _alarms(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
+    """What must not be overlooked."""
+    reason = heard.get(_STOP_REASON, Heard('', now)).value
+    if reason:
+        text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')
+        yield Panel(text, style='bold red', expand=False)
+    if all(silence(heard, node, now) > STALE for node in NODES):
+        last = min(silence(heard, node, now) for node in NODES)
+        text = Text(
+            f'The nodes have gone: nothing was heard for {last:.0f} s. What follows is old.'
+        )
+        yield Panel(text, style='bold yellow', expand=False)
+
+
+def _panels(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
+    for node, rows in NODES.items():
+        quiet = silence(heard, node, now)
+        table = Table(box=None, show_header=False, pad_edge=False)
+        table.add_column(min_width=28)
+        table.add_column(min_width=30)
+        for row in rows:
+            table.add_row(row.label, _value(heard, row, quiet > STALE, now))
+        if quiet == float('inf'):
+            title = f'{node}: not heard'
+            style = 'dim'
+        elif quiet > STALE:
+            title = f'{node}: silent for {quiet:.0f} s'
+            style = 'yellow'
+        else:
+            health = _health(heard, node)
+            title = f'{node}: {health.text}'
+            style = 'green' if health.is_well else 'yellow'
+        yield Panel(table, title=Text(title), title_align='left', box=box.ROUNDED, style=style)
+
+
+def _health(heard: Mapping[str, Heard], node: str) -> Health:
+    """What the node said last; before it says anything, that it is there."""
+    value = heard[node].value if node in heard else None
+    return value if isinstance(value, Health) else Health('is there', True)
+
+
+def _value(heard: Mapping[str, Heard], row: Row, is_stale: bool, now: float) -> Text:
+    entry = heard.get(row.topic)
+    if entry is None:
+        return Text('-', style='dim')
+    text = _words(entry.value, row)
+    if is_stale or (isinstance(entry.value, float) and now - entry.at > STALE):
+        return Text(f'{text}  (old, {now - entry.at:.0f} s)', style='dim')
+    return Text(text, style='default')
+
+
+def _words(value: object, row: Row) -> str:
+    """A value with its unit."""
+    if isinstance(value, tuple):
+        shown = '  '.join(f'{member:+.4f}' for member in value)
+    elif isinstance(value, float):
+        shown = f'{value * row.factor:.4g}'
+    else:
+        shown = str(value) or 'none'
+    return f'{shown} {row.unit}'.rstrip()

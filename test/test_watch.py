@@ -1,0 +1,117 @@
+"""`redres watch`: what its page says, and that it hears the nodes."""
+
+import io
+import subprocess
+import sys
+import time
+
+import pytest
+from rich.console import Console
+
+from redres_ros.demo.watch_page import STALE, Health, Heard, page
+
+FULL = {
+    'sim': Heard(Health('in command', True), 100.0),
+    'sim/session_state': Heard('CMD', 90.0),
+    'sim/stop_reason': Heard('', 90.0),
+    'planner': Heard(Health('moving', True), 100.0),
+    'planner/state': Heard('moving', 95.0),
+    'planner/task_error': Heard(0.00025, 100.0),
+    'controller': Heard(Health('commanding', True), 100.0),
+    'controller/law': Heard('minimum_torque', 100.0),
+    'controller/tip_pose': Heard((0.1, -0.2, 0.3), 100.0),
+    'controller/joint_torque_norm': Heard(42.5, 100.0),
+}
+
+
+def text_of(heard: dict[str, Heard], now: float) -> str:
+    """The page as plain text."""
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(page(heard, now, 7))
+    return console.export_text()
+
+
+def line_of(text: str, label: str) -> str:
+    return next(line for line in text.splitlines() if label in line)
+
+
+def test_where_nobody_is_the_page_says_so_and_what_to_do() -> None:
+    text = text_of({}, 100.0)
+    assert 'Nobody is there' in text
+    assert 'domain 7' in text
+    assert '--domain' in text
+    assert 'singular' not in text  # no table of dashes
+
+
+def test_values_have_units() -> None:
+    text = text_of(FULL, 100.5)
+    assert '0.25 mm' in line_of(text, 'task error')
+    assert '42.5 Nm' in line_of(text, 'joint torque')
+    assert '+0.1000  -0.2000  +0.3000 m' in line_of(text, ' tip ')
+    assert 'old' not in text
+    assert 'gone' not in text
+
+
+def test_a_robot_that_has_stopped_is_the_first_thing_to_see() -> None:
+    stopped = {**FULL, 'sim/stop_reason': Heard('protective stop: joint 1', 100.0)}
+    lines = text_of(stopped, 100.5).splitlines()
+    at = next(number for number, line in enumerate(lines) if 'The robot has stopped' in line)
+    assert 'protective stop: joint 1' in lines[at]
+    assert at < next(number for number, line in enumerate(lines) if 'session' in line)
+    assert 'The robot has stopped' not in text_of(FULL, 100.5)
+
+
+def test_after_the_graph_has_gone_everything_is_marked_as_old() -> None:
+    text = text_of(FULL, 112.0)
+    assert 'The nodes have gone: nothing was heard for 12 s' in text
+    assert 'old, 12 s' in line_of(text, 'joint torque')
+    assert 'old, 22 s' in line_of(text, 'session')
+
+
+def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
+    heard = {**FULL, 'sim': Heard(Health('in command', True), 100.0)}
+    for source in [source for source in heard if source.startswith('controller')]:
+        heard[source] = Heard(heard[source].value, 100.0 - 2.0 * STALE)
+    text = text_of(heard, 100.5)
+    assert 'controller: silent for' in text
+    assert 'old' in line_of(text, 'joint torque')
+    assert 'old' not in line_of(text, 'session')
+    assert 'The nodes have gone' not in text
+
+
+def test_a_word_that_seldom_changes_is_not_old_while_its_node_lives() -> None:
+    heard = {**FULL, 'sim/session_state': Heard('CMD', 0.0)}
+    assert 'old' not in line_of(text_of(heard, 100.5), 'session')
+
+
+def run_watch(duration: float, domain: int) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain', str(domain)]
+    return subprocess.run(
+        [*command, '--duration', str(duration)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+def test_it_hears_the_nodes_and_tells_of_their_end(tmp_path) -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    from redres_ros.demo.processes import NodeProcess, own_domain
+
+    with own_domain() as domain:
+        assert run_watch(1.0, domain).returncode == 1
+        nodes = [NodeProcess(name, tmp_path / name, {}) for name in ('controller', 'sim')]
+        try:
+            until = time.monotonic() + 60.0
+            done = run_watch(4.0, domain)
+            while 'CMD' not in done.stdout and time.monotonic() < until:
+                done = run_watch(4.0, domain)
+        finally:
+            for node in nodes:
+                node.end()
+    assert done.returncode == 0
+    assert 'CMD' in line_of(done.stdout, 'session')
+    assert 'rad/s' in line_of(done.stdout, 'joint velocity')
+    assert 'planner: not heard' in done.stdout
