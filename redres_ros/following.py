@@ -232,16 +232,17 @@ class Following:
             missed = 0
         self.skipped += missed
         stale = self._is_stale(state, now)
-        if stale:
-            self.playout.clear()
         dx = self.playout.play(state.cycle)
         if self.held or stale:
             controller.hold()
         else:
             controller.resume()
         command = controller.update(state.q, dx, missed=missed)
+        if stale and not command.dq.any():
+            self.playout.clear()  # the arm has come to rest
         follows = commanding and not self.held and not stale
-        return Answer(state.stamp, command, 1.0 if follows else 0.0, restarted)
+        scaling = command.s if follows else 0.0
+        return Answer(state.stamp, command, scaling, restarted)
 
     def _reason_to_restart(self, state: _State, missed: int) -> str:
         """Why the arm is not where the last command would have it; empty if it may well be."""
@@ -250,7 +251,10 @@ class Following:
         lag = self._controller.lag(state.q)
         allowed = self.settings.following_tolerance
         if lag > allowed:
-            return f'a joint is {lag:.3g} rad from its reference, allowed {allowed:g}'
+            return (
+                f'the arm does not follow: a joint is {lag:.3g} rad from its reference, '
+                f'allowed {allowed:g}'
+            )
         return ''
 
     def _is_stale(self, state: _State, now: float) -> bool:

@@ -39,7 +39,7 @@ ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
 OWN = {
     'sim': {'bridged_misses': BRIDGED, 'patience': 0.0},
-    'controller': {'bridged_misses': BRIDGED},
+    'controller': {'restart_after': BRIDGED},
     'planner': {'autostart': True},
 }
 SIDE = np.array(

@@ -19,8 +19,9 @@ from redres_ros.demo.processes import NodeProcess
 from redres_ros.demo.replay import FINISHED, read_log, replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.errors import RedresError
+from redres_ros.following import COMMANDING
 from redres_ros.laws import Law
-from redres_ros.nodes.controller import COMMANDING, ControllerParameters
+from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
 from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
@@ -162,10 +163,13 @@ class Demo:
             shared['state_timeout'] = START_PATIENCE / 10.0
             sim['monitor_time'] = 0.0
         else:
+            # The robot waits for its answer, which waits for the planner.
             sim['patience'] = CLOCK_PATIENCE
+            shared['twist_patience'] = CLOCK_PATIENCE
+        law = {'law': options.law, 'damping': self.law(options.law).damping}
         return {
             'sim': shared | sim,
-            'controller': shared | {'law': options.law, 'damping': self.law(options.law).damping},
+            'controller': shared | law,
             'planner': shared | {'task': options.task},
         }
 

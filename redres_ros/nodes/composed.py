@@ -31,7 +31,8 @@ def run_composed(
         The exit status.
     """
     intra_process = IntraProcess(
-        ('joint_states', 'joint_command'), open_topics=('cartesian_velocity',)
+        ('joint_states', 'joint_command', 'controller/task_scaling'),
+        open_topics=('cartesian_velocity',),
     )
     classes = [adapt(cls) for cls in (SimNode, ControllerNode, PlannerNode)]
     return run_nodes(*map(intra_process.node, classes), arguments=arguments, one_thread=True)

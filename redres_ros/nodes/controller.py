@@ -1,8 +1,10 @@
 """Node `controller`: one joint_states message in, one joint_command out."""
 
 import sys
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -11,11 +13,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
 from std_srvs.srv import SetBool
 
-from redres_ros.controller import INTEGRATE_FROM, Command, Controller
+from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
+from redres_ros.following import Answer, Following, FollowingSettings
 from redres_ros.laws import law_name
 from redres_ros.nodes.conversions import (
-    NANOSECONDS,
     JointMessage,
     JointOrder,
     from_twist,
@@ -24,24 +26,27 @@ from redres_ros.nodes.conversions import (
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import LawParameters, declare, declare_robot, on_live_change
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
+from redres_ros.playout import PlayoutSettings
 
-COMMANDING = (
-    'CMD',
-    'COMMANDING_ACTIVE',
-)  # session states of the two profiles in which the robot takes commands
-
-_NEW_CLOCK = NANOSECONDS  # a step of the stamps by more than this is a robot that was started again
-# for such a robot to tell its session: DDS may take 3 s to bring a latched word
-_SESSION_PATIENCE = 5 * NANOSECONDS
+_LOOK = 0.01  # [s] between looks at whether a state has waited long enough
+_TELL_AGAIN = 5.0  # [s] after which a restart is told again
+_NUMBERS = (
+    'joint_velocity_norm',
+    'joint_acceleration_norm',
+    'null_velocity_norm',
+    'joint_torque_norm',
+    'min_singular_value',
+    'task_scaling',
+)
 
 
 @dataclass(frozen=True)
 class ControllerParameters:
-    """Parameters of the node beside those of the arm and the law."""
+    """Parameters of the node beside those of the arm, the law and what stands between ticks."""
 
     rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
     base_frame: str = param(
@@ -57,38 +62,8 @@ class ControllerParameters:
     integrate_from: str = param(
         'command', 'what a reference is integrated from', choices=INTEGRATE_FROM
     )
-    command_timeout: float = param(
-        0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True
-    )
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
-    bridged_misses: int = param(
-        5,
-        'cycles without a state after which the controller starts anew from the measurement',
-        0,
-        1000,
-    )
-    following_tolerance: float = param(
-        0.1,
-        'lag of a joint at which the arm counts as stopped, and the controller '
-        'starts anew from the measurement [rad]',
-        0.001,
-        10.0,
-    )
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
-    lockstep: bool = param(
-        False, 'answer a state only together with the cartesian_velocity of the same stamp'
-    )
-
-
-class StampError(RedresError):
-    """A state whose stamp does not follow from the last one."""
-
-
-class _Twist(NamedTuple):
-    """A task velocity and its stamp [ns] on the robot's clock; stamp 0: none has come yet."""
-
-    stamp: int
-    dx: np.ndarray
 
 
 class ControllerNode(Node):
@@ -98,206 +73,162 @@ class ControllerNode(Node):
         super().__init__('controller')
         self._robot = declare_robot(self)
         self._settings = declare(self, ControllerParameters())
-        self._law_parameters = LawParameters(self)
+        self._laws = LawParameters(self)
         model = self._robot.model
-        rate = self._settings.rate
         self._controller = Controller(
             model,
-            self._law_parameters.law,
-            1.0 / rate,
+            self._laws.law,
+            1.0 / self._settings.rate,
             task=self._robot.task_space,
             switch_time=self._settings.switch_time,
             integrate_from=self._settings.integrate_from,
         )
+        following = declare(self, FollowingSettings())
+        self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
         self._frame = self._settings.base_frame or model.base_frame
-        self._joints = JointOrder(model.joint_names)
-        self._period = round(NANOSECONDS / rate)
-        self._held = self._has_commanded = False
-        self._commanding = True  # a robot without a session always lets itself be commanded
-        self._has_session = False
-        self._silent_until = 0  # stamp [ns] until which a new robot may tell of its session
-        self._twist = _Twist(0, np.zeros(self._controller.m))
-        self._stamp = 0
-        self._answer = JointMessage(model.joint_names)  # of the state answered last, and the answer
-        self._waiting: JointState | None = None  # for its cartesian_velocity, in lock-step
-        self._answered = self._skipped = 0
+        self._joints = JointOrder(model.joint_names, self.get_logger().info)
+        self._message = JointMessage(model.joint_names)
+        self._scaling = 0.0  # published last
         self._create_interfaces()
         on_live_change(self, self._check, self._apply)
 
     def _create_interfaces(self) -> None:
-        self._command = self.create_publisher(JointState, 'joint_command', PUBLISH)
-        self._forward = (
-            self.create_publisher(
+        self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
+        self._forward_publisher = None
+        if self._settings.forward_commands:
+            self._forward_publisher = self.create_publisher(
                 Float64MultiArray, 'forward_position_controller/commands', PUBLISH
             )
-            if self._settings.forward_commands
-            else None
-        )
-        numbers = (
-            'joint_velocity_norm',
-            'joint_acceleration_norm',
-            'null_velocity_norm',
-            'joint_torque_norm',
-            'min_singular_value',
-        )
-        self._telemetry = Telemetry(
-            self, {'tip_pose': PoseStamped, **dict.fromkeys(numbers, Float64), 'law': String}
-        )
+        kinds = {'tip_pose': PoseStamped, **dict.fromkeys(_NUMBERS, Float64), 'law': String}
+        self._telemetry = Telemetry(self, kinds)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
-        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, NEWEST)
+        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, RECENT)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
+        if self._following.settings.twist_patience:
+            self.create_timer(_LOOK, self._on_look)
 
     def _on_state(self, message: JointState) -> None:
-        self._watchdog.feed()
+        if self._joints.concerns(message):
+            self._watchdog.feed()
+            self._answer('joint_states', self._enter_state, message)
+
+    def _enter_state(self, message: JointState) -> Answer | None:
+        q = self._joints.positions(message)
         stamp = to_nanoseconds(message.header.stamp)
-        if stamp == self._stamp:
-            self._command.publish(
-                self._answer.message
-            )  # asked again, as in lock-step: the same answer
-        elif self._settings.lockstep and self._twist.stamp != stamp:
-            self._waiting = message
-        else:
-            self._reply(stamp, message)
+        return self._following.enter_state(stamp, q, time.monotonic())
 
     def _on_twist(self, message: TwistStamped) -> None:
+        self._answer('cartesian_velocity', self._enter_twist, message)
+
+    def _enter_twist(self, message: TwistStamped) -> Answer | None:
+        dx = from_twist(message, self._frame, self._controller.m)
+        stamp = to_nanoseconds(message.header.stamp)
+        return self._following.enter_twist(stamp, dx, time.monotonic())
+
+    def _on_look(self) -> None:
+        self._answer('joint_states', self._following.answer_if_due, time.monotonic())
+
+    def _answer(self, source: str, enter: Callable[[Any], Answer | None], given: Any) -> None:
+        """Publish what is answered to what was given, or tell why it was refused."""
         try:
-            dx = from_twist(message, self._frame, len(self._twist.dx))
+            answer = enter(given)
         except RedresError as error:
-            self._refusals.refuse('cartesian_velocity', error)
+            self._refusals.refuse(source, error)
             return
-        self._refusals.accept('cartesian_velocity')
-        self._twist = _Twist(
-            to_nanoseconds(message.header.stamp) or self._stamp, dx
-        )  # a zero stamp means now
-        if self._waiting and to_nanoseconds(self._waiting.header.stamp) == self._twist.stamp:
-            waiting = self._waiting
-            self._waiting = None
-            self._reply(self._twist.stamp, waiting)
+        self._refusals.accept(source)
+        if answer is not None:
+            self._publish(answer)
 
-    def _reply(self, stamp: int, message: JointState) -> None:
-        try:
-            command = self._update(stamp, self._joints.positions(message))
-        except RedresError as error:
-            self._refusals.refuse('joint_states', error)
-            return
-        self._command.publish(self._answer.filled(stamp, command.q_ref, command.dq))
-        self._stamp = stamp
-        self._answered += 1
-        self._refusals.accept('joint_states')
-        self._publish_rest(stamp, command)
-
-    def _update(self, stamp: int, q: np.ndarray) -> Command:
-        cycles = self._cycles_since_last(stamp)
-        commanding = self._commanding and stamp >= self._silent_until
-        if not commanding or cycles > 1 + self._settings.bridged_misses or not self._followed(q):
-            # the arm stands still, or is too far on to go on from the last command
-            self._controller.reset()
-            cycles = 1
-        self._skipped += cycles - 1
-        age = (stamp - self._twist.stamp) / NANOSECONDS
-        if self._held or not self._twist.stamp or abs(age) > self._settings.command_timeout:
-            self._controller.hold()
-        else:
-            self._controller.resume()
-        return self._controller.update(q, self._twist.dx, missed=cycles - 1)
-
-    def _followed(self, q: np.ndarray) -> bool:
-        """Whether the arm goes where it is told; a robot may stop it without a word, or the word
-        may get lost.
-        """
-        lag = self._controller.lag(q)
-        allowed = self._settings.following_tolerance
-        if lag > allowed:
+    def _publish(self, answer: Answer) -> None:
+        scaling_changed = answer.scaling != self._scaling
+        if scaling_changed:  # the planner is to know before the state after this one
+            self._publish_scaling(answer)
+        command = answer.command
+        message = self._message.filled(answer.stamp, command.q_ref, command.dq)
+        self._command_publisher.publish(message)
+        if self._forward_publisher:
+            self._forward_publisher.publish(Float64MultiArray(data=command.q_ref.tolist()))
+        if not scaling_changed:
+            self._publish_scaling(answer)
+        self._publish_telemetry(answer)
+        if answer.restarted:
             self.get_logger().warning(
-                f'the arm does not follow: a joint is {lag:.3g} rad from its reference, allowed '
-                f'{allowed:g}; starting anew from the measurement',
-                throttle_duration_sec=5.0,
+                f'starting anew from the measurement: {answer.restarted}',
+                throttle_duration_sec=_TELL_AGAIN,
             )
-        return lag <= allowed
 
-    def _cycles_since_last(self, stamp: int) -> int:
-        """Cycles from the state answered last to this one; 1 in the beginning and where the clock
-        has been set anew.
-        """
-        elapsed = stamp - self._stamp
-        if not self._stamp or abs(elapsed) > _NEW_CLOCK:
-            self._controller.reset()
-            self._silent_until = (
-                stamp + _SESSION_PATIENCE if self._stamp and self._has_session else 0
-            )
-            return 1
-        cycles = round(elapsed / self._period)
-        if cycles < 1 or abs(elapsed - cycles * self._period) > self._period / 10:
-            raise StampError(
-                f'stamped {elapsed / 1e6:g} ms after the last; expected a multiple of '
-                f'{self._period / 1e6:g} ms (rate {self._settings.rate:g} Hz)'
-            )
-        return cycles
+    def _publish_scaling(self, answer: Answer) -> None:
+        self._scaling = answer.scaling
+        self._telemetry.publish('task_scaling', lambda: answer.scaling)
 
-    def _publish_rest(self, stamp: int, command: Command) -> None:
-        """What can wait until the command is out."""
-        if self._forward:
-            self._forward.publish(Float64MultiArray(data=command.q_ref.tolist()))
-        if self._telemetry.heard:
-            norm = np.linalg.norm
-            publish = self._telemetry.publish
-            state = command.state
-            publish('tip_pose', lambda: to_pose(stamp, self._frame, state.x, state.R))
-            publish('joint_velocity_norm', lambda: float(norm(command.dq)))
-            publish('joint_acceleration_norm', lambda: float(norm(command.ddq)))
-            publish('null_velocity_norm', lambda: float(norm(command.null)))
-            publish('joint_torque_norm', lambda: float(norm(command.tau)))
-            publish('min_singular_value', lambda: command.min_singular_value)
-            publish('law', lambda: law_name(self._controller.law))
+    def _publish_telemetry(self, answer: Answer) -> None:
+        if not self._telemetry.heard:
+            return
+        norm = np.linalg.norm
+        publish = self._telemetry.publish
+        command = answer.command
+        state = command.state
+        publish('tip_pose', lambda: to_pose(answer.stamp, self._frame, state.x, state.R))
+        publish('joint_velocity_norm', lambda: float(norm(command.dq)))
+        publish('joint_acceleration_norm', lambda: float(norm(command.ddq)))
+        publish('null_velocity_norm', lambda: float(norm(command.null)))
+        publish('joint_torque_norm', lambda: float(norm(command.tau)))
+        publish('min_singular_value', lambda: command.min_singular_value)
+        publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:
-        self._has_session = True
-        self._silent_until = 0
-        self._has_commanded |= message.data in COMMANDING
-        # In lock-step the first answer begins command mode; the tick in which the news of that
-        # arrives must not matter.
-        self._commanding = message.data in COMMANDING or (
-            self._settings.lockstep and not self._has_commanded
-        )
+        before = self._following.commanding
+        self._following.enter_session(message.data)
+        if before and not self._following.commanding and self._following.answered:
+            self.get_logger().warning(f'the robot takes no commands: its session is {message.data}')
+        elif not before and self._following.commanding:
+            self.get_logger().info('the robot takes commands')
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._held = request.data
+        self._following.held = request.data
         response.success = True
         response.message = 'holding' if request.data else 'following cartesian_velocity'
         return response
 
     def _check(self, changes: dict[str, Any]) -> None:
-        self._law_parameters.changed(changes).check_damping(self._controller.T)
+        self._laws.changed(changes).check_damping(self._controller.T)
 
     def _apply(self, changes: dict[str, Any]) -> None:
-        self._controller.switch_law(self._law_parameters.apply(changes))
-        live = {name: value for name, value in changes.items() if hasattr(self._settings, name)}
-        self._settings = replace(self._settings, **live)
+        self._controller.switch_law(self._laws.apply(changes))
+        self._settings = _changed(self._settings, changes)
         self._controller.switch_time = self._settings.switch_time
+        self._following.settings = _changed(self._following.settings, changes)
 
     def _health(self) -> Health:
         law = self._controller.law
+        following = self._following
         figures = {
             'law': law_name(law),
             'damping [1/s]': law.damping,
             'forgetting factor': law.forgetting(self._controller.T),
-            'states answered': self._answered,
-            'states skipped': self._skipped,
+            'states answered': following.answered,
+            'states skipped': following.skipped,
+            'task velocities missing': following.playout.missing,
+            'task velocities late': following.playout.late,
             'messages refused': self._refusals.count,
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
         if self._refusals.reasons:
             return Health(WARN, self._refusals.reasons, figures)
-        return Health(
-            OK,
-            'commanding' if self._commanding else 'mirroring: the robot takes no commands',
-            figures,
-        )
+        if not following.commanding:
+            return Health(WARN, 'mirroring: the robot takes no commands', figures)
+        return Health(OK, 'holding' if following.held else 'commanding', figures)
+
+
+def _changed(settings: Any, changes: dict[str, Any]) -> Any:
+    """A dataclass with those of the changes that are fields of it."""
+    names = {field.name for field in fields(settings)}
+    return replace(settings, **{name: changes[name] for name in names & changes.keys()})
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -13,9 +13,11 @@ from redres_ros.errors import ArrayError, JointNamesError, RedresError
 from redres_ros.fri.robot_clock import NANOSECONDS
 from redres_ros.robot_model import quaternion
 
+_REMEMBERED = 100  # sets of joint names: of as many devices as may share a topic
+
 
 class FrameError(RedresError):
-    """A message in another frame than the one expected; nothing is transformed here."""
+    """A message in a frame that is not known."""
 
 
 class LengthError(ArrayError):
@@ -23,40 +25,74 @@ class LengthError(ArrayError):
 
 
 class JointOrder:
-    """Matches joints by name, so that a publisher may list them in any order."""
+    """Finds an arm's joints by name, in any order and among others: of a gripper, of another robot.
 
-    def __init__(self, names: Sequence[str]) -> None:
+    Args:
+        names: Of the arm's joints, in our order.
+        tell: Is told once of each set of other joints that are ignored.
+    """
+
+    def __init__(self, names: Sequence[str], tell: Callable[[str], object] | None = None) -> None:
         self.names = tuple(names)
+        self._tell = tell
         self._seen: list[str] = list(names)
         self._order: np.ndarray | None = None  # of the names seen last; None: as ours
+        self._orders: dict[tuple[str, ...], np.ndarray | None] = {self.names: None}
+        self._foreign: set[tuple[str, ...]] = set()  # sets of names without any of ours
+
+    def concerns(self, message: JointState) -> bool:
+        """Whether a message names any of the arm's joints; one of another device need not."""
+        if message.name == self._seen:
+            return True
+        names = tuple(message.name)
+        if names in self._foreign:
+            return False
+        if not names or set(names) & set(self.names):
+            return True
+        if len(self._foreign) < _REMEMBERED:
+            self._foreign.add(names)
+            self._tell_of(names)
+        return False
 
     def positions(self, message: JointState) -> np.ndarray:
-        """q (n,) [rad] in our order. Raises JointNamesError, and ArrayError for a wrong length, NaN
-        or infinity.
+        """q (n,) [rad] in our order.
+
+        Raises:
+            JointNamesError: A joint of the arm is missing, or named twice.
+            LengthError: There is not one position for each name.
+            ArrayError: A position of the arm is NaN or infinite.
         """
         if message.name != self._seen:
             self._learn(message.name)
-        if len(message.position) != len(self.names):
+        if len(message.position) != len(message.name):
             got = len(message.position)
-            joints = len(self.names)
+            joints = len(message.name)
             raise LengthError(f'{got} positions for {joints} joints; expected one value per joint')
-        q = np.frombuffer(message.position)  # a view of the message's array of doubles
-        if (
-            not math.isfinite(sum(message.position)) and not np.isfinite(q).all()
-        ):  # the second alone takes longer
+        q = np.array(message.position)  # (n,) if there are no others
+        if self._order is not None:
+            q = q[self._order]
+        if not math.isfinite(sum(q.tolist())) and not np.isfinite(q).all():  # the first is quicker
             raise ArrayError(f'positions {q.tolist()}; every value must be finite')
-        return q.copy() if self._order is None else q[self._order]
+        return q
 
     def _learn(self, names: Sequence[str]) -> None:
-        names = list(names)
-        if sorted(names) != sorted(self.names):
+        key = tuple(names)
+        order = self._orders[key] if key in self._orders else self._find(key)
+        if len(self._orders) < _REMEMBERED:
+            self._orders[key] = order
+        self._order = order
+        self._seen = list(names)
+
+    def _find(self, names: tuple[str, ...]) -> np.ndarray:
+        """The places of our joints among the names, (n,)."""
+        if any(names.count(name) != 1 for name in self.names):
             raise JointNamesError(names, self.names)
-        self._order = (
-            None
-            if names == list(self.names)
-            else np.array([names.index(name) for name in self.names])
-        )
-        self._seen = names
+        self._tell_of([name for name in names if name not in self.names])
+        return np.array([names.index(name) for name in self.names])
+
+    def _tell_of(self, others: Sequence[str]) -> None:
+        if others and self._tell:
+            self._tell(f'joint_states: ignoring {", ".join(others)}, not of this arm')
 
 
 def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
@@ -106,9 +142,9 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
 
 def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
     """The first rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN
-    or infinity.
+    or infinity. An empty frame is the expected one.
     """
-    if message.header.frame_id != frame:
+    if message.header.frame_id not in (frame, ''):
         raise FrameError(
             f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}'
         )

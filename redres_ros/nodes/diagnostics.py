@@ -1,7 +1,10 @@
-"""What a node tells about its health: one log line an event, and /diagnostics once a second."""
+"""What a node tells about its health: a log line for an event and one for its end, and /diagnostics
+once a second.
+"""
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -13,6 +16,9 @@ OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
 
+_QUIET = 1.0  # [s] an event is over when it has not recurred for that long
+_LOOK = 0.25  # [s] between looks at that
+
 
 class Health(NamedTuple):
     """Level, one line in words, and figures by name."""
@@ -23,7 +29,13 @@ class Health(NamedTuple):
 
 
 class Diagnostics:
-    """Publishes what `health()` gives on /diagnostics, once a second."""
+    """Publishes what `health()` gives on /diagnostics, once a second.
+
+    Args:
+        node: Whose health it is.
+        hardware: The robot's name.
+        health: Asked once a second.
+    """
 
     def __init__(self, node: Node, hardware: str, health: Callable[[], Health]) -> None:
         self._node = node
@@ -35,10 +47,7 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish now."""
         level, summary, figures = self._health()
-        values = [
-            KeyValue(key=key, value=f'{value:g}' if isinstance(value, float) else str(value))
-            for key, value in figures.items()
-        ]
+        values = [KeyValue(key=key, value=_to_text(value)) for key, value in figures.items()]
         status = DiagnosticStatus(
             level=level,
             name=self._node.get_fully_qualified_name(),
@@ -51,39 +60,79 @@ class Diagnostics:
         self._publisher.publish(message)
 
 
+def _to_text(value: object) -> str:
+    return f'{value:g}' if isinstance(value, float) else str(value)
+
+
+@dataclass
+class _Episode:
+    """A time in which a source's input cannot be used, with short breaks or without.
+
+    kinds: of errors, each of which is told once; last: when the last one came [s]; over: something
+    could be used since.
+    """
+
+    reason: str = ''
+    count: int = 0
+    last: float = 0.0
+    over: bool = False
+    kinds: set[type[Exception]] = field(default_factory=set)
+
+
 class Refusals:
     """Input that was refused: a log line when a source turns bad, or bad in another way, and one
-    when it is good.
+    when it has been good for a while.
     """
 
     def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()
-        self._bad = {}
+        self._bad: dict[str, _Episode] = {}
         self.count = 0
+        node.create_timer(_LOOK, self._look)
 
     def refuse(self, source: str, error: Exception) -> None:
-        """Count an input that cannot be used."""
+        """Count an input that cannot be used.
+
+        Args:
+            source: The topic.
+            error: Says what was got and what is allowed.
+        """
         self.count += 1
-        kind, since = self._bad.get(source, (None, self.count))
-        if kind is not type(error):
+        episode = self._bad.setdefault(source, _Episode())
+        episode.reason = str(error)
+        episode.count += 1
+        episode.last = time.monotonic()
+        episode.over = False
+        if type(error) not in episode.kinds:
+            episode.kinds.add(type(error))
             self._logger.error(f'{source} refused: {error}')
-        self._bad[source] = (type(error), since)
 
     def accept(self, source: str) -> None:
         """Note an input that could be used."""
         if source in self._bad:
-            _, since = self._bad.pop(source)
-            self._logger.info(f'{source} accepted again after {self.count - since + 1} refused')
+            self._bad[source].over = True
 
     @property
     def reasons(self) -> str:
-        """Sources that are bad at present; empty when all is well."""
-        return ', '.join(f'{source} refused' for source in self._bad)
+        """What is bad at present, or was a moment ago, and why; empty when all is well."""
+        return ', '.join(f'{source} refused: {bad.reason}' for source, bad in self._bad.items())
+
+    def _look(self) -> None:
+        now = time.monotonic()
+        for source, episode in list(self._bad.items()):
+            if episode.over and now - episode.last > _QUIET:
+                del self._bad[source]
+                self._logger.info(f'{source} accepted again after {episode.count} refused')
 
 
 class Watchdog:
-    """Notices the silence of a topic by the monotonic clock; logs when it falls silent and when it
-    is back.
+    """Notices the silence of a topic by the monotonic clock; logs when it falls silent, and when it
+    has been back for a while.
+
+    Args:
+        node: Whose log it is.
+        topic: Its name in the log.
+        timeout: Silence that is reported [s].
     """
 
     def __init__(self, node: Node, topic: str, timeout: float) -> None:
@@ -91,17 +140,24 @@ class Watchdog:
         self._topic = topic
         self._timeout = timeout
         self._last = time.monotonic()
+        self._last_silence = self._last
+        self._told = False
         self.silent = False
         node.create_timer(timeout / 2.0, self._look)
 
     def feed(self) -> None:
         """A message has come."""
         self._last = time.monotonic()
-        if self.silent:
-            self.silent = False
-            self._logger.info(f'{self._topic} is back')
+        self.silent = False
 
     def _look(self) -> None:
-        if not self.silent and time.monotonic() - self._last > self._timeout:
-            self.silent = True
-            self._logger.warning(f'no {self._topic} for {self._timeout:g} s')
+        now = time.monotonic()
+        self.silent = now - self._last > self._timeout
+        if self.silent:
+            self._last_silence = now
+            if not self._told:
+                self._told = True
+                self._logger.warning(f'no {self._topic} for {self._timeout:g} s')
+        elif self._told and now - self._last_silence > _QUIET:
+            self._told = False
+            self._logger.info(f'{self._topic} is back')

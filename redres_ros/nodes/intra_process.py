@@ -73,6 +73,10 @@ class _Publisher:
         self._publisher = publisher
         self._receivers = receivers
 
+    def get_subscription_count(self) -> int:
+        """Of receivers in this process and of subscriptions in others."""
+        return len(self._receivers) + self._publisher.get_subscription_count()
+
     def publish(self, message: Any) -> None:
         """As ever, after the receivers of this process have got it."""
         for receive in self._receivers:

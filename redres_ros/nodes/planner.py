@@ -3,9 +3,11 @@ joint_states.
 """
 
 import sys
+import time
 from dataclasses import dataclass
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -13,20 +15,16 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.conversions import (
-    NANOSECONDS,
-    JointOrder,
-    to_nanoseconds,
-    to_pose,
-    to_twist,
-)
+from redres_ros.nodes.conversions import JointOrder, to_nanoseconds, to_pose, to_time, to_twist
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import declare, declare_robot
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference
+from redres_ros.task_run import RunState, Step, TaskRun
 from redres_ros.waypoints import load_task
 
 
@@ -34,20 +32,24 @@ from redres_ros.waypoints import load_task
 class PlannerParameters:
     """Parameters of the node beside those of the arm."""
 
+    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
     task: str = param('rectangle', 'name of a task in config/tasks, or a path ending in .yaml')
     base_frame: str = param(
         '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
     )
     autostart: bool = param(
-        False, 'begin with the first state instead of waiting for planner/start'
+        False, 'begin as soon as the robot takes commands instead of waiting for planner/start'
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
+    lockstep: bool = param(
+        False, 'begin with the first state: the controller waits for each cartesian_velocity'
+    )
 
 
 class PlannerNode(Node):
-    """Knows time only from the stamps of the states: when the robot's clock stands, so does the
-    task.
+    """Knows time only from the states and from what the controller carries out: when the robot's
+    clock stands, or the arm is stopped, so does the task.
     """
 
     def __init__(self) -> None:
@@ -57,94 +59,123 @@ class PlannerNode(Node):
         self._model = self._robot.model
         self._task = load_task(self._settings.task)
         self._frame = self._settings.base_frame or self._model.base_frame
-        self._joints = JointOrder(self._model.joint_names)
-        self._planner: Planner | None = None
-        self._wanted = self._settings.autostart
-        self._begun = 0  # stamp [ns] with which the task began
-        self._stamp = 0
-        self._twist = TwistStamped()
-        self._twists = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
-        self._state = self.create_publisher(String, 'planner/state', LATCHED)
-        self._state_name = ''
-        self._telemetry = Telemetry(
-            self, {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
-        )
+        self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
+        T = 1.0 / self._settings.rate
+        pacing = Pacing(T, self._settings.lockstep)
+        self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space)
+        self._stop_reason = ''
+        self._told_state = RunState.IDLE
+        self._told_begun = 0
+        self._create_interfaces()
+        if self._settings.autostart:
+            self._run.start()
+        self._state_publisher.publish(String(data=self._told_state.value))
+        self._tell()
+
+    def _create_interfaces(self) -> None:
+        self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
+        self._state_publisher = self.create_publisher(String, 'planner/state', LATCHED)
+        self._begun_publisher = self.create_publisher(Time, 'planner/begun', LATCHED)
+        kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
+        self._telemetry = Telemetry(self, kinds)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
-        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
+        self.create_subscription(JointState, 'joint_states', self._on_state, RECENT)
+        self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
+        self.create_subscription(String, 'sim/stop_reason', self._on_stop_reason, LATCHED)
         self.create_service(Trigger, 'planner/start', self._on_start)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
-        self._tell('idle')
+
+    def _make_planner(self, x: np.ndarray, R: np.ndarray) -> Planner:
+        return Planner(self._task, x, R, feedback_limit=self._settings.feedback_limit)
 
     def _on_state(self, message: JointState) -> None:
+        if not self._joints.concerns(message):
+            return
         self._watchdog.feed()
         stamp = to_nanoseconds(message.header.stamp)
-        if not self._wanted:
-            return
-        if stamp == self._stamp:
-            self._twists.publish(self._twist)  # asked again, as in lock-step: the same answer
-            return
         try:
             x, R = self._model.tip(self._joints.positions(message))
+            step = self._run.enter_state(stamp, x, R, time.monotonic())
         except RedresError as error:
             self._refusals.refuse('joint_states', error)
             return
         self._refusals.accept('joint_states')
-        reference = self._reference(stamp, x, R)
-        self._stamp, self._twist = stamp, to_twist(stamp, self._frame, reference.dx)
-        self._twists.publish(self._twist)
-        R_d = R if reference.R_d is None else reference.R_d
-        self._telemetry.publish(
-            'desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d)
-        )
-        self._telemetry.publish('task_error', lambda: float(np.linalg.norm(reference.error)))
-        self._telemetry.publish('segment', lambda: reference.segment)
-        self._tell('finished' if reference.finished else 'moving')
+        if step is not None:
+            self._publish(step, R)
+        self._tell()
 
-    def _reference(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Reference:
-        if self._planner is None or stamp < self._stamp:
-            self._planner = Planner(self._task, x, R, feedback_limit=self._settings.feedback_limit)
-            self._begun = stamp
-        turned = R if self._robot.task_space == 'pose' else None
-        return self._planner.reference(x, (stamp - self._begun) / NANOSECONDS, turned)
+    def _publish(self, step: Step, R: np.ndarray) -> None:
+        self._twist_publisher.publish(to_twist(step.stamp, self._frame, step.dx))
+        reference = step.reference
+        if reference is not None and self._telemetry.heard:
+            self._publish_telemetry(step.stamp, reference, R)
+
+    def _publish_telemetry(self, stamp: int, reference: Reference, R: np.ndarray) -> None:
+        publish = self._telemetry.publish
+        R_d = R if reference.R_d is None else reference.R_d
+        publish('desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d))
+        publish('task_error', lambda: float(np.linalg.norm(reference.error)))
+        publish('segment', lambda: reference.segment)
+
+    def _on_scaling(self, message: Float64) -> None:
+        self._run.hear(message.data)
+
+    def _on_stop_reason(self, message: String) -> None:
+        stopped = message.data
+        if stopped and not self._stop_reason and self._run.state is RunState.MOVING:
+            self.get_logger().warning(f'the robot has stopped, the task waits: {stopped}')
+        self._stop_reason = stopped
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
         task = self._settings.task
-        if self._state_name == 'moving':  # to begin anew on the way would be a jump of the velocity
+        if self._stop_reason:
+            response.success = False
+            response.message = (
+                f'{task}: the robot has stopped: {self._stop_reason}; sim/reset lets it go on'
+            )
+            return response
+        response.success = True
+        if self._run.state is RunState.MOVING:
             response.message = f'{task}: is under way already; planner/stop ends it'
         else:
-            self._planner = None
-            self._wanted = True
-            response.message = f'{task}: begins with the next joint_states'
+            self._run.start()
+            response.message = f'{task}: begins as soon as the robot takes commands'
+        self._tell()
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        moved = self._run.state in (RunState.WAITING, RunState.MOVING)
+        self._run.stop()
+        self._tell()
         response.success = True
-        response.message = 'stopped' if self._wanted else 'was not moving'
-        self._planner = None
-        self._wanted = False
-        self._tell('idle')
+        response.message = 'stopped' if moved else 'was not moving'
         return response
 
-    def _tell(self, state: str) -> None:
-        if state != self._state_name:
-            self._state_name = state
-            self._state.publish(String(data=state))
+    def _tell(self) -> None:
+        """What has changed of the run."""
+        if self._run.begun != self._told_begun:
+            self._told_begun = self._run.begun
+            self._begun_publisher.publish(to_time(self._told_begun))
+        if self._run.state is not self._told_state:
+            self._told_state = self._run.state
+            self._state_publisher.publish(String(data=self._told_state.value))
 
     def _health(self) -> Health:
         figures = {
             'task': self._settings.task,
-            'state': self._state_name,
-            'begun at [ns]': self._begun,
+            'state': self._told_state.value,
+            'begun at [ns]': self._run.begun,
             'messages refused': self._refusals.count,
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
+        if self._stop_reason:
+            return Health(WARN, f'the robot has stopped: {self._stop_reason}', figures)
         if self._refusals.reasons:
             return Health(WARN, self._refusals.reasons, figures)
-        return Health(OK, self._state_name, figures)
+        return Health(OK, self._told_state.value, figures)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,12 +1,14 @@
-"""Quality of service: which of three a topic of this package has."""
+"""Quality of service: which of four a topic of this package has."""
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-# Publishers in the loop are reliable, so that any subscriber can match them; our own subscriptions
-# take the newest
-# sample and nothing else, because a reliable one replays stale samples after a gap.
+# Publishers in the loop are reliable, so that any subscriber can match them. Our own subscriptions
+# take the newest sample and nothing else, because a reliable one replays stale samples after a gap.
+# The controller puts task velocities in the order of their stamps, so here the last few are taken,
+# and the planner answers the last few states.
 PUBLISH = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+RECENT = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )

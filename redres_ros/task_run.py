@@ -1,0 +1,139 @@
+"""A task from its first state to its last point, through holds, stops and new robots."""
+
+from collections.abc import Callable
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.cycles import NANOSECONDS, Cycles
+from redres_ros.pacing import Pacing
+from redres_ros.planner import Planner, Reference
+
+_ASTRAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
+
+
+class RunState(Enum):
+    """What a task run does."""
+
+    IDLE = 'idle'
+    WAITING = 'waiting'  # for a robot that takes commands and a controller that follows
+    MOVING = 'moving'
+    FINISHED = 'finished'
+
+
+class Step(NamedTuple):
+    """What is asked for at a state.
+
+    stamp: of the state [ns]; dx: task velocity, (3,) [m/s], or (6,) with the angular part below
+    [rad/s]; reference: where it comes from, None while the run waits for a standstill to end.
+    """
+
+    stamp: int
+    dx: np.ndarray
+    reference: Reference | None
+
+
+class TaskRun:
+    """Decides at every state what is asked for, and when the task's time goes on.
+
+    The task begins when it is wanted and the controller follows. A stop or a hold interrupts it; it
+    goes on from there when the controller follows again, or begins anew if the arm is elsewhere by
+    then. A finished task is over with the first interruption: nothing moves again by itself.
+
+    Args:
+        T: The robot's cycle [s].
+        make_planner: A new planner for a tip at (3,) [m] with orientation (3, 3).
+        pacing: The task's time.
+        task_space: 'position' or 'pose': what is asked for, 3-D or 6-D.
+    """
+
+    def __init__(
+        self,
+        T: float,
+        make_planner: Callable[[np.ndarray, np.ndarray], Planner],
+        pacing: Pacing,
+        task_space: str = 'position',
+    ) -> None:
+        self.state = RunState.IDLE
+        self.begun = 0  # stamp of the state at which the task began [ns]
+        self._make_planner = make_planner
+        self._turns = task_space == 'pose'
+        self._pacing = pacing
+        self._cycles = Cycles(round(NANOSECONDS * T))
+        self._planner: Planner | None = None
+        self._x_d = np.zeros(3)  # asked for last [m]
+        self._asks = False
+        self._step: Step | None = None
+
+    def start(self) -> None:
+        """Begin as soon as the controller follows; a run that is under way goes on."""
+        if self.state in (RunState.IDLE, RunState.FINISHED):
+            self._planner = None
+            self._asks = True
+            self.state = RunState.WAITING
+
+    def stop(self) -> None:
+        """Ask for nothing any more."""
+        self._planner = None
+        self._asks = False
+        self._step = None
+        self.state = RunState.IDLE
+
+    def hear(self, scaling: float) -> None:
+        """Take in what share of the task velocity the controller carries out."""
+        self._pacing.hear(scaling)
+
+    def enter_state(self, stamp: int, x: np.ndarray, R: np.ndarray, now: float) -> Step | None:
+        """What is asked for at a state, None for nothing; the same again at the same state.
+
+        Args:
+            stamp: Of the state [ns].
+            x: Tip position, (3,) [m].
+            R: Tip orientation, (3, 3).
+            now: Arrival of the state by a monotonic clock [s].
+
+        Raises:
+            ClockError: The stamp is not that of a new cycle.
+        """
+        if stamp and stamp == self._cycles.newest:
+            return self._step
+        cycles = self._cycles.enter(stamp, now)
+        if cycles == 0:
+            self._pacing.interrupt()
+        self._pacing.advance(cycles)
+        self._step = self._respond(stamp, x, R)
+        return self._step
+
+    def _respond(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Step | None:
+        if not self._pacing.follows:
+            self._interrupt()
+        if not self._asks:
+            return None
+        if not self._pacing.follows:
+            return Step(stamp, np.zeros(6 if self._turns else 3), None)
+        planner = self._planner_for(stamp, x, R)
+        turned = R if self._turns else None
+        reference = planner.reference(x, self._pacing.t, turned, rate=self._pacing.rate)
+        self._x_d = reference.x_d
+        self.state = RunState.FINISHED if reference.finished else RunState.MOVING
+        return Step(stamp, reference.dx, reference)
+
+    def _interrupt(self) -> None:
+        if self.state is RunState.FINISHED:
+            self._asks = False
+        elif self.state is RunState.MOVING:
+            self.state = RunState.WAITING
+
+    def _planner_for(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Planner:
+        """The one at work, or a new one where the task begins or begins anew."""
+        resumes = self._planner is not None and self.state is RunState.WAITING
+        if resumes and np.linalg.norm(x - self._x_d) > _ASTRAY:
+            self._planner = None
+        if self._planner is None:
+            self._planner = self._make_planner(x, R)
+            self._pacing.begin()
+            self.begun = stamp
+        elif resumes:
+            self._pacing.resume()
+        return self._planner
