@@ -89,7 +89,14 @@ def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor,
         ('--damping', '100'),
         ('--switching', 'within_tolerance'),
         ('--period', '0.002'),
+        ('--limits', 'acceleration', '--limit-scale', '0.1'),
+        ('--limits', 'torque', '--torque-scale', '0.12'),
+        ('--prefer', 'posture=100', '--posture.target', '0,0,0,0,0,0,0'),
+        ('--prefer', 'joint_centering', 'elbow_height=10'),
+        ('--secondary', 'orientation'),
+        ('--secondary', 'orientation', 'joint', '--orientation.gain', '5'),
     ],
+    ids=' '.join,
 )
 def test_every_option_acts(short, tmp_path, options):
     law = ('--law', 'dynamically_consistent') if '--law' not in options else ()
@@ -136,6 +143,19 @@ REFUSED = [
     (('--robot', 'fr3', '--task', 'rectangle'), 'the tip of fr3 is 794 mm away from the first'),
     (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
     (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
+    (('--limits', 'speed'), "unknown limit 'speed'; allowed: acceleration, none, position, "),
+    (('--limits', ''), "unknown limit ''; allowed: "),
+    (('--limit-scale', '0', '--limits', 'velocity'), 'scale is 0.0; allowed: 0.001 to 1'),
+    (('--limit-scale', 'nan', '--limits', 'velocity'), 'scale is nan; allowed: '),
+    (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: elbow_height, "),
+    (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, as '),
+    (('--prefer', 'posture=-1'), 'gain is -1.0; allowed: 0 to '),
+    (('--secondary', 'dance'), "unknown task 'dance'; allowed: axis, "),
+    (('--posture.gain', '1'), '--posture.gain acts on the preference posture; in use: '),
+    (
+        ('--position.gain', '1', '--limits', 'position,acceleration'),
+        '--position.gain acts on the task position; in use: law minimum_acceleration, limit ',
+    ),
     (('--dynamics', 'rods'), "unknown dynamics 'rods'; allowed: cylinders, identified"),
     (('--switching', 'soon'), "unknown switching 'soon'; allowed: at_rest, within_tolerance"),
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
@@ -278,7 +298,20 @@ def test_help_shows_no_default_that_says_nothing(command, capsys):
 
 @pytest.mark.parametrize('command', MOTIONS)
 @pytest.mark.parametrize(
-    'option', ['--law', '--damping', '--robot', '--tip', '--task', '--dynamics']
+    'option',
+    [
+        '--law',
+        '--damping',
+        '--limits',
+        '--limit-scale',
+        '--torque-scale',
+        '--prefer',
+        '--secondary',
+        '--robot',
+        '--tip',
+        '--task',
+        '--dynamics',
+    ],
 )
 def test_every_motion_has_the_same_options(command, option, capsys):
     assert f'{option} ' in help_of(command, capsys)
@@ -306,7 +339,7 @@ def springy(monkeypatch):
 @pytest.mark.parametrize('command', MOTIONS)
 def test_a_gain_that_is_declared_with_a_law_is_an_option(springy, command, capsys):
     shown = ' '.join(help_of(command, capsys).split())
-    assert '--springy.stiffness X of the spring [1/s^2]; default: 4.0' in shown
+    assert '--springy.stiffness X of the spring [1/s^2]; default: 4' in shown
 
 
 def test_a_gain_acts(springy, short, tmp_path):
@@ -325,7 +358,7 @@ def test_a_gain_acts(springy, short, tmp_path):
             ('--law', 'springy', '--springy.stiffness', '-1'),
             'stiffness is -1.0; allowed: 0 to 1000',
         ),
-        (('--springy.stiffness', '1'), '--springy.stiffness acts on springy; in use: minimum_acc'),
+        (('--springy.stiffness', '1'), '--springy.stiffness acts on the law springy; in use: '),
     ],
 )
 def test_a_gain_that_cannot_act_is_refused(springy, options, message, capsys):

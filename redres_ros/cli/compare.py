@@ -28,7 +28,7 @@ class _Contender:
     @property
     def law(self) -> 'Law':
         """The law with its gains."""
-        from redres_ros.cli.wanted import find_law
+        from redres_ros.cli.controller import find_law
 
         return find_law(self.options, self.name, self.options.period, self.damping)
 
@@ -59,18 +59,19 @@ def add(commands: Any) -> None:
 
 
 def _compare(options: argparse.Namespace) -> int:
+    from redres_ros.cli.controller import in_use, make_controller
     from redres_ros.cli.files import made
-    from redres_ros.cli.wanted import check_gains, find_task, make_controller, task_name
+    from redres_ros.cli.gains import check_gains
+    from redres_ros.cli.task import find_motion
     from redres_ros.simulation.comparison import draw, tables
     from redres_ros.simulation.parallel import in_parallel
     from redres_ros.simulation.report import print_tables, progress_bar
 
-    name = task_name(options)
-    task, model = find_task(options, name)
+    motion = find_motion(options)
     contenders = _contenders(options)
-    check_gains(options, {contender.name for contender in contenders.values()})
+    check_gains(options, in_use(options, *(each.name for each in contenders.values())))
     for contender in contenders.values():
-        make_controller(options, model, contender.law, options.period)
+        make_controller(options, motion, contender.law, options.period)
     out = made(options.out, _PICTURE, *(each.file_name for each in contenders.values()))
     with progress_bar(f'{len(contenders)} laws') as progress:
         results = in_parallel(_run, list(contenders.values()), progress)
@@ -80,13 +81,12 @@ def _compare(options: argparse.Namespace) -> int:
         recording.write_csv(out / contender.file_name)
         recordings[label] = recording
         efforts[label] = effort
-    title = (
-        f'{name}, T = {1e3 * options.period:g} ms, ideal arm {task.robot}, '
-        f'{model.arm.dynamics} dynamics'
-    )
+    title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
     draw(recordings, title, out / _PICTURE)
     print_tables(*tables(efforts, title))
     print(f'plot {out}/{_PICTURE}, every tick in {out}/*.csv')
+    for remark in motion.model.arm.remarks():
+        print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
 
 
@@ -119,12 +119,13 @@ def _plain(number: float) -> str:
 
 def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Recording', 'Effort']:
     """The motion of one law; works in a process of its own."""
-    from redres_ros.cli.wanted import find_task, make_controller, task_name
+    from redres_ros.cli.controller import make_controller
+    from redres_ros.cli.task import find_motion
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.comparison import Effort
 
-    task, model = find_task(contender.options, task_name(contender.options))
-    period = contender.options.period
-    controller = make_controller(contender.options, model, contender.law, period)
-    recording = run(controller, task, progress=progress)
-    return recording, Effort.of(recording, model)
+    options = contender.options
+    motion = find_motion(options)
+    controller = make_controller(options, motion, contender.law, options.period)
+    recording = run(controller, motion.task, progress=progress)
+    return recording, Effort.of(recording, motion.model)

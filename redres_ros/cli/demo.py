@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
     demo = commands.add_parser(
         'demo', help='planner, controller and fake arm as ROS 2 nodes, in real time'
     )
-    add_motion(demo)
+    add_motion(demo, limits='position,velocity,acceleration')
     demo.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
     demo.add_argument(
         '--switch',
@@ -68,26 +68,21 @@ def add(commands: Any) -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from redres_ros.cli.wanted import (
-        check_gains,
-        find_law,
-        find_task,
-        node_parameters,
-        task_name,
-    )
+    from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
+    from redres_ros.cli.gains import check_gains
+    from redres_ros.cli.task import find_motion
     from redres_ros.demo.demo import Demo, DemoOptions
     from redres_ros.demo.processes import own_domain
     from redres_ros.simulation.report import progress_bar
 
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
-    name = task_name(options, 'side_to_side' if options.duration else 'rectangle')
-    task, model = find_task(options, name)
+    motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
     period = 1.0 / options.rate if options.rate else math.inf
     switches = tuple(map(_switch, options.switch or ()))
-    check_gains(options, {options.law, *(law for law, _ in switches)})
+    check_gains(options, in_use(options, options.law, *(name for name, _ in switches)))
     wanted = DemoOptions(
-        name,
+        motion.name,
         options.law,
         options.rate,
         options.dynamics,
@@ -99,11 +94,13 @@ def _demo(options: argparse.Namespace) -> int:
     )
     demo = Demo(
         wanted,
-        task,
-        model,
+        motion.task,
+        motion.model,
         lambda law: find_law(options, law, period),
         made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS),
     )
+    # What the node would refuse is refused here.
+    make_controller(options, motion, find_law(options, options.law, period), period)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with (
         own_domain(options.domain) as domain,

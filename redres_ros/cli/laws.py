@@ -2,7 +2,6 @@
 
 import argparse
 import inspect
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain
@@ -25,12 +24,11 @@ def add(commands: Any) -> None:
 
 
 def _laws(options: argparse.Namespace) -> int:
-    from redres_ros.laws import LAWS
+    from redres_ros.cli.gains import tables
     from redres_ros.robots import ARMS
 
-    rooms: dict[str, Mapping[str, Any]] = {'laws': LAWS}
-    for room, table in rooms.items():
-        print(f'{room}:')
+    for kind, table in tables().items():
+        print(f'{kind}s:')
         for name, cls in table.items():
             print(f'{name:<26}{_says(cls)}')
         print()

@@ -1,4 +1,4 @@
-"""Options that several subcommands share. What they ask for is made in wanted.py."""
+"""Options that several subcommands share. task.py and controller.py make what they ask for."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -85,6 +85,8 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
             '--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`'
         )
     _add_damping(law)
+    _add_additions(law)
+    _add_limits(parser.add_argument_group('limits'), limits)
     parser.declare_later(_add_gains)
 
 
@@ -144,7 +146,6 @@ def _add_additions(group: Any) -> None:
         '--prefer',
         nargs='+',
         action='extend',
-        default=(),
         metavar='NAME[=GAIN]',
         help='preferences, as joint_centering=4: what the spare joints should do',
     )
@@ -152,7 +153,6 @@ def _add_additions(group: Any) -> None:
         '--secondary',
         nargs='+',
         action='extend',
-        default=(),
         metavar='NAME',
         help='further tasks, in order of priority, as orientation: hold it as it is at the start',
     )
@@ -183,7 +183,7 @@ def _add_limits(group: Any, default: str) -> None:
 
 def _add_gains(parser: argparse.ArgumentParser) -> None:
     """An option for every gain that is declared with `param` in the tables."""
-    from redres_ros.cli.wanted import all_gains
+    from redres_ros.cli.gains import all_gains
 
     group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
     for gain in all_gains():
@@ -191,8 +191,17 @@ def _add_gains(parser: argparse.ArgumentParser) -> None:
             f'--{gain.key}',
             type=gain.read,
             metavar='X',
-            help=f'{gain.description.replace("%", "%%")}; default: {gain.default}',
+            help=f'{gain.description}; default: {_shown(gain.default)}'.replace('%', '%%'),
         )
+
+
+def _shown(default: Any) -> str:
+    """A default as one would write it."""
+    if isinstance(default, tuple):
+        return ','.join(f'{member:g}' for member in default) or NONE
+    if isinstance(default, float):
+        return f'{default:g}'
+    return str(default) or NONE
 
 
 def add_loop(parser: Parser) -> Any:

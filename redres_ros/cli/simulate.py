@@ -39,20 +39,23 @@ def add(commands: Any) -> None:
 def _simulate(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
+    from redres_ros.cli.controller import find_law, in_use, make_controller
     from redres_ros.cli.files import check_writable
-    from redres_ros.cli.wanted import check_gains, find_law, find_task, make_controller, task_name
+    from redres_ros.cli.gains import check_gains
+    from redres_ros.cli.task import find_motion
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.report import peaks, print_tables, progress_bar
 
-    task, model = find_task(options, task_name(options))
+    motion = find_motion(options)
+    task = motion.task
     if options.switching:
         task = replace(task, switching=options.switching)
     if not 0 <= options.delay <= 1000:
         raise RangeError('delay', options.delay, 0, 1000, 'ticks')
     law = find_law(options, options.law, options.period)
-    check_gains(options, {options.law})
+    check_gains(options, in_use(options, options.law))
     controller = make_controller(
-        options, model, law, options.period, switch_time=options.switch_time
+        options, motion, law, options.period, switch_time=options.switch_time
     )
     if options.out:
         check_writable(options.out)
@@ -61,7 +64,9 @@ def _simulate(options: argparse.Namespace) -> int:
     if options.out:
         recording.write_csv(options.out)
     print_tables(peaks({options.law: recording}))
-    print(f'{recording.ending}; {model.arm.dynamics} dynamics')
+    print(f'{recording.ending}; {motion.title}')
     if options.out:
         print(f'{len(recording.data)} rows in {options.out}')
+    for remark in motion.model.arm.remarks():
+        print(remark)
     return 0 if recording.finished else 1

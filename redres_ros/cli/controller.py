@@ -1,0 +1,182 @@
+"""The controller that the options ask for: a law, and what is added to it."""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from redres_ros.cli.gains import gains_of, given_gains, tables
+from redres_ros.cli.options import NONE, OptionError
+from redres_ros.errors import RangeError, UnknownNameError
+
+if TYPE_CHECKING:
+    from redres_ros.cli.task import Motion
+    from redres_ros.controller import Controller
+    from redres_ros.laws import Law
+    from redres_ros.limits import Limit
+    from redres_ros.preferences import Preference
+    from redres_ros.robot_model import RobotModel
+    from redres_ros.tasks import Task
+
+
+def find_law(
+    options: argparse.Namespace, name: str, T: float, damping: float | None = None
+) -> 'Law':
+    """The law of that name.
+
+    Args:
+        options: With its gains.
+        name: In the table of laws.
+        T: Sampling time [s].
+        damping: Of this law alone [1/s]; None: that of the options.
+
+    Raises:
+        UnknownNameError: No such law.
+        RangeError: A gain out of its range.
+    """
+    from redres_ros.laws import make_law
+
+    gains = gains_of(options, 'law', name)
+    if damping is None:
+        damping = _damping(options, T)
+    if damping is not None:
+        gains['damping'] = damping
+    return make_law(name, **gains)
+
+
+def make_controller(
+    options: argparse.Namespace,
+    motion: 'Motion',
+    law: 'Law',
+    T: float,
+    *,
+    switch_time: float = 0.0,
+) -> 'Controller':
+    """A controller as the options ask for it.
+
+    Args:
+        options: With what is added to the law.
+        motion: The arm and its task.
+        law: The law in force.
+        T: Sampling time [s].
+        switch_time: Over which the start is blended [s].
+
+    Raises:
+        RedresError: A value that is not allowed.
+    """
+    from redres_ros.controller import Controller
+
+    return Controller(
+        motion.model,
+        law,
+        T,
+        task='position' if motion.task.orientations is None else 'pose',
+        switch_time=switch_time,
+        limits=find_limits(options, motion.model),
+        limit_scale=options.limit_scale,
+        torque_scale=options.torque_scale,
+        preferences=find_preferences(options),
+        secondary_tasks=find_secondary_tasks(options),
+    )
+
+
+def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limit, ...]':
+    """The limits that are to be kept. Raises RedresError for a name or a figure that is wrong."""
+    from redres_ros.limits import make_limits
+
+    names = limit_names(options)
+    gains = {
+        gain.key: value for gain, value in given_gains(options).items() if gain.kind == 'limit'
+    }
+    return tuple(
+        make_limits(
+            names,
+            model,
+            limit_scale=options.limit_scale,
+            torque_scale=options.torque_scale,
+            gains=gains,
+        )
+    )
+
+
+def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
+    """The preferences with their gains. Raises RedresError for a name or a gain that is wrong."""
+    from redres_ros.preferences import make_preference
+
+    preferences = []
+    for text in options.prefer or ():
+        name, equals, own = text.partition('=')
+        gains = gains_of(options, 'preference', name)
+        if equals:
+            gains['gain'] = _number(text, own)
+        preferences.append(make_preference(name, **gains))
+    return tuple(preferences)
+
+
+def find_secondary_tasks(options: argparse.Namespace) -> 'tuple[str | Task, ...]':
+    """The further tasks; one without gains of its own holds the value of the start."""
+    from redres_ros.tasks import make_task
+
+    tasks: list[str | Task] = []
+    for name in options.secondary or ():
+        gains = gains_of(options, 'task', name)
+        tasks.append(make_task(name, **{'target': (), **gains}) if gains else name)
+    return tuple(tasks)
+
+
+def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
+    """The names in --limits; empty for none. Raises UnknownNameError."""
+    if options.limits == NONE:
+        return ()
+    names = tuple(name.strip() for name in options.limits.split(','))
+    known = tables()['limit']
+    for name in names:
+        if name not in known:
+            raise UnknownNameError('limit', name, [*known, NONE])
+    return names
+
+
+def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
+    """Kind and name of the laws, and of everything that is added to them."""
+    used = {('law', law) for law in laws}
+    used |= {('limit', name) for name in limit_names(options)}
+    used |= {('preference', text.partition('=')[0]) for text in options.prefer or ()}
+    return used | {('task', name) for name in options.secondary or ()}
+
+
+def node_parameters(options: argparse.Namespace) -> dict[str, Any]:
+    """What the nodes have to be told beside the law, its damping, the robot and its dynamics."""
+    told: dict[str, Any] = {gain.key: value for gain, value in given_gains(options).items()}
+    preferences = []
+    for preference in options.prefer or ():
+        name, equals, own = preference.partition('=')
+        preferences.append(name)
+        if equals:
+            told[f'{name}.gain'] = _number(preference, own)
+    # ROS takes an empty array for no value at all.
+    told['limits'] = limit_names(options) or (NONE,)
+    told['preferences'] = tuple(preferences) or (NONE,)
+    told['secondary_tasks'] = tuple(options.secondary or ()) or (NONE,)
+    told['limit_scale'] = options.limit_scale
+    told['torque_scale'] = options.torque_scale
+    if options.tip:
+        told['tip_frame'] = options.tip
+    return told
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(f'--prefer {option}; expected NAME=GAIN, as joint_centering=4') from None
+
+
+def _damping(options: argparse.Namespace, T: float) -> float | None:
+    """k_d [1/s] from either way of giving it; None where neither is given."""
+    factor: float | None = options.forgetting_factor
+    if factor is None:
+        given: float | None = options.damping
+        return given
+    if not T > 0.0:
+        raise RangeError('period', T, 1e-5, 1.0, 's')
+    if not 0.0 <= factor <= 1.0:
+        raise RangeError('forgetting factor', factor, 0.0, 1.0)
+    return (1.0 - factor) / T

@@ -1,0 +1,105 @@
+"""Gains as options: every parameter of a law, preference, task or limit that is declared in the
+tables.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from redres_ros.cli.options import NONE, OptionError
+
+_SHARED = ('damping', 'scale')  # they have options of their own
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A parameter of a law, preference, task or limit, as an option.
+
+    Args:
+        kind: Of the thing that has it: 'law', 'preference', 'task' or 'limit'.
+        owner: The name in its table.
+        name: The field's name.
+        default: The field's default, whose type is that of the option.
+        description: The field's own, with its unit.
+    """
+
+    kind: str
+    owner: str
+    name: str
+    default: Any
+    description: str
+
+    @property
+    def key(self) -> str:
+        """The option's name, which is that of the ROS parameter too."""
+        return f'{self.owner}.{self.name}'
+
+    def read(self, text: str) -> Any:
+        """A value from its text. Raises argparse's own error."""
+        kind = type(self.default)
+        try:
+            if kind is tuple and text == NONE:
+                return ()
+            if kind is tuple:
+                return tuple(float(member) for member in text.split(','))
+            if kind is bool:
+                return {'true': True, 'false': False}[text]
+            return kind(text)
+        except (ValueError, KeyError):
+            expected = {tuple: 'numbers, as 1,2,3', bool: 'true or false', int: 'a whole number'}
+            raise argparse.ArgumentTypeError(
+                f'got {text!r}; expected {expected.get(kind, "a number")}'
+            ) from None
+
+
+def all_gains() -> Iterator[Gain]:
+    """Every gain in the tables, in their order."""
+    from redres_ros.parameter import parameters
+
+    for kind, table in tables().items():
+        for owner, cls in table.items():
+            for field, parameter in parameters(cls).items():
+                if field.name not in _SHARED:
+                    yield Gain(kind, owner, field.name, field.default, parameter.description)
+
+
+def tables() -> dict[str, Mapping[str, type]]:
+    """What can be combined to a motion, by kind."""
+    from redres_ros.laws import LAWS
+    from redres_ros.limits import LIMITS
+    from redres_ros.preferences import PREFERENCES
+    from redres_ros.tasks import TASKS
+
+    return {'law': LAWS, 'preference': PREFERENCES, 'task': TASKS, 'limit': LIMITS}
+
+
+def given_gains(options: argparse.Namespace) -> dict[Gain, Any]:
+    """All gains that the command line gives."""
+    values = {gain: getattr(options, gain.key) for gain in all_gains()}
+    return {gain: value for gain, value in values.items() if value is not None}
+
+
+def gains_of(options: argparse.Namespace, kind: str, owner: str) -> dict[str, Any]:
+    """The gains that the command line gives to one thing, by their own names."""
+    return {
+        gain.name: value
+        for gain, value in given_gains(options).items()
+        if (gain.kind, gain.owner) == (kind, owner)
+    }
+
+
+def check_gains(options: argparse.Namespace, in_use: set[tuple[str, str]]) -> None:
+    """Refuse a gain of something that is not in use, which would do nothing.
+
+    Args:
+        options: With the gains.
+        in_use: Kind and name of all that is.
+
+    Raises:
+        OptionError: There is such a gain.
+    """
+    for gain in given_gains(options):
+        if (gain.kind, gain.owner) not in in_use:
+            used = ', '.join(sorted(' '.join(each) for each in in_use))
+            raise OptionError(f'--{gain.key} acts on the {gain.kind} {gain.owner}; in use: {used}')

@@ -1,0 +1,124 @@
+"""The arm and the task that the options ask for."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from redres_ros.cli.options import OptionError
+
+if TYPE_CHECKING:
+    from redres_ros.robot_model import RobotModel
+    from redres_ros.robots import Arm
+    from redres_ros.waypoints import WaypointTask
+
+_URDF = ('.urdf', '.xacro')  # endings by which a file is told from a name
+_NEAR = 0.01  # [m] that the tip at the start may be away from the first point
+
+
+class Motion(NamedTuple):
+    """What is to be done, and by which arm.
+
+    Args:
+        name: The task as the command line or the table of arms names it; empty: made for the arm.
+        task: The same, read.
+        model: The arm.
+    """
+
+    name: str
+    task: 'WaypointTask'
+    model: 'RobotModel'
+
+    @property
+    def title(self) -> str:
+        """Task and arm in words."""
+        arm = self.model.arm
+        task = self.name or 'a square before the tip'
+        return f'{task}, {self.task.robot}, {arm.dynamics} dynamics'
+
+
+def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Motion:
+    """The task and the arm.
+
+    Args:
+        options: With the task, the robot, its tip and its dynamics.
+        default: The task where neither a task nor a robot is named.
+
+    Raises:
+        UnknownNameError: No such task, robot, frame or dynamics.
+        FileError: A file that cannot be used.
+        OptionError: A task and a robot that do not go together.
+    """
+    from redres_ros.robot_model import RobotModel
+    from redres_ros.waypoints import load_task
+
+    own = options.robot and not options.task
+    if own:
+        arm = _find_arm(options, options.robot)
+        name = '' if options.tip else arm.task
+    else:
+        name = options.task or default
+    if name:
+        task = load_task(name)
+        arm = _find_arm(options, options.robot or task.robot)
+    else:
+        task = _square(arm, options.robot)
+    model = RobotModel(arm)
+    if options.robot:
+        task = replace(task, robot=options.robot)
+    if options.robot or options.tip:
+        _check_start(task, model)
+    return Motion(name, task, model)
+
+
+def _find_arm(options: argparse.Namespace, robot: str) -> 'Arm':
+    from redres_ros.robots import arm_from_urdf, find_arm
+
+    path = Path(robot)
+    if path.suffix not in _URDF:
+        return find_arm(robot, dynamics=options.dynamics, tip_frame=options.tip)
+    arm = arm_from_urdf(path, options.tip or _last_link(path))
+    return replace(arm, dynamics=options.dynamics)
+
+
+def _last_link(path: Path) -> str:
+    """The link at the end of an arm without branches."""
+    from redres_ros.robots.urdf import Urdf
+
+    urdf = Urdf.read(path)
+    parents = {joint.parent for joint in urdf.joints}
+    ends = [link for link in urdf.links if link not in parents]
+    if len(ends) != 1:
+        raise OptionError(f'{path} ends in {", ".join(ends)}; say which one with --tip FRAME')
+    return ends[0]
+
+
+def _square(arm: 'Arm', robot: str) -> 'WaypointTask':
+    """A small first task for an arm that has none of its own."""
+    import numpy as np
+
+    from redres_ros.robots.square import square_before_tip
+    from redres_ros.waypoints import WaypointTask
+
+    start = np.array(arm.start)
+    square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
+    if square is None:
+        raise OptionError(f'no square was found that {robot} can go round; name a --task')
+    return WaypointTask(robot, start, square.waypoints, segment_time=square.segment_time)
+
+
+def _check_start(task: 'WaypointTask', model: 'RobotModel') -> None:
+    """Refuse a task that was written for another arm, tip or base."""
+    import numpy as np
+
+    if len(task.start) != model.n:
+        raise OptionError(
+            f'the task starts with {len(task.start)} joints, and {task.robot} has {model.n}; '
+            'name a task of that robot with --task'
+        )
+    away = float(np.linalg.norm(model.tip(task.start)[0] - task.waypoints[0]))
+    if not away < _NEAR:
+        raise OptionError(
+            f'the tip of {task.robot} is {1e3 * away:.0f} mm away from the first point when the '
+            f'task starts; allowed: {1e3 * _NEAR:.0f} mm; name a task of that robot with --task'
+        )
