@@ -4,6 +4,7 @@ out, once a cycle.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from numbers import Integral
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit
 
 INTEGRATE_FROM = ('command', 'measurement')
+MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
 
 
@@ -239,8 +241,8 @@ class Controller:
             DivergedError: A joint would have to go faster than SPEED_LIMIT. Where dx is the reason,
                 the controller is as it was before. Where its own memory is, it has forgotten it.
         """
-        if missed < 0:
-            raise RangeError('missed', missed, 0, np.inf, 'cycles')
+        if missed and not (isinstance(missed, Integral) and 0 < missed <= MOST_MISSED):
+            raise RangeError('missed', missed, 0, MOST_MISSED, 'a whole number of cycles')
         q = finite_vector(q, self.model.n, 'q')
         dx = finite_vector(dx, self.m, 'dx')
         state = self.model.unchecked_state(q, self._dq_prev)

@@ -3,11 +3,12 @@
 import math
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import ArrayError, FileError, UnknownNameError
+from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 
 
@@ -233,10 +234,12 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or
     infinity.
     """
+    if type(values) is not np.ndarray or values.dtype != np.float64:
+        _check_real(values, size, name)
     try:
         vector = np.array(values, np.float64)
-    except (TypeError, ValueError):
-        raise ArrayError(f'{name} is {values!r}; expected {size} numbers') from None
+    except (TypeError, ValueError, OverflowError):
+        raise ArrayError(f'{name} is {quoted(values)}; expected {size} numbers') from None
     if vector.shape != (size,):
         raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
     if (
@@ -244,3 +247,14 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     ):  # the second alone takes longer
         raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
     return vector
+
+
+def _check_real(values: Any, size: int, name: str) -> None:
+    """Refuse what numpy would turn into floats by leaving out a mask or an imaginary part."""
+    problem = ''
+    if np.ma.is_masked(values):
+        problem = 'has masked values'
+    elif np.asarray(values).dtype.kind not in 'iufO':
+        problem = f'is {quoted(values)}'
+    if problem:
+        raise ArrayError(f'{name} {problem}; expected {size} real numbers')

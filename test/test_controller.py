@@ -468,9 +468,50 @@ def test_from_the_measurement_missed_cycles_are_not_counted_twice(model, task):
     assert second.q_ref == pytest.approx(measured + T * second.dq, abs=1e-15)
 
 
-def test_a_negative_number_of_missed_cycles_is_refused(model, task):
+@pytest.mark.parametrize('missed', [-1, 1.5, float('nan'), float('inf'), 10**400])
+def test_a_number_of_missed_cycles_that_cannot_be_is_refused(model, task, missed):
+    controller = controller_of(model)
+    first = controller.update(task.start, DX)
     with pytest.raises(RangeError, match='missed'):
-        controller_of(model).update(task.start, DX, missed=-1)
+        controller.update(first.q_ref, DX, missed=missed)
+    assert np.isfinite(controller.update(first.q_ref, DX).q_ref).all()
+
+
+@pytest.mark.parametrize('missed', [1, np.int64(1), np.uint8(1)])
+def test_missed_cycles_may_be_any_kind_of_whole_number(model, task, missed):
+    controller = controller_of(model)
+    first = controller.update(task.start, DX)
+    assert np.isfinite(controller.update(first.q_ref, DX, missed=missed).q_ref).all()
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        (lambda q: np.ma.masked_array(q, mask=[True] + 6 * [False]), 'has masked values'),
+        (lambda q: q + 0j, '7 real numbers'),
+        (lambda q: q.astype(str), '7 real numbers'),
+        (lambda q: q > 0.0, '7 real numbers'),
+        (lambda q: q.astype('datetime64[s]'), '7 real numbers'),
+        (lambda q: [10**400, *q[1:]], '7 numbers'),
+        (lambda q: None, 'has shape'),
+    ],
+    ids=['masked', 'complex', 'text', 'truth', 'dates', 'too large', 'nothing'],
+)
+def test_positions_that_are_no_real_numbers_are_refused(model, task, change, words):
+    with pytest.raises(ArrayError, match=words) as caught:
+        controller_of(model).update(change(task.start), DX)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    'change',
+    [list, tuple, np.ma.masked_array, lambda q: q.astype(object), np.float32],
+    ids=['list', 'tuple', 'without a mask', 'objects', 'single'],
+)
+def test_positions_may_come_as_any_numbers(model, task, change):
+    expected = controller_of(model).update(np.asarray(change(task.start), float), DX)
+    assert (controller_of(model).update(change(task.start), DX).q_ref == expected.q_ref).all()
 
 
 # --- starting and stopping ------------------------------------------------------------------------
