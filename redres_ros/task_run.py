@@ -96,13 +96,14 @@ class TaskRun:
         Raises:
             ClockError: The stamp is not that of a new cycle.
         """
-        if stamp and stamp == self._cycles.newest:
-            return self._step
-        cycles = self._cycles.enter(stamp, now)
-        if cycles == 0:
-            self._pacing.interrupt()
-        self._pacing.advance(cycles)
-        self._step = self._respond(stamp, x, R)
+        is_new = not stamp or stamp != self._cycles.newest
+        if is_new:
+            cycles = self._cycles.enter(stamp, now)
+            if cycles == 0:
+                self._pacing.interrupt()
+            self._pacing.advance(cycles)
+        if is_new or self._step is None:
+            self._step = self._respond(stamp, x, R)
         return self._step
 
     def _respond(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Step | None:

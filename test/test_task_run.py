@@ -153,6 +153,14 @@ def test_the_same_state_again_gets_the_same_step() -> None:
     assert again is step
 
 
+def test_a_robot_that_waits_for_the_first_step_gets_it_when_the_task_is_started() -> None:
+    arm = Arm(at_once=True)
+    assert arm.tick(None) is None
+    arm.run.start()
+    step = arm.run.enter_state(arm.cycle * NS, arm.x, np.eye(3), arm.cycle * T)
+    assert step is not None and step.reference is not None
+
+
 @pytest.mark.parametrize('cycles', [50_000, -600])
 def test_a_robot_that_starts_again_from_elsewhere_has_the_task_begun_anew(cycles: int) -> None:
     arm = under_way()
