@@ -14,7 +14,8 @@ from redres_ros.errors import RedresError
 from redres_ros.parameter import check_parameters, param
 from redres_ros.playout import Playout, PlayoutSettings
 
-COMMANDING = ('CMD', 'COMMANDING_ACTIVE')  # session states in which a robot takes commands
+# Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
+COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
 
 _SESSION_PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may take 3 s
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from redres_ros.fri.faults import Faults
+from redres_ros.fri.profile import FCI
 from redres_ros.fri.session import Refusal
 from redres_ros.robots import ARMS
 
@@ -57,6 +58,11 @@ def test_every_scenario_of_recovery_has_a_row() -> None:
 @pytest.mark.parametrize('kind', list(Refusal))
 def test_every_kind_of_refusal_has_a_row(kind: Refusal) -> None:
     assert any(f'*{kind.value}*' in row[0] for row in rows())
+
+
+@pytest.mark.parametrize('name', sorted(set(FCI.reflexes.values())))
+def test_every_reflex_of_a_franka_arm_has_a_row(name: str) -> None:
+    assert any(f'`{name}: …`' in row[1] for row in rows())
 
 
 @pytest.mark.parametrize('fault', [field.name for field in fields(Faults)])

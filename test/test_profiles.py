@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import UnknownNameError
-from redres_ros.fri.profile import LWR_FRI1, PROFILES, SUNRISE, Event, Profile, State
+from redres_ros.fri.profile import FCI, LWR_FRI1, PROFILES, SUNRISE, Event, Profile, State
 from redres_ros.fri.quality import Quality, SunriseQuality
 from redres_ros.fri.session import Session, SessionSettings
 from redres_ros.fri.timing import WINDOW
@@ -38,6 +38,18 @@ RESET            IDLE            MONITORING_WAIT  MONITORING_WAIT  MONITORING_WA
 """  # noqa: E501, a table is best read in one piece
 
 
+FCI_TABLE = """
+                 IDLE   MOVE   REFLEX                   AUTOMATIC_ERROR_RECOVERY
+SILENCE          IDLE   REFLEX REFLEX                   IDLE
+POOR_TIMING      IDLE   MOVE   REFLEX                   IDLE
+GOOD_TIMING      IDLE   MOVE   REFLEX                   IDLE
+LONG_GOOD_TIMING IDLE   MOVE   REFLEX                   IDLE
+FIRST_COMMAND    MOVE   MOVE   REFLEX                   AUTOMATIC_ERROR_RECOVERY
+FAULT            REFLEX REFLEX REFLEX                   REFLEX
+RESET            IDLE   IDLE   AUTOMATIC_ERROR_RECOVERY AUTOMATIC_ERROR_RECOVERY
+"""
+
+
 def pairs(profile: Profile, table: str) -> list[tuple[Profile, State, Event, State]]:
     head, *rows = [line.split() for line in table.strip().splitlines()]
     return [
@@ -47,7 +59,7 @@ def pairs(profile: Profile, table: str) -> list[tuple[Profile, State, Event, Sta
     ]
 
 
-EVERY_PAIR = pairs(LWR_FRI1, LWR_TABLE) + pairs(SUNRISE, SUNRISE_TABLE)
+EVERY_PAIR = pairs(LWR_FRI1, LWR_TABLE) + pairs(SUNRISE, SUNRISE_TABLE) + pairs(FCI, FCI_TABLE)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +79,7 @@ def test_the_tables_leave_out_no_profile_state_or_event():
         for event in Event
     }
     assert {pair[:3] for pair in EVERY_PAIR} == expected
-    assert len(EVERY_PAIR) == len(expected) == (2 + 5) * 7
+    assert len(EVERY_PAIR) == len(expected) == (2 + 5 + 4) * 7
 
 
 @EACH
@@ -105,6 +117,7 @@ def test_quality_names_and_numbers_are_those_of_the_profile(profile):
     names = {
         'lwr_fri1': ['UNACCEPTABLE', 'BAD', 'OK', 'PERFECT'],
         'sunrise': ['POOR', 'FAIR', 'GOOD', 'EXCELLENT'],
+        'fci': ['INSUFFICIENT', 'POOR', 'GOOD', 'EXCELLENT'],
     }
     assert [quality.name for quality in sorted(qualities)] == names[profile.name]
     assert [int(quality) for quality in sorted(qualities)] == [0, 1, 2, 3]
@@ -114,7 +127,7 @@ def test_quality_names_and_numbers_are_those_of_the_profile(profile):
 
 
 def test_an_unknown_profile_is_refused_with_those_that_exist():
-    with pytest.raises(UnknownNameError, match='lwr_fri1, sunrise'):
+    with pytest.raises(UnknownNameError, match='fci, lwr_fri1, sunrise'):
         SessionSettings(profile='fri3')
 
 
@@ -149,7 +162,7 @@ def commanding(profile: Profile, **settings: float) -> Session:
 def test_only_one_state_is_commanding(profile):
     session = session_of(profile)
     assert not session.commanding
-    assert commanding(profile).state is profile.states[-1]
+    assert commanding(profile).state is profile.commanding
 
 
 def test_a_life_of_an_lwr():
@@ -180,7 +193,7 @@ def test_a_life_of_a_sunrise_goes_through_every_state():
 @pytest.mark.parametrize('monitor_time', [0.1, 0.5])
 def test_command_mode_takes_the_monitor_time_of_good_timing(profile, monitor_time):
     session = session_of(profile, monitor_time=monitor_time)
-    steps = {'lwr_fri1': 1, 'sunrise': 2}[
+    steps = {'lwr_fri1': 1, 'sunrise': 2, 'fci': 1}[
         profile.name
     ]  # cycles: on the way through COMMANDING_WAIT
     states(session, [0] * (round(monitor_time / T) - 1))
@@ -189,7 +202,7 @@ def test_command_mode_takes_the_monitor_time_of_good_timing(profile, monitor_tim
     assert session.commanding
 
 
-@EACH
+@pytest.mark.parametrize('profile', [LWR_FRI1, SUNRISE], ids=lambda profile: profile.name)
 def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(profile):
     session = commanding(profile, bridged_misses=5)
     lowest = profile.lowest

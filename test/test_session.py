@@ -388,7 +388,7 @@ def test_thresholds_get_laxer_from_the_best_quality_down():
 
 
 @pytest.mark.parametrize(
-    'settings', [{'monitor_time': -1.0}, {'bridged_misses': -1}, {'entry_tolerance': math.nan}]
+    'settings', [{'monitor_time': -1.0}, {'bridged_misses': 101}, {'entry_tolerance': math.nan}]
 )
 def test_settings_out_of_range_are_refused(settings):
     with pytest.raises(RangeError, match=next(iter(settings))):

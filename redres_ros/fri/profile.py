@@ -1,4 +1,4 @@
-"""Kinds of FRI session as tables: their states, what leads from one to another, and what each asks
+"""Kinds of session as tables: their states, what leads from one to another, and what each asks
 of the timing.
 """
 
@@ -7,18 +7,22 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from types import MappingProxyType
 
+from redres_ros.fri.guard import GuardSettings
 from redres_ros.fri.quality import (
+    FCI_THRESHOLDS,
     SUNRISE_THRESHOLDS,
     THRESHOLDS,
+    FciQuality,
     Quality,
     SunriseQuality,
     Threshold,
 )
+from redres_ros.fri.reflex import KUKA_NAMES, Reflex
 
 
 class State(Enum):
-    """States of a session, those of every profile. The arm follows its client in CMD and
-    COMMANDING_ACTIVE only.
+    """States of a session, those of every profile. The arm follows its client in CMD,
+    COMMANDING_ACTIVE and MOVE only.
     """
 
     MON = 'MON'
@@ -28,6 +32,9 @@ class State(Enum):
     MONITORING_READY = 'MONITORING_READY'
     COMMANDING_WAIT = 'COMMANDING_WAIT'
     COMMANDING_ACTIVE = 'COMMANDING_ACTIVE'
+    MOVE = 'MOVE'
+    REFLEX = 'REFLEX'
+    AUTOMATIC_ERROR_RECOVERY = 'AUTOMATIC_ERROR_RECOVERY'
 
 
 class Event(Enum):
@@ -44,12 +51,22 @@ class Event(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A kind of FRI session.
+    """A kind of session.
 
-    states: the first one is that of the start; commanding: the one in which the arm follows its
-    client; transitions: a pair that is not among them changes nothing; thresholds: what every
-    quality but the worst asks for, best first; entry: quality needed for command mode to begin;
-    lowest: the one below which it ends.
+    Attributes:
+        name: the parameter that chooses it.
+        states: those of its sessions. The first one is that of the start.
+        commanding: the one in which the arm follows its client.
+        transitions: from a state by an event to a state. A pair that is not among them changes
+            nothing.
+        thresholds: what every quality but the worst asks for, best first.
+        entry: quality needed for command mode to begin.
+        lowest: quality below which command mode ends.
+        reflexes: what each cause of a stop is called.
+        bridged_misses: cycles in a row without an answer that are bridged by default.
+        extrapolates_acceleration: whether a bridged command goes on at its last acceleration, and
+            not at its last velocity.
+        guard: how limits are applied by default.
     """
 
     name: str
@@ -59,6 +76,10 @@ class Profile:
     thresholds: Mapping[IntEnum, Threshold]
     entry: IntEnum
     lowest: IntEnum
+    reflexes: Mapping[Reflex, str]
+    bridged_misses: int
+    extrapolates_acceleration: bool
+    guard: GuardSettings
 
     def after(self, state: State, event: Event) -> State:
         """The state to which an event leads."""
@@ -84,6 +105,10 @@ LWR_FRI1 = Profile(
     thresholds=THRESHOLDS,
     entry=Quality.PERFECT,
     lowest=Quality.BAD,
+    reflexes=KUKA_NAMES,
+    bridged_misses=5,
+    extrapolates_acceleration=False,
+    guard=GuardSettings(),
 )
 
 _OPEN = (
@@ -120,6 +145,61 @@ SUNRISE = Profile(
     thresholds=SUNRISE_THRESHOLDS,
     entry=SunriseQuality.GOOD,
     lowest=SunriseQuality.GOOD,
+    reflexes=KUKA_NAMES,
+    bridged_misses=5,
+    extrapolates_acceleration=False,
+    guard=GuardSettings(),
 )
 
-PROFILES = {profile.name: profile for profile in (LWR_FRI1, SUNRISE)}
+# The Franka Control Interface as a client of joint positions sees it. States and reflexes have
+# libfranka's names; the twentieth packet lost in a row ends a motion. Jerk as in the data of FR3.
+FCI = Profile(
+    name='fci',
+    states=(State.IDLE, State.MOVE, State.REFLEX, State.AUTOMATIC_ERROR_RECOVERY),
+    commanding=State.MOVE,
+    transitions=MappingProxyType(
+        {
+            (State.IDLE, Event.FIRST_COMMAND): State.MOVE,
+            (State.IDLE, Event.FAULT): State.REFLEX,
+            (State.MOVE, Event.SILENCE): State.REFLEX,
+            (State.MOVE, Event.FAULT): State.REFLEX,
+            (State.MOVE, Event.RESET): State.IDLE,
+            (State.REFLEX, Event.RESET): State.AUTOMATIC_ERROR_RECOVERY,
+            (State.AUTOMATIC_ERROR_RECOVERY, Event.FAULT): State.REFLEX,
+            **{
+                (State.AUTOMATIC_ERROR_RECOVERY, event): State.IDLE
+                for event in (
+                    Event.SILENCE,
+                    Event.POOR_TIMING,
+                    Event.GOOD_TIMING,
+                    Event.LONG_GOOD_TIMING,
+                )
+            },
+        }
+    ),
+    thresholds=FCI_THRESHOLDS,
+    entry=FciQuality.GOOD,
+    lowest=FciQuality.INSUFFICIENT,
+    reflexes=MappingProxyType(
+        {
+            Reflex.TIMING: 'communication_constraints_violation',
+            Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
+            Reflex.POSITION: 'joint_motion_generator_position_limits_violation',
+            Reflex.BRAKING: 'joint_motion_generator_velocity_limits_violation',
+            Reflex.VELOCITY: 'joint_motion_generator_velocity_limits_violation',
+            Reflex.ACCELERATION: 'joint_motion_generator_velocity_discontinuity',
+            Reflex.JERK: 'joint_motion_generator_acceleration_discontinuity',
+        }
+    ),
+    bridged_misses=19,
+    extrapolates_acceleration=True,
+    guard=GuardSettings(
+        acceleration_window=1e-4,  # a single cycle
+        position_margin=0.0,
+        acceleration_tolerance=0.0,
+        velocity_stops=True,
+        jerk_limit=5000.0,
+    ),
+)
+
+PROFILES = {profile.name: profile for profile in (LWR_FRI1, SUNRISE, FCI)}

@@ -23,6 +23,15 @@ class SunriseQuality(IntEnum):
     EXCELLENT = 3
 
 
+class FciQuality(IntEnum):
+    """Quality of a connection to a Franka arm, which tells the share of answers: names of ours."""
+
+    INSUFFICIENT = 0
+    POOR = 1
+    GOOD = 2
+    EXCELLENT = 3
+
+
 @dataclass(frozen=True)
 class Statistics:
     """The five figures that FRI reports, over the last WINDOW packets.
@@ -92,4 +101,9 @@ SUNRISE_THRESHOLDS: Mapping[IntEnum, Threshold] = {
     SunriseQuality.EXCELLENT: PERFECT,
     SunriseQuality.GOOD: OK,
     SunriseQuality.FAIR: BAD,
+}
+FCI_THRESHOLDS: Mapping[IntEnum, Threshold] = {
+    FciQuality.EXCELLENT: PERFECT,
+    FciQuality.GOOD: OK,
+    FciQuality.POOR: BAD,
 }

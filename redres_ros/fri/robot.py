@@ -45,25 +45,49 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Course:
-    """Where the commands are going: q (n,) [rad] at a tick, on by slope (n,) [rad] a tick, as by
-    the last two answers.
+    """Where the commands are going: extrapolation through the last answers.
 
-    The slope must not come from what was extrapolated before: fed back like that, a client that is
-    always late would be unstable.
+    What was extrapolated before must not enter: fed back like that, a client that is always late
+    would be unstable.
+
+    Attributes:
+        tick: that of the last answer.
+        q: its command, (n,) [rad].
+        slope: the last step from tick to tick, (n,) [rad].
+        curve: its change from tick to tick, (n,) [rad]; 0 for a course that is a straight line.
     """
 
     tick: int
     q: np.ndarray
     slope: np.ndarray
+    curve: np.ndarray
+
+    @classmethod
+    def standstill(cls, tick: int, q: np.ndarray) -> '_Course':
+        """At rest at q (n,) [rad] since a tick."""
+        return cls(tick, q, np.zeros_like(q), np.zeros_like(q))
 
     def at(self, tick: int) -> np.ndarray:
         """The command for the state of a tick, (n,) [rad]."""
-        return self.q + (tick - self.tick) * self.slope
+        ahead = tick - self.tick
+        return self.q + ahead * self.slope + 0.5 * ahead * (ahead + 1) * self.curve
 
-    def through(self, answer: Answer) -> '_Course':
-        """The course after another answer, to a later tick."""
+    def through(self, answer: Answer, curved: bool) -> '_Course':
+        """The course after another answer.
+
+        Args:
+            answer: to a later tick.
+            curved: whether the course goes on with the last change of its step, and not straight
+                on.
+        """
         q = np.array(answer.q, dtype=np.float64)
-        return _Course(answer.tick, q, (q - self.q) / (answer.tick - self.tick))
+        ticks = answer.tick - self.tick
+        slope = (q - self.q) / ticks  # (n,) the mean step since the last answer
+        if not curved:
+            return _Course(answer.tick, q, slope, np.zeros_like(q))
+        # Steps slope + curve, slope + 2 curve, ... have this mean after so many ticks.
+        curve = 2.0 * (slope - self.slope) / (ticks + 1)  # (n,)
+        return _Course(answer.tick, q, self.slope + ticks * curve, curve)
 
 
 class FriRobot:
@@ -87,7 +111,8 @@ class FriRobot:
         self._guard = guard
         self._follower = Follower(guard.limits, plant.period, plant.q)
         self._tick = 0
-        self._course = _Course(-1, plant.q, np.zeros_like(plant.q))
+        self._course = _Course.standstill(-1, plant.q)
+        self._curved = session.profile.extrapolates_acceleration
         self._command = plant.q  # (n,) [rad] last one executed
 
     @property
@@ -156,7 +181,7 @@ class FriRobot:
         latency = 0.0
         for answer in answers:
             if answer is not None:
-                self._course = self._course.through(answer)
+                self._course = self._course.through(answer, self._curved)
                 lateness = self._tick - 1 - answer.tick
                 latency = answer.latency
         self.session.record(lateness, latency)
@@ -170,7 +195,7 @@ class FriRobot:
         command = self._course.q
         self.session.offer(float(np.abs(command - self._follower.reference).max()))
         if self.session.commanding:
-            self._course = _Course(self._course.tick, command, np.zeros_like(command))
+            self._course = _Course.standstill(self._course.tick, command)
             self._command = command
             self._follower.begin(command)
             self._guard.begin()

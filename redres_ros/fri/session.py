@@ -8,6 +8,7 @@ from enum import Enum, IntEnum
 from redres_ros.errors import RedresError
 from redres_ros.fri.profile import LWR_FRI1, PROFILES, Event, Profile, State
 from redres_ros.fri.quality import Statistics
+from redres_ros.fri.reflex import Reflex
 from redres_ros.fri.timing import Counts, TimingMonitor
 from redres_ros.parameter import check_parameters, param
 
@@ -44,13 +45,19 @@ class SessionSettings:
     """
 
     profile: str = param(
-        LWR_FRI1.name, "kind of FRI session: the LWR's, or that of Sunrise", choices=tuple(PROFILES)
+        LWR_FRI1.name,
+        "kind of session: the LWR's FRI, that of Sunrise, or Franka's control interface",
+        choices=tuple(PROFILES),
     )
     monitor_time: float = param(
         0.5, 'good timing needed before command mode; 0: as soon as possible [s]', 0.0, 60.0
     )
     bridged_misses: int = param(
-        5, 'cycles in a row without an answer that are bridged by extrapolation', 0, 100
+        -1,
+        'cycles in a row without an answer that are bridged by extrapolation; '
+        '-1: as many as the profile does',
+        -1,
+        100,
     )
     entry_tolerance: float = param(
         0.01, 'how far the first command may be from the mirrored position [rad]', 0.0, 1.0
@@ -73,6 +80,9 @@ class Session:
         self._settings = settings or SessionSettings()
         self._profile = PROFILES[self._settings.profile]
         self._timing = TimingMonitor(period, self._profile.thresholds)
+        self._bridged_misses = self._settings.bridged_misses
+        if self._bridged_misses < 0:
+            self._bridged_misses = self._profile.bridged_misses
         self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
         self._good_cycles = 0
         self._bridged = 0
@@ -182,8 +192,8 @@ class Session:
             self._take(Event.FIRST_COMMAND)
         else:
             self.stop(
-                f'interpolation error: the first command is {gap:.3g} rad from the mirrored '
-                f'position, allowed {self._settings.entry_tolerance:g}'
+                f'{self._profile.reflexes[Reflex.START_POSE]}: the first command is {gap:.3g} rad '
+                f'from the mirrored position, allowed {self._settings.entry_tolerance:g}'
             )
 
     def stop(self, reason: str) -> None:
@@ -201,14 +211,16 @@ class Session:
     def _timing_fault(self) -> str:
         """Why the timing ends command mode; empty if it does not."""
         age = self._timing.age
-        bridged = self._settings.bridged_misses
+        bridged = self._bridged_misses
+        timing = self._profile.reflexes[Reflex.TIMING]
         refused = f'; last refused: {self._answer_error}' if self._answer_error else ''
         if age > bridged:
-            return f'timing: the newest answer is {age} cycles late, {bridged} are bridged{refused}'
-        if self.quality < self._profile.lowest:
             return (
-                f'timing: the connection is {self.quality.name}: {self._timing.complaint}{refused}'
+                f'{timing}: the newest answer is {age} cycles late, {bridged} are bridged{refused}'
             )
+        if self.quality < self._profile.lowest:
+            complaint = self._timing.complaint
+            return f'{timing}: the connection is {self.quality.name}: {complaint}{refused}'
         return ''
 
     def _timing_event(self) -> Event:

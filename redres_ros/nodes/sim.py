@@ -1,4 +1,4 @@
-"""Node `sim`: a fake KUKA LWR behind its Fast Research Interface. It is the clock of the graph."""
+"""Node `sim`: a fake robot controller with a simulated arm. It is the clock of the graph."""
 
 import math
 import sys
@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from redres_ros.fri.channel import Channel
 from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
-from redres_ros.fri.guard import Guard, GuardSettings
+from redres_ros.fri.guard import Guard
 from redres_ros.fri.inbox import Inbox
 from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
 from redres_ros.fri.robot import FriRobot
@@ -78,8 +78,10 @@ class SimNode(Node):
         faults = declare(self, Faults())
         seed = self._settings.fault_seed
         self._plant = FaultyPlant(self._make_plant(arm, period), faults, seed)
-        guard = Guard(JointLimits.of(arm), period, declare(self, GuardSettings()))
         self._session = Session(period, declare(self, SessionSettings()))
+        profile = self._session.profile
+        limits = JointLimits.of(arm)
+        guard = Guard(limits, period, declare(self, profile.guard), profile.reflexes)
         self._robot = FriRobot(self._plant, guard, self._session)
         self._refusals = Refusals(self)
         self._told_refusal: AnswerError | None = None

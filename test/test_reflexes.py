@@ -1,0 +1,197 @@
+"""The profile `fci`: each of libfranka's reflexes on joint motions, and the way out of them.
+
+A Franka arm at 1000 Hz, whose client commands a motion that each test continues in its own way.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from fri_helpers import Door
+
+from redres_ros.fri.guard import Guard
+from redres_ros.fri.plant import IdealPlant
+from redres_ros.fri.profile import FCI, State
+from redres_ros.fri.reflex import Reflex
+from redres_ros.fri.robot import FriRobot
+from redres_ros.fri.session import Session, SessionSettings
+from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
+
+T = 0.001  # [s]
+LIMITS = JointLimits.of(find_arm('fr3'))
+START = np.array(find_arm('fr3').start)
+FIRST = np.eye(7)[0]  # the first joint alone
+ROUNDING = 1e-12  # [rad]
+
+
+class Client:
+    """Answers every state in time, with the position that it adds to at every tick."""
+
+    def __init__(self, q: np.ndarray = START) -> None:
+        session = Session(T, SessionSettings(profile='fci', monitor_time=0.05))
+        guard = Guard(LIMITS, T, FCI.guard, FCI.reflexes)
+        self.door = Door(FriRobot(IdealPlant(LIMITS.joint_names, T, q), guard, session))
+        self.session = session
+        self.q = q
+        self.states = [session.state]
+        self.advance()
+
+    def advance(self) -> None:
+        """A cycle."""
+        self.door.advance()
+        self.states.append(self.session.state)
+
+    def say(self, q: np.ndarray) -> None:
+        """Answer the state of this tick, and let the robot have it."""
+        self.q = q
+        self.door.send(self.door.robot.tick - 1, q)
+        self.advance()
+
+    def stand(self, cycles: int) -> None:
+        """Answer from the spot."""
+        for _ in range(cycles):
+            self.say(self.q)
+
+    def accelerate(self, acceleration: float, cycles: int, velocity: float = 0.0) -> float:
+        """Move the first joint at a constant acceleration [rad/s^2]; its velocity then [rad/s]."""
+        for _ in range(cycles):
+            velocity += acceleration * T
+            self.say(self.q + velocity * T * FIRST)
+        return velocity
+
+    @property
+    def passed(self) -> list[State]:
+        """The states gone through, each once in a row."""
+        return [s for k, s in enumerate(self.states) if k == 0 or s is not self.states[k - 1]]
+
+
+def commanding(q: np.ndarray = START) -> Client:
+    client = Client(q)
+    client.stand(60)
+    assert client.session.state is State.MOVE
+    return client
+
+
+def start_pose() -> Client:
+    client = Client()
+    client.q = START + 0.02 * FIRST
+    client.stand(60)
+    return client
+
+
+def position() -> Client:
+    upper = LIMITS.upper * FIRST
+    client = commanding(START * (1.0 - FIRST) + upper - 1e-6 * FIRST)
+    client.say(client.q + 2e-6 * FIRST)
+    return client
+
+
+def braking() -> Client:
+    client = commanding()
+    velocity = client.accelerate(4.0, 250)  # to 1 rad/s
+    client.accelerate(0.0, 3000, velocity)
+    return client
+
+
+def velocity() -> Client:
+    client = commanding()
+    client.accelerate(4.0, 660)  # to 2.64 rad/s; allowed are 2.62
+    return client
+
+
+def acceleration() -> Client:
+    client = commanding()
+    client.say(client.q + 0.0101 * T * FIRST)  # 10.1 rad/s^2; allowed are 10
+    return client
+
+
+def jerk() -> Client:
+    client = commanding()
+    client.say(client.q + 0.0051 * T * FIRST)  # 5.1 rad/s^2 at once; allowed are 5 a cycle
+    return client
+
+
+def timing() -> Client:
+    client = commanding()
+    for _ in range(20):
+        client.advance()
+    return client
+
+
+REFLEXES: dict[Reflex, tuple[Callable[[], Client], str]] = {
+    Reflex.TIMING: (timing, 'communication_constraints_violation'),
+    Reflex.START_POSE: (start_pose, 'joint_position_motion_generator_start_pose_invalid'),
+    Reflex.POSITION: (position, 'joint_motion_generator_position_limits_violation'),
+    Reflex.BRAKING: (braking, 'joint_motion_generator_velocity_limits_violation'),
+    Reflex.VELOCITY: (velocity, 'joint_motion_generator_velocity_limits_violation'),
+    Reflex.ACCELERATION: (acceleration, 'joint_motion_generator_velocity_discontinuity'),
+    Reflex.JERK: (jerk, 'joint_motion_generator_acceleration_discontinuity'),
+}
+EACH = pytest.mark.parametrize(
+    ('provoke', 'name'), REFLEXES.values(), ids=[reflex.name for reflex in REFLEXES]
+)
+
+
+def test_every_reflex_is_provoked():
+    assert set(REFLEXES) == set(Reflex)
+
+
+@EACH
+def test_a_violation_is_a_reflex_that_is_named_as_libfranka_names_it(provoke, name):
+    client = provoke()
+    assert client.session.reason.startswith(f'{name}: ')
+    assert client.session.state is State.REFLEX
+
+
+@EACH
+def test_after_automatic_error_recovery_the_arm_moves_again(provoke, name):
+    client = provoke()
+    robot = client.door.robot
+    while not robot.at_rest:
+        client.advance()
+    client.stand(100)
+    assert client.session.state is State.REFLEX  # until somebody asks for it
+    robot.reset()
+    client.states.append(client.session.state)
+    client.q = robot.q
+    client.stand(200)
+    assert client.passed[-4:] == [
+        State.REFLEX,
+        State.AUTOMATIC_ERROR_RECOVERY,
+        State.IDLE,
+        State.MOVE,
+    ]
+    assert client.session.reason == ''
+
+
+def test_a_motion_within_all_limits_is_no_reason_to_stop():
+    client = commanding()
+    velocity = client.accelerate(4.9, 500)  # 4900 rad/s^3 at its beginning and its end
+    client.accelerate(0.0, 100, velocity)
+    assert velocity == pytest.approx(2.45)
+    assert (client.session.state, client.session.reason) == (State.MOVE, '')
+
+
+def test_nineteen_packets_in_a_row_are_bridged():
+    client = commanding()
+    for _ in range(19):
+        client.advance()
+    client.stand(1)
+    assert (client.session.state, client.session.reason) == (State.MOVE, '')
+
+
+def test_lost_packets_are_bridged_at_the_last_acceleration():
+    client = commanding()
+    client.accelerate(2.0, 100)
+    velocity = 0.2
+    expected = [client.q]
+    for _ in range(10):
+        velocity += 2.0 * T
+        expected.append(expected[-1] + velocity * T * FIRST)
+    for k in range(1, 6):  # lost
+        client.advance()
+        assert client.door.robot.reference == pytest.approx(expected[k], abs=ROUNDING)
+    client.say(expected[6])
+    assert client.session.state is State.MOVE
+    assert client.session.reason == ''
