@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 
 
 class IntraProcess:
@@ -45,17 +46,19 @@ class _Handing(Node):
 
     intra_process: IntraProcess
 
-    def create_publisher(self, kind: type, topic: str, *arguments: Any, **options: Any) -> Any:
-        publisher = super().create_publisher(kind, topic, *arguments, **options)
+    def create_publisher(
+        self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any
+    ) -> Any:
+        publisher = super().create_publisher(msg_type, topic, qos_profile, **options)
         receivers = self.intra_process.receivers(self, topic)
         return publisher if receivers is None else _Publisher(publisher, receivers)
 
     def create_subscription(
         self,
-        kind: type,
+        msg_type: Any,
         topic: str,
         callback: Callable[[Any], None],
-        *arguments: Any,
+        qos_profile: QoSProfile | int,
         **options: Any,
     ) -> Any:
         receivers = self.intra_process.receivers(self, topic)
@@ -63,7 +66,7 @@ class _Handing(Node):
             receivers.append(callback)
             if not self.intra_process.is_open(topic):
                 return None
-        return super().create_subscription(kind, topic, callback, *arguments, **options)
+        return super().create_subscription(msg_type, topic, callback, qos_profile, **options)
 
 
 class _Publisher:

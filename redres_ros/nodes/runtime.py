@@ -122,8 +122,9 @@ def start(arguments: list[str] | None = None) -> None:
 
 @contextmanager
 def spun(make: Callable[[], N]) -> Iterator[N]:
-    """Start ROS and yield a node that is spun in a thread; for programs that listen and ask. Raises
-    StartError.
+    """Start ROS and yield a node that is spun in a thread; for programs that listen and ask.
+
+    Raises StartError.
     """
     start()
     try:
@@ -134,8 +135,7 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
             with _spinning(spinner, stopped):
                 yield node
         finally:
-            spinner.close()
-            node.destroy_node()
+            _release(spinner, [node])
     finally:
         rclpy.try_shutdown()
 
@@ -216,6 +216,10 @@ def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None
         for node in nodes:
             if hasattr(node, 'close'):
                 node.close()
-        spinner.close()
-        for node in nodes:
-            node.destroy_node()
+        _release(spinner, nodes)
+
+
+def _release(spinner: Spinner, nodes: Iterable[Node]) -> None:
+    spinner.close()
+    for node in nodes:
+        node.destroy_node()
