@@ -236,3 +236,97 @@ def test_the_last_point_gives_no_row():
     recording = short()
     assert recording.finished
     assert len(recording.data) == round(3.0 / T)
+
+
+# --- limits, and the clock that goes on by s T ----------------------------------------------------
+
+BOX = ('position', 'velocity', 'acceleration')
+LIMITED = pytest.mark.parametrize(
+    ('law', 'scale', 't_end', 'least'),
+    [
+        ('minimum_velocity', 1.0, 9.080, 0.318),
+        ('minimum_velocity', 0.5, 9.008, 0.850),
+        ('minimum_acceleration', 1.0, 8.998, 1.0),
+        ('minimum_acceleration', 0.5, 9.786, 0.127),
+    ],
+)
+
+
+@cache
+def limited(law: str, scale: float) -> Recording:
+    return run(Controller(MODEL, make_law(law), T, limits=BOX, limit_scale=scale), TASK)
+
+
+@LIMITED
+def test_within_limits_the_task_takes_the_time_expected(law, scale, t_end, least):
+    recording = limited(law, scale)
+    assert recording.finished
+    assert recording['t'][-1] == pytest.approx(t_end, abs=0.0021)  # one tick
+    assert recording['task_scaling'].min() == pytest.approx(least, abs=0.003)
+
+
+@LIMITED
+def test_no_joint_goes_beyond_the_limits(law, scale, t_end, least):
+    dq = limited(law, scale).vectors('dq1')
+    ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
+    assert (np.abs(dq) <= scale * MODEL.dq_max * (1.0 + 1e-12)).all()
+    assert (np.abs(ddq) <= scale * np.array(MODEL.arm.acceleration_limit) * (1.0 + 1e-9)).all()
+
+
+@LIMITED
+def test_the_path_is_kept_and_only_time_is_stretched(law, scale, t_end, least):
+    assert limited(law, scale)['task_error'].max() < 0.5e-3
+
+
+def test_limits_that_never_act_leave_the_motion_as_it_is():
+    free = simulated('minimum_acceleration', T)
+    assert limited('minimum_acceleration', 1.0).data.tobytes() == free.data.tobytes()
+
+
+def test_a_run_beyond_the_limits_shows_where_they_acted():
+    scaling = limited('minimum_velocity', 1.0)['task_scaling']
+    acting = np.flatnonzero(scaling < 1.0) * T
+    assert 7.5 < acting.min() < acting.max() < 8.5  # where the law alone is violent
+    free = simulated('minimum_velocity', T)
+    assert free.peak('joint_acceleration_norm')[0] > 60.0
+
+
+# --- six rows -------------------------------------------------------------------------------------
+
+
+@cache
+def posed(name: str, law: str, limits: tuple[str, ...] = ()) -> Recording:
+    task = load_task(name)
+    short = replace(
+        task, waypoints=task.waypoints[:3], orientations=task.orientations[:3], segment_time=1.0
+    )
+    model = RobotModel.named(task.robot)
+    return run(Controller(model, make_law(law), 0.005, task='pose', limits=limits), short)
+
+
+@pytest.mark.parametrize('name', ['lwr4_pose', 'iiwa7_pose'])
+@pytest.mark.parametrize('law', sorted({*LAWS} - {'minimum_torque'}))
+def test_a_pose_task_is_followed_in_position_and_orientation(name, law):
+    recording = posed(name, law)
+    assert recording.finished
+    assert recording.pose
+    # J changes within a tick of 5 ms; less than what counts as reached, twice that of a point
+    assert recording['task_error'].max() < 2e-3
+    assert recording['orientation_error'].max() < 1e-2
+
+
+def test_a_pose_task_keeps_limits():
+    recording = posed('lwr4_pose', 'minimum_acceleration', BOX)
+    assert recording.finished
+    assert recording['orientation_error'].max() < 5e-3
+
+
+def test_a_pose_controller_holds_the_orientation_of_a_task_that_names_none():
+    recording = run(Controller(MODEL, make_law('minimum_velocity'), 0.005, task='pose'), brief())
+    assert recording['orientation_error'].max() < 1e-3
+
+
+def brief() -> WaypointTask:
+    """5 cm in half a second."""
+    end = TASK.waypoints[0] + (0.0, -0.05, 0.0)
+    return replace(TASK, waypoints=np.array((TASK.waypoints[0], end)), segment_time=0.5)

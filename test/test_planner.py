@@ -271,3 +271,121 @@ def test_a_limit_that_is_not_reached_changes_nothing(task):
     assert (
         Planner(task, feedback_limit=0.2).reference(x, 0.1).dx == Planner(task).reference(x, 0.1).dx
     ).all()
+
+
+# --- orientations ---------------------------------------------------------------------------------
+
+
+def turned(*rotation_vectors: tuple[float, float, float]) -> np.ndarray:
+    return np.array([Rotation.from_rotvec(vector).as_matrix() for vector in rotation_vectors])
+
+
+@pytest.fixture
+def turning(square: WaypointTask) -> WaypointTask:
+    """The square, with the tip turned another way at each of its four points."""
+    turns = turned((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.4, 0.0), (0.0, 0.0, -0.3))
+    return replace(square, orientations=turns)
+
+
+def follow_pose(planner: Planner, x: np.ndarray, R: np.ndarray, ticks: int) -> list[Reference]:
+    """References for a tip that goes and turns as it is told."""
+    references = []
+    for k in range(ticks):
+        reference = planner.reference(x, k * T, R)
+        references.append(reference)
+        x = x + T * reference.dx[:3]
+        R = Rotation.from_rotvec(T * reference.dx[3:]).as_matrix() @ R
+    return references
+
+
+def test_without_an_orientation_the_reference_has_three_rows(square):
+    reference = Planner(square).reference(square.waypoints[0], 0.1)
+    assert reference.dx.shape == (3,)
+    assert reference.R_d is None
+    assert reference.orientation_error is None
+
+
+def test_the_orientation_goes_along_the_shortest_arc_by_the_same_quintic(turning):
+    middle = Planner(turning).reference(turning.waypoints[0], 0.25, np.eye(3))
+    assert Rotation.from_matrix(middle.R_d).as_rotvec() == pytest.approx((0.25, 0.0, 0.0))
+    for t in (0.1, 0.2, 0.4):
+        reference = Planner(turning).reference(turning.waypoints[0], t, np.eye(3))
+        s, _ = quintic(t / 0.5)
+        expected = (0.5 * s, 0.0, 0.0)
+        assert Rotation.from_matrix(reference.R_d).as_rotvec() == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_tip_that_turns_as_it_is_told_follows_the_orientation(turning):
+    references = follow_pose(Planner(turning), turning.waypoints[0], np.eye(3), 1600)
+    errors = np.linalg.norm(column(references, 'orientation_error'), axis=1)
+    assert errors.max() < 1e-3  # T times the change of the angular velocity, over k_P
+    assert references[-1].finished
+    assert (references[-1].R_d == turning.orientations[-1]).all()
+
+
+def test_feedback_turns_by_the_gain_times_the_error(turning):
+    R = Rotation.from_rotvec((0.0, 0.1, 0.0)).as_matrix()
+    with_feedback, without = (
+        Planner(replace(turning, feedback_gain=gain)).reference(turning.waypoints[0], 0.0, R)
+        for gain in (7.0, 0.0)
+    )
+    assert with_feedback.orientation_error == pytest.approx((0.0, -0.1, 0.0), abs=1e-12)
+    difference = with_feedback.dx[3:] - without.dx[3:]
+    assert difference == pytest.approx(7.0 * with_feedback.orientation_error, abs=1e-12)
+
+
+def test_a_task_without_orientations_holds_the_first_one(square):
+    R = Rotation.from_rotvec((0.3, 0.0, 0.0)).as_matrix()
+    references = follow_pose(Planner(square), square.waypoints[0], R, 1600)
+    assert all(reference.R_d == pytest.approx(R, abs=1e-12) for reference in references)
+    assert np.abs(column(references, 'dx')[:, 3:]).max() < 1e-12
+
+
+def test_a_point_is_reached_only_with_its_orientation(turning):
+    planner = Planner(turning)
+    end = turning.waypoints[1]
+    askew = turned((0.5 - 0.011, 0.0, 0.0))[0]
+    assert planner.reference(end, 0.0, np.eye(3)).segment == 1
+    assert planner.reference(end, 0.6, askew).segment == 1
+    assert planner.reference(end, 0.7, turning.orientations[1]).segment == 2
+
+
+def test_a_tip_that_is_turned_another_way_turns_first(turning):
+    R = Rotation.from_rotvec((0.0, 0.0, 0.5)).as_matrix()
+    planner = Planner(turning, turning.waypoints[0], R)
+    first = planner.reference(turning.waypoints[0], 0.0, R)
+    assert first.segment == 0
+    assert not first.dx.any()
+    assert first.R_d == pytest.approx(R)
+
+
+# --- a clock that is held back --------------------------------------------------------------------
+
+
+def test_the_rate_slows_the_way_down_but_not_the_feedback(square):
+    x = square.waypoints[0] + (0.0, 0.01, 0.0)
+    whole, half, none = (
+        Planner(square).reference(x, 0.2, rate=rate).dx for rate in (1.0, 0.5, 0.0)
+    )
+    assert half == pytest.approx((whole + none) / 2.0)
+    assert none == pytest.approx(square.feedback_gain * (Planner(square).reference(x, 0.2).error))
+
+
+def test_what_a_singularity_does_not_let_through_keeps_no_segment_from_ending(square):
+    planner = Planner(square)
+    beside = square.waypoints[1] + (0.0, 0.0, -0.02)
+    planner.reference(square.waypoints[0], 0.0)
+    waiting = planner.reference(beside, 0.6)
+    assert waiting.segment == 1
+    assert planner.reference(beside, 0.7, lost=np.zeros(3)).segment == 1
+    lost = np.array((0.0, 0.0, 0.2))  # all of k_P e
+    assert planner.reference(beside, 0.8, lost=lost).segment == 2
+
+
+def test_the_last_point_must_be_reached_all_the_same(square):
+    planner = Planner(square)
+    for k in range(3):
+        planner.reference(square.waypoints[k], 0.5 * k)
+    beside = square.waypoints[-1] + (0.0, 0.0, -0.02)
+    lost = np.array((0.0, 0.0, 0.2))
+    assert not planner.reference(beside, 9.0, lost=lost).finished

@@ -232,3 +232,48 @@ def test_a_point_that_a_program_wrote_as_an_alias_is_taken(tmp_path):
     path = written(tmp_path, waypoints=[point, [0, 0, 1], point])
     assert '*' in Path(path).read_text()
     assert load_task(path).waypoints.tolist() == [point, [0, 0, 1], point]
+
+
+# --- orientations ---------------------------------------------------------------------------------
+
+POINTS = len(GOOD['waypoints'])
+
+
+def test_roll_pitch_and_yaw_are_read_in_degrees(tmp_path):
+    task = load_task(written(tmp_path, rpy=[[0, 180, 0], [90, 0, 0], [0, 0, 90]]))
+    expected = [np.diag((-1, 1, -1)), [[1, 0, 0], [0, 0, -1], [0, 1, 0]]]
+    assert task.orientations.shape == (POINTS, 3, 3)
+    assert task.orientations[:2] == pytest.approx(np.array(expected), abs=1e-15)
+
+
+def test_quaternions_are_read_as_x_y_z_w_of_any_length(tmp_path):
+    task = load_task(written(tmp_path, quaternions=[[0, 0, 0, 2], [3, 0, 0, 0], [0, 0, 1, 0]]))
+    assert task.orientations[0] == pytest.approx(np.eye(3))
+    assert task.orientations[1] == pytest.approx(np.diag((1, -1, -1)))
+
+
+def test_one_orientation_stands_for_all_points(tmp_path):
+    task = load_task(written(tmp_path, rpy=[[0, 180, 0]]))
+    assert task.orientations == pytest.approx(np.tile(np.diag((-1, 1, -1)), (POINTS, 1, 1)))
+
+
+def test_a_task_without_any_leaves_the_orientation_free(tmp_path):
+    assert load_task(written(tmp_path)).orientations is None
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        (
+            {'rpy': [[0, 0, 0]] * 2},
+            r'rpy has shape \(2, 3\); expected one row of 3 numbers, or one',
+        ),
+        ({'rpy': [[0, 0, 0, 1]]}, 'expected one row of 3 numbers'),
+        ({'quaternions': [[0, 0, 0, 0]]}, 'quaternions holds a zero; expected x, y, z, w'),
+        ({'quaternions': [[0, 0, 0, float('nan')]]}, 'expected rows of finite numbers'),
+        ({'quaternions': [[0, 0, 0, 1]], 'rpy': [[0, 0, 0]]}, 'expected one of them'),
+    ],
+)
+def test_orientations_that_cannot_be_used_are_refused(tmp_path, changes, said):
+    with pytest.raises(FileError, match=said):
+        load_task(written(tmp_path, **changes))

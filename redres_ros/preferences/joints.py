@@ -20,12 +20,9 @@ class JointCentering(Preference):
     """
 
     def acceleration(self, state: RobotState) -> np.ndarray:
-        lower = state.model.q_min
-        upper = state.model.q_max
-        width = upper - lower  # (n,) [rad]
-        limited = np.isfinite(width)
-        offset = np.zeros(len(state.q))
-        np.subtract(state.q, (lower + upper) / 2.0, out=offset, where=limited)
+        width = state.model.q_max - state.model.q_min  # (n,) [rad]
+        lower = np.where(np.isfinite(width), state.model.q_min, state.q)
+        offset = np.where(np.isfinite(width), state.q - lower - width / 2.0, 0.0)
         ddq_N: np.ndarray = -self.gain * offset / (len(offset) * width**2)
         return ddq_N
 

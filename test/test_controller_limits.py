@@ -1,0 +1,283 @@
+"""The controller within limits: what it keeps, what it tells, and that nothing makes it jump."""
+
+import numpy as np
+import pytest
+
+from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
+from redres_ros.errors import ArrayError, DivergedError, UnknownNameError
+from redres_ros.planner import Planner
+
+T = 0.002  # [s]
+BOX = ('position', 'velocity', 'acceleration')
+DX = np.array((0.0, -0.1, 0.0))  # [m/s]
+FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
+ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
+EVERY_LAW = pytest.mark.parametrize('law', LAWS)
+
+
+def acceleration_limit(model: RobotModel) -> np.ndarray:
+    return np.array(model.arm.acceleration_limit)
+
+
+def controller_of(
+    model: RobotModel, law: str = 'minimum_velocity', **options: object
+) -> Controller:
+    return Controller(model, make_law(law), T, **options)
+
+
+# --- what is kept ---------------------------------------------------------------------------------
+
+
+@EVERY_LAW
+def test_no_command_leaves_the_limits_whatever_is_asked(law, model, task):
+    controller = controller_of(model, law, limits=BOX)
+    random = np.random.default_rng(0)
+    q = task.start
+    for k in range(400):
+        if k % 40 == 0:
+            dx = random.normal(scale=3.0, size=3)
+        command = controller.update(q, dx)
+        assert (np.abs(command.dq) <= model.dq_max + 1e-12).all()
+        assert (np.abs(command.ddq) <= acceleration_limit(model) * (1.0 + ROUNDING)).all()
+        assert (command.q_ref <= model.q_max).all()
+        assert (command.q_ref >= model.q_min).all()
+        q = command.q_ref
+
+
+@EVERY_LAW
+def test_what_keeps_the_limits_is_the_closed_form_to_the_bit(law, task):
+    model = RobotModel.named('lwr4_paper')
+    bounded = controller_of(model, law, limits=BOX, switch_time=0.2)
+    plain = controller_of(model, law, switch_time=0.2)
+    q = task.start
+    for _ in range(200):
+        command = bounded.update(q, DX / 2.0)
+        expected = plain.update(q, DX / 2.0)
+        assert (command.dq == expected.dq).all()
+        assert command.s == 1.0
+        assert command.limiting == ''
+        q = command.q_ref
+
+
+def test_where_they_act_the_direction_of_the_task_is_kept(model, task):
+    controller = controller_of(model, limits=BOX)
+    for k in range(50):
+        command = controller.update(task.start, FAST)
+        assert 0.0 < command.s < 1.0, k
+        assert command.J @ command.dq == pytest.approx(command.s * FAST, abs=1e-9)
+        assert ': acceleration' in command.limiting or ': velocity' in command.limiting
+
+
+def test_a_scale_makes_them_narrower(model, task):
+    whole, half = (
+        controller_of(model, limits=BOX, limit_scale=scale).update(task.start, FAST)
+        for scale in (1.0, 0.5)
+    )
+    assert half.s == pytest.approx(whole.s / 2.0, rel=1e-9)  # from rest all is linear
+
+
+def test_torque_limits_are_kept_through_a_velocity(task):
+    model = RobotModel.named('lwr4_paper')
+    controller = controller_of(model, limits=('torque',), torque_scale=0.7)
+    q = task.start
+    pushed = 0
+    for _ in range(100):
+        command = controller.update(q, 4.0 * DX)
+        assert (np.abs(command.tau) <= 0.7 * model.tau_max * (1.0 + 1e-9)).all()
+        pushed += command.s < 1.0
+        q = command.q_ref
+    assert pushed > 0
+
+
+def test_they_look_from_the_reference_that_is_integrated(model, task):
+    """A servo that hangs back must not make the reference run into the end of a joint."""
+    controller = controller_of(model, limits=BOX)
+    for _ in range(1500):
+        command = controller.update(task.start, np.array((0.0, 0.0, -2.0)))
+        assert (command.q_ref <= model.q_max).all()
+        assert (command.q_ref >= model.q_min).all()
+
+
+@pytest.mark.parametrize('missed', [0, 3])
+def test_after_missed_cycles_the_acceleration_is_kept_still(model, task, missed):
+    controller = controller_of(model, limits=BOX)
+    first = controller.update(task.start, FAST)
+    second = controller.update(task.start, -FAST, missed)
+    change = np.abs(second.dq - first.dq) / T
+    assert (change <= acceleration_limit(model) * (1.0 + ROUNDING)).all()
+
+
+def test_lower_tasks_give_way_before_the_first(model, task):
+    controller = controller_of(
+        model, limits=BOX, limit_scale=0.3, secondary_tasks=('orientation',), task='position'
+    )
+    planner = Planner(task)
+    q = task.start
+    for k in range(500):
+        dx = planner.reference(model.tip(q)[0], k * T).dx
+        command = controller.update(q, dx)
+        assert command.J @ command.dq == pytest.approx(command.s * dx, abs=1e-9)
+        q = command.q_ref
+
+
+# --- holding --------------------------------------------------------------------------------------
+
+
+def underway(
+    model: RobotModel, task: WaypointTask, **options: object
+) -> tuple[Controller, np.ndarray]:
+    """A controller at speed, and where the arm is."""
+    controller = controller_of(model, 'minimum_acceleration', **options)
+    q = task.start
+    for _ in range(300):
+        q = controller.update(q, 3.0 * DX).q_ref
+    return controller, q
+
+
+def test_hold_brakes_within_the_limits(model, task):
+    controller, q = underway(model, task, limits=BOX, limit_scale=0.2)
+    controller.hold()
+    for _ in range(300):
+        command = controller.update(q, DX)
+        assert (np.abs(command.ddq) <= 0.2 * acceleration_limit(model) * (1.0 + ROUNDING)).all()
+        q = command.q_ref
+    assert not command.dq.any()
+
+
+@pytest.mark.parametrize('limits', [(), BOX])
+def test_hold_begins_at_once_during_a_blend(model, task, limits):
+    controller, q = underway(model, task, switch_time=2.0, limits=limits)
+    controller.switch_law(make_law('minimum_velocity'))
+    for _ in range(100):
+        q = controller.update(q, 3.0 * DX).q_ref
+    controller.hold()
+    speeds = []
+    for _ in range(1000):
+        command = controller.update(q, 3.0 * DX)
+        speeds.append(np.linalg.norm(command.dq))
+        q = command.q_ref
+    assert (np.diff(speeds) <= 1e-12).all()  # slower in every tick, from the first one on
+    assert speeds[-1] == 0.0
+    assert speeds[500] == pytest.approx(speeds[0] / 2.0, rel=0.02)
+
+
+def test_resume_begins_at_once_during_a_hold(model, task):
+    controller, q = underway(model, task, switch_time=2.0)
+    controller.hold()
+    for _ in range(300):
+        q = controller.update(q, DX).q_ref
+    controller.resume()
+    for _ in range(1000):
+        command = controller.update(q, DX)
+        assert np.linalg.norm(command.ddq) < 5.0
+        q = command.q_ref
+    assert command.J @ command.dq == pytest.approx(DX, abs=1e-12)
+
+
+def test_holding_and_resuming_in_turn_never_jumps(model, task):
+    controller, q = underway(model, task, switch_time=0.2)
+    for k in range(400):
+        if k % 7 == 0:
+            controller.hold()
+        if k % 11 == 0:
+            controller.resume()
+        command = controller.update(q, 3.0 * DX)
+        assert np.linalg.norm(command.ddq) < 40.0  # 1.875 times the speed, over 0.2 s: 10 rad/s^2
+        q = command.q_ref
+
+
+# --- live -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('limits', [(), ('velocity',), ('position', 'velocity')])
+def test_limits_are_taken_off_without_a_jump(model, task, limits):
+    """From crawling under narrow limits to what the task asks for."""
+    controller, q = underway(model, task, limits=BOX, limit_scale=0.05, switch_time=0.5)
+    controller.set_limits(limits)
+    for _ in range(500):
+        command = controller.update(q, 3.0 * DX)
+        assert np.linalg.norm(command.ddq) < 20.0  # at once it would be 400 rad/s^2
+        q = command.q_ref
+    assert command.s == 1.0
+
+
+def test_limits_on_the_acceleration_act_at_once_and_keep_what_they_say(model, task):
+    controller, q = underway(model, task, switch_time=0.5)
+    controller.set_limits(BOX, limit_scale=0.05)
+    for _ in range(300):
+        command = controller.update(q, 3.0 * DX)
+        allowed = 0.05 * acceleration_limit(model)
+        assert (np.abs(command.ddq) <= allowed * (1.0 + ROUNDING)).all()
+        q = command.q_ref
+    assert (np.abs(command.dq) <= 0.05 * model.dq_max + 1e-12).all()
+
+
+def test_limits_that_cannot_be_used_leave_those_in_force(model, task):
+    controller = controller_of(model, limits=BOX)
+    with pytest.raises(UnknownNameError, match="unknown limit 'patience'"):
+        controller.set_limits(('patience',))
+    assert controller.update(task.start, FAST).s < 1.0
+
+
+def test_an_unknown_limit_is_refused_at_construction(model):
+    with pytest.raises(UnknownNameError, match="unknown limit 'patience'; allowed: acceleration"):
+        controller_of(model, limits=('patience',))
+
+
+# --- recovery -------------------------------------------------------------------------------------
+
+
+def test_a_law_that_runs_away_is_refused_once_and_starts_anew(model):
+    """Least torque flings the stretched arm; the controller must not stay locked."""
+    controller = controller_of(model, 'minimum_torque')
+    q = np.zeros(7)
+    q[3] = 1e-3
+    refused: list[int] = []
+    for k in range(3000):
+        try:
+            command = controller.update(q, np.array((0.3, 0.1, 0.2)))
+        except DivergedError:
+            refused.append(k)
+            continue
+        q = command.q_ref
+        assert np.abs(command.dq).max() <= 1e4
+    assert (np.diff(refused) > 1).all()
+    assert len(refused) < 300
+
+
+def test_a_task_velocity_that_no_joint_could_follow_is_refused_and_changes_nothing(model, task):
+    controller, calm = controller_of(model), controller_of(model)
+    for _ in range(3):
+        with pytest.raises(DivergedError, match='allowed: up to 10000; the reason is dx'):
+            controller.update(task.start, np.array((1e9, 0.0, 0.0)))
+        assert (controller.update(task.start, DX).dq == calm.update(task.start, DX).dq).all()
+
+
+def test_a_task_velocity_that_overflows_is_refused(model, task):
+    with pytest.raises(ArrayError):
+        controller_of(model).update(task.start, np.full(3, 1e308))
+
+
+# --- what is lost ---------------------------------------------------------------------------------
+
+
+def test_far_from_singularities_nothing_is_lost(model, task):
+    command = controller_of(model).update(task.start, DX)
+    assert (command.lost == 0.0).all()
+
+
+@EVERY_LAW
+def test_what_is_not_executed_at_a_singularity_is_told(law, model):
+    """Of the stretched arm, the way outward."""
+    controller = controller_of(model, law)
+    dx = np.array((0.1, 0.0, 0.05))
+    command = controller.update(np.zeros(7), dx)
+    assert command.J @ command.dq == pytest.approx(dx - command.lost, abs=1e-9)
+    assert command.lost[2] == pytest.approx(0.05, abs=1e-9)
+    assert command.lost[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_shipped_task_names_no_limits():
+    """The paper's laws are alone unless limits are asked for."""
+    task = load_task('rectangle')
+    assert controller_of(RobotModel.named(task.robot)).update(task.start, FAST).s == 1.0

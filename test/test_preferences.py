@@ -1,0 +1,252 @@
+"""The preferences. One that is added to the table PREFERENCES goes through every test of the first
+part by itself.
+"""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from redres_ros import (
+    LAWS,
+    PREFERENCES,
+    Controller,
+    ElbowHeight,
+    JointCentering,
+    Manipulability,
+    Posture,
+    Preference,
+    RobotModel,
+    RobotState,
+    make_law,
+    make_preference,
+)
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.parameter import parameters
+from redres_ros.robots import ARMS
+
+T = 0.002  # [s]
+DX = np.array((0.0, -0.1, 0.0))  # [m/s]
+EVERY_PREFERENCE = pytest.mark.parametrize('name', PREFERENCES)
+WITH_MEMORY = pytest.mark.parametrize('law', [name for name in LAWS if LAWS[name].remembers])
+STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 both stay below 1e-9
+
+
+def begun(name: str, state: RobotState) -> Preference:
+    """Of that name, with what is left open taken from a state a little aside."""
+    aside = state.model.state(state.q + 0.1, state.dq_prev)
+    return make_preference(name).begun(aside)
+
+
+# --- every preference -----------------------------------------------------------------------------
+
+
+@EVERY_PREFERENCE
+def test_the_acceleration_grows_with_the_gain(name, states):
+    for state in states[:10]:
+        preference = begun(name, state)
+        twice = replace(preference, gain=2.0 * preference.gain)
+        once = preference.acceleration(state)
+        assert once.shape == (7,)
+        assert twice.acceleration(state) == pytest.approx(2.0 * once, rel=1e-12)
+
+
+@EVERY_PREFERENCE
+def test_a_preference_is_a_pure_function_of_the_state(name, states):
+    preference = begun(name, states[0])
+    before = states[0].q.copy()
+    first = preference.acceleration(states[0])
+    preference.acceleration(states[1])
+    assert (preference.acceleration(states[0]) == first).all()
+    assert (states[0].q == before).all()
+
+
+@EVERY_PREFERENCE
+def test_every_field_is_declared_with_a_description(name):
+    cls = PREFERENCES[name]
+    assert set(parameters(cls)) == set(fields(cls))
+    assert all(
+        '[' in parameter.description or parameter.choices for parameter in parameters(cls).values()
+    )
+
+
+@EVERY_PREFERENCE
+@pytest.mark.parametrize('gain', [-1.0, np.nan, np.inf])
+def test_a_gain_outside_its_range_is_refused(name, gain):
+    with pytest.raises(RangeError, match=f'gain is {gain}'):
+        make_preference(name, gain=gain)
+
+
+@EVERY_PREFERENCE
+@WITH_MEMORY
+def test_a_law_with_memory_takes_it_into_its_bias(name, law, states):
+    """Eq. (19): b + T ddq_N."""
+    made = make_law(law)
+    for state in states[:5]:
+        ddq_N = begun(name, state).acceleration(state)
+        expected = made.bias(state, T) + T * ddq_N
+        assert (made.bias_with(state, T, ddq_N) == expected).all()
+
+
+@EVERY_PREFERENCE
+@pytest.mark.parametrize('law', [name for name in LAWS if not LAWS[name].remembers])
+def test_a_law_without_memory_does_not(name, law, states):
+    made = make_law(law)
+    ddq_N = begun(name, states[0]).acceleration(states[0])
+    assert (made.bias_with(states[0], T, ddq_N) == made.bias(states[0], T)).all()
+
+
+@EVERY_PREFERENCE
+@pytest.mark.parametrize('arm', ARMS)
+def test_every_arm_has_one_of_every_kind(name, arm):
+    model = RobotModel.named(arm)
+    q = np.array(ARMS[arm].start)
+    state = model.state(q, np.zeros(model.n))
+    ddq_N = make_preference(name).begun(state).acceleration(state)
+    assert ddq_N.shape == (model.n,)
+    assert np.isfinite(ddq_N).all()
+
+
+@EVERY_PREFERENCE
+def test_the_task_is_executed_beside_it(name, model, task):
+    controller = Controller(model, make_law('minimum_acceleration'), T, preferences=(name,))
+    q = task.start
+    for _ in range(100):
+        command = controller.update(q, DX)
+        assert command.J @ command.dq == pytest.approx(DX, abs=1e-10)
+        q = command.q_ref
+
+
+# --- gradients ------------------------------------------------------------------------------------
+
+
+def centering(model: RobotModel, q: np.ndarray) -> float:
+    middle = (model.q_max + model.q_min) / 2.0
+    return float(np.sum(((q - middle) / (model.q_max - model.q_min)) ** 2)) / (2.0 * len(q))
+
+
+def dexterity(rows: int) -> object:
+    def measure(model: RobotModel, q: np.ndarray) -> float:
+        J = model.state(q, np.zeros(len(q))).J[:rows]
+        return float(np.sqrt(np.linalg.det(J @ J.T)))
+
+    return measure
+
+
+def height(model: RobotModel, q: np.ndarray) -> float:
+    return float(model.position(q, model.elbow_frame)[2])
+
+
+def off_height(model: RobotModel, q: np.ndarray) -> float:
+    return (height(model, q) - 0.5) ** 2 / 2.0
+
+
+def off_posture(model: RobotModel, q: np.ndarray) -> float:
+    return float(np.sum((q - 0.3) ** 2)) / 2.0
+
+
+GRADIENTS = {
+    'joint_centering': (JointCentering(gain=3.0), centering, -3.0),
+    'posture': (Posture(gain=3.0, target=(0.3,) * 7), off_posture, -3.0),
+    'manipulability': (Manipulability(gain=3.0), dexterity(3), 3.0),
+    'manipulability of the pose': (Manipulability(gain=3.0, rows='pose'), dexterity(6), 3.0),
+    'elbow_height': (ElbowHeight(gain=3.0), height, 3.0),
+    'elbow_height at a height': (ElbowHeight(gain=3.0, height=0.5), off_height, -3.0),
+}
+
+
+@pytest.mark.parametrize(('preference', 'measure', 'factor'), GRADIENTS.values(), ids=GRADIENTS)
+def test_it_is_the_gradient_of_its_measure(preference, measure, factor, model, states):
+    for state in states[:30]:
+        slopes = [
+            (measure(model, state.q + e) - measure(model, state.q - e)) / (2.0 * STEP)
+            for e in STEP * np.eye(7)
+        ]
+        assert preference.acceleration(state) == pytest.approx(factor * np.array(slopes), abs=1e-7)
+
+
+# --- what they are for ----------------------------------------------------------------------------
+
+
+def rested(model: RobotModel, q: np.ndarray, *preferences: Preference) -> np.ndarray:
+    """Where the arm comes to rest while its tip stands, (7,)."""
+    law = make_law('minimum_acceleration', damping=5.0)
+    controller = Controller(model, law, 0.01, preferences=preferences)
+    x, _ = model.tip(q)
+    for _ in range(1500):
+        q = controller.update(q, 10.0 * (x - model.tip(q)[0])).q_ref
+    return q
+
+
+def test_a_posture_is_taken_up_as_far_as_the_tip_allows(model, task):
+    q = rested(model, task.start, Posture(gain=10.0, target=tuple(task.start + 0.2)))
+    Z = null_space(model.state(q, np.zeros(7)).J[:3])
+    assert np.linalg.norm(Z.T @ (q - task.start - 0.2)) < 1e-3
+
+
+def test_the_elbow_goes_to_its_height(model, task):
+    wanted = height(model, task.start) + 0.05
+    q = rested(model, task.start, ElbowHeight(gain=100.0, height=wanted))
+    assert height(model, q) == pytest.approx(wanted, abs=1e-3)
+
+
+def test_several_preferences_add_up(model, task):
+    pair = (JointCentering(gain=40.0), ElbowHeight(gain=2.0))
+    law = make_law('minimum_acceleration')
+
+    def first(*preferences: Preference) -> np.ndarray:
+        return Controller(model, law, T, preferences=preferences).update(task.start, DX).dq
+
+    alone = first()
+    together = first(*pair) - alone
+    apart = (first(pair[0]) - alone) + (first(pair[1]) - alone)
+    assert np.linalg.norm(together) > 1e-5
+    assert together == pytest.approx(apart, abs=1e-12)
+
+
+def test_an_open_posture_is_that_of_the_start(model, task):
+    controller = Controller(model, make_law('minimum_acceleration'), T, preferences=('posture',))
+    plain = Controller(model, make_law('minimum_acceleration'), T)
+    first = controller.update(task.start, DX)
+    assert first.dq == pytest.approx(plain.update(task.start, DX).dq, abs=1e-15)
+    second = controller.update(task.start + 0.1, DX)
+    assert np.linalg.norm(second.dq - plain.update(task.start + 0.1, DX).dq) > 1e-4
+
+
+def test_a_joint_without_limits_has_no_middle(model, task):
+    endless = RobotModel(model.arm)
+    endless.q_max[2] = np.inf
+    endless.q_min[2] = -np.inf
+    ddq_N = JointCentering().acceleration(endless.state(task.start, np.zeros(7)))
+    assert ddq_N[2] == 0.0
+    assert np.isfinite(ddq_N).all()
+    assert ddq_N[0] != 0.0
+
+
+# --- live -----------------------------------------------------------------------------------------
+
+
+def test_preferences_are_changed_without_a_jump(model, task):
+    law = make_law('minimum_acceleration')
+    controller = Controller(model, law, T, switch_time=0.5)
+    q = task.start
+    for _ in range(400):
+        q = controller.update(q, DX).q_ref
+    controller.set_preferences((JointCentering(gain=1000.0),))
+    changed = [controller.update(q, DX) for _ in range(250)]
+    assert np.linalg.norm(changed[0].ddq) < 0.5  # at once it would be 11 rad/s^2
+    assert np.linalg.norm(changed[-1].null) > 0.1
+    assert controller.preferences == (JointCentering(gain=1000.0),)
+
+
+def test_an_unknown_preference_is_refused_with_those_that_exist(model):
+    with pytest.raises(
+        UnknownNameError, match="unknown preference 'comfort'; allowed: elbow_height"
+    ):
+        Controller(model, make_law('minimum_acceleration'), T, preferences=('comfort',))
+
+
+def test_a_posture_of_another_arm_is_refused(model, states):
+    with pytest.raises(ArrayError, match='target of posture holds 6 angles; expected 7'):
+        Posture(target=(0.0,) * 6).acceleration(states[0])
