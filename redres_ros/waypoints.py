@@ -13,7 +13,6 @@ from redres_ros.errors import FileError, UnknownNameError, quoted
 from redres_ros.parameter import check_parameters, param
 from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 from redres_ros.share import share_path
-from redres_ros.yaml_file import read_yaml
 
 SWITCHING = ('at_rest', 'within_tolerance')
 
@@ -66,6 +65,8 @@ def load_task(name_or_path: str) -> WaypointTask:
         if name_or_path not in known:
             raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml'])
         path = known[name_or_path]
+    from redres_ros.yaml_file import read_yaml  # PyYAML is for files alone
+
     return _to_task(read_yaml(path), path)
 
 

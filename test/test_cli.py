@@ -385,3 +385,26 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
         assert main(['simulate', *options, '--robot', robot, '--out', str(path)]) == 0
     a, b = (path.read_text() for path in tmp_path.glob('*.csv'))
     assert a == b
+
+
+# --- what is loaded -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(('options', 'loaded'), [([], False), (['--limits', 'velocity'], True)])
+def test_the_compiler_for_limits_is_loaded_only_where_there_are_limits(short, options, loaded):
+    program = (
+        'import sys\n'
+        'from redres_ros.cli import main\n'
+        'main(["simulate", *sys.argv[1:]])\n'
+        'sys.exit("numba" in sys.modules)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', program, '--task', short, *options], timeout=120, check=False
+    )
+    assert done.returncode == loaded
+
+
+@pytest.mark.parametrize('command', MOTIONS)
+@pytest.mark.parametrize('gain', ['--posture.gain', '--orientation.gain', '--position.margin'])
+def test_help_names_the_gains_of_preferences_tasks_and_limits(command, gain, capsys):
+    assert f'{gain} X' in help_of(command, capsys)

@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.gains import gains_of, given_gains, tables
+from redres_ros.cli.gains import gains_of, given_gains
 from redres_ros.cli.options import NONE, OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
@@ -80,9 +80,11 @@ def make_controller(
 
 def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limit, ...]':
     """The limits that are to be kept. Raises RedresError for a name or a figure that is wrong."""
+    names = limit_names(options)
+    if not names:
+        return ()
     from redres_ros.limits import make_limits
 
-    names = limit_names(options)
     gains = {
         gain.key: value for gain, value in given_gains(options).items() if gain.kind == 'limit'
     }
@@ -126,11 +128,12 @@ def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
     """The names in --limits; empty for none. Raises UnknownNameError."""
     if options.limits == NONE:
         return ()
+    from redres_ros.limits import LIMITS
+
     names = tuple(name.strip() for name in options.limits.split(','))
-    known = tables()['limit']
     for name in names:
-        if name not in known:
-            raise UnknownNameError('limit', name, [*known, NONE])
+        if name not in LIMITS:
+            raise UnknownNameError('limit', name, [*LIMITS, NONE])
     return names
 
 

@@ -53,30 +53,42 @@ class Gain:
             ) from None
 
 
-def all_gains() -> Iterator[Gain]:
-    """Every gain in the tables, in their order."""
+def gains_in(tables: Mapping[str, Mapping[str, type]]) -> Iterator[Gain]:
+    """Every gain that is declared in the tables, in their order."""
     from redres_ros.parameter import parameters
 
-    for kind, table in tables().items():
+    for kind, table in tables.items():
         for owner, cls in table.items():
             for field, parameter in parameters(cls).items():
                 if field.name not in _SHARED:
                     yield Gain(kind, owner, field.name, field.default, parameter.description)
 
 
-def tables() -> dict[str, Mapping[str, type]]:
-    """What can be combined to a motion, by kind."""
+def find_tables(*, limits: bool) -> dict[str, Mapping[str, type]]:
+    """What can be combined to a motion, by kind.
+
+    Args:
+        limits: With the limits, which take a second more to load, and once, a minute to compile.
+    """
     from redres_ros.laws import LAWS
-    from redres_ros.limits import LIMITS
     from redres_ros.preferences import PREFERENCES
     from redres_ros.tasks import TASKS
 
-    return {'law': LAWS, 'preference': PREFERENCES, 'task': TASKS, 'limit': LIMITS}
+    tables: dict[str, Mapping[str, type]] = {
+        'law': LAWS,
+        'preference': PREFERENCES,
+        'task': TASKS,
+    }
+    if limits:
+        from redres_ros.limits import LIMITS
+
+        tables['limit'] = LIMITS
+    return tables
 
 
 def given_gains(options: argparse.Namespace) -> dict[Gain, Any]:
     """All gains that the command line gives."""
-    values = {gain: getattr(options, gain.key) for gain in all_gains()}
+    values = {gain: getattr(options, gain.key) for gain in options.gains}
     return {gain: value for gain, value in values.items() if value is not None}
 
 

@@ -24,10 +24,10 @@ def add(commands: Any) -> None:
 
 
 def _laws(options: argparse.Namespace) -> int:
-    from redres_ros.cli.gains import tables
+    from redres_ros.cli.gains import find_tables
     from redres_ros.robots import ARMS
 
-    for kind, table in tables().items():
+    for kind, table in find_tables(limits=True).items():
         print(f'{kind}s:')
         for name, cls in table.items():
             print(f'{name:<26}{_says(cls)}')

@@ -1,6 +1,7 @@
 """Options that several subcommands share. task.py and controller.py make what they ask for."""
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -31,18 +32,18 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**{'formatter_class': Help, 'allow_abbrev': False, **kwargs})
-        self._declarations: list[Callable[[], None]] = []
+        self._declarations: list[Callable[[Sequence[str]], None]] = []
 
-    def declare_later(self, declare: Callable[[argparse.ArgumentParser], None]) -> None:
-        """Have declare(self) called once, before the first parsing."""
-        self._declarations.append(lambda: declare(self))
+    def declare_later(self, declare: 'Callable[[Parser, Sequence[str]], None]') -> None:
+        """Have declare(self, words to parse) called once, before the first parsing."""
+        self._declarations.append(lambda words: declare(self, words))
 
     def parse_known_args(  # type: ignore[override]  # the base class has overloads
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
         """As of the base class."""
         while self._declarations:
-            self._declarations.pop()()
+            self._declarations.pop()(sys.argv[1:] if args is None else args)
         return super().parse_known_args(args, namespace)
 
     def _print_message(self, message: str, file: Any = None) -> None:
@@ -181,18 +182,27 @@ def _add_limits(group: Any, default: str) -> None:
     )
 
 
-def _add_gains(parser: argparse.ArgumentParser) -> None:
+def _add_gains(parser: Parser, words: Sequence[str]) -> None:
     """An option for every gain that is declared with `param` in the tables."""
-    from redres_ros.cli.gains import all_gains
+    from redres_ros.cli.gains import find_tables, gains_in
 
+    wanted = parser.get_default('limits') != NONE or any(map(_concerns_limits, words))
+    gains = tuple(gains_in(find_tables(limits=wanted)))
+    parser.set_defaults(gains=gains)
     group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
-    for gain in all_gains():
+    for gain in gains:
         group.add_argument(
             f'--{gain.key}',
             type=gain.read,
             metavar='X',
             help=f'{gain.description}; default: {_shown(gain.default)}'.replace('%', '%%'),
         )
+
+
+def _concerns_limits(word: str) -> bool:
+    """Whether a word of the command line may have to do with limits or their gains."""
+    option = word.partition('=')[0]
+    return option in ('-h', '--help', '--limits') or (option.startswith('--') and '.' in option)
 
 
 def _shown(default: Any) -> str:
