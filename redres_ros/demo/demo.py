@@ -1,5 +1,6 @@
 """`redres demo`: the three nodes as processes, a task from start to end, and what came of it."""
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -15,7 +16,7 @@ from redres_ros.demo.client import call, set_parameters
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.onlooker import PLANNER, REASON, SESSION, Onlooker
 from redres_ros.demo.outcome import Endurance, Motion, Outcome
-from redres_ros.demo.processes import NodeProcess
+from redres_ros.demo.processes import NodeProcess, remember_files
 from redres_ros.demo.replay import FINISHED, read_log, replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.errors import RedresError
@@ -117,6 +118,7 @@ class Demo:
         try:
             with spun(Onlooker) as onlooker, self._processes():
                 self._await_robot(onlooker)
+                remember_files([os.getpid(), *(node.pid for node in self._nodes)])
                 self._run_task(onlooker, progress)
                 if self.options.duration:
                     endurance = self._repeat(onlooker, progress)

@@ -11,11 +11,12 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+from redres_ros.demo.shared_memory import files_of, files_of_domain, remove_dead
 from redres_ros.errors import RedresError
 from redres_ros.nodes.runtime import PARENT
 
@@ -35,18 +36,54 @@ class GraphError(RedresError):
 
 @contextmanager
 def own_domain(wanted: int | None = None) -> Iterator[int]:
-    """Yields the number of the ROS domain to which it has set the environment.
+    """Set the environment to a ROS domain, and tidy up what dead processes have left of it in
+    shared memory, before and after.
 
-    The wanted one, or one that no other graph on this host uses. Raises GraphError when every
-    domain is taken.
+    Args:
+        wanted: the domain; None for one that no other graph on this host uses.
+
+    Yields:
+        Its number.
+
+    Raises:
+        GraphError: every domain is taken.
     """
-    if wanted is not None:
-        with joined_domain(wanted):
-            yield wanted
-        return
-    lock, domain = _free_domain()
-    with lock, joined_domain(domain):
+    with ExitStack() as stack:
+        if wanted is None:
+            lock, domain = _free_domain()
+            stack.enter_context(lock)
+        else:
+            domain = wanted
+        _tidy(domain)
+        stack.callback(_tidy, domain)
+        stack.enter_context(joined_domain(domain))
         yield domain
+
+
+def remember_files(pids: Iterable[int]) -> None:
+    """Write down what processes of this domain use in shared memory.
+
+    Whoever uses the domain next removes it if they were killed; names alone do not tell.
+    """
+    names: set[str] = set()
+    for pid in pids:
+        names |= files_of(pid)
+    memory = _memory_of(int(os.environ['ROS_DOMAIN_ID']))
+    memory.write_text('\n'.join(sorted(names)))
+
+
+def _tidy(domain: int) -> None:
+    """Remove what dead processes have left of a domain in shared memory."""
+    memory = _memory_of(domain)
+    names = files_of_domain(domain)
+    if memory.exists():
+        names |= set(memory.read_text().split())
+        memory.unlink(missing_ok=True)
+    remove_dead(names)
+
+
+def _memory_of(domain: int) -> Path:
+    return Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.files'
 
 
 @contextmanager
@@ -173,7 +210,8 @@ class NodeProcess:
         return self._process.wait(timeout)
 
     def end(self) -> None:
-        """Ask it to end, wait, and kill it if it does not."""
+        """Ask it to end, wait, and kill it if it does not; it leaves no shared memory behind."""
+        used = files_of(self.pid)
         if self.status is None:
             self._process.send_signal(signal.SIGINT)
         try:
@@ -181,6 +219,7 @@ class NodeProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        remove_dead(used)
 
 
 def _yaml(value: Any) -> str:
