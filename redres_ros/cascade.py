@@ -100,14 +100,17 @@ def append(search: Search, row: np.ndarray, least: float) -> bool:
 
 
 @compiled()
-def hold(search: Search, i: int, side: int, state: int) -> None:
-    """Keep limit i at its end, unless the other rows keep it where it is already."""
+def hold(search: Search, i: int, towards: float) -> None:
+    """Keep limit i at its upper end if towards > 0, else at its lower one.
+
+    It stays free where the other rows keep it in its place already.
+    """
     marks = search.marks
     marks[STATE, i] = FREE
     if append(search, search.G[i], DEPENDENT):
         marks[BEHIND, marks[COUNT, 1] - 1] = i
-        marks[STATE, i] = state
-        marks[SIDE, i] = side
+        marks[STATE, i] = HELD
+        marks[SIDE, i] = 1 if towards > 0.0 else -1
 
 
 @compiled()
@@ -119,7 +122,7 @@ def release(search: Search, k: int) -> None:
     marks[STATE, marks[BEHIND, k]] = FREE
     for j in range(k + 1, end):
         i = marks[BEHIND, j]
-        hold(search, i, marks[SIDE, i], HELD)
+        hold(search, i, float(marks[SIDE, i]))
 
 
 # --- one level ------------------------------------------------------------------------------------
@@ -145,7 +148,7 @@ def least_squares(B: np.ndarray, rest: np.ndarray, rank: int) -> np.ndarray:
             U[k, rank] += B[i, k] * rest[i]
         for i in range(m):
             rest[i] -= U[k, rank] * B[i, k]
-    t = np.empty(rank)
+    t = np.zeros(rank)
     for k in range(rank - 1, -1, -1):
         t[k] = U[k, rank]
         for c in range(k + 1, rank):
@@ -159,7 +162,7 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
     """The shortest p across the basis with the least |A (z + p) - a|, (d,)."""
     m, d = A.shape
     count = search.marks[COUNT, 1]
-    rest = np.empty(m)
+    rest = np.zeros(m)
     P = A.copy()  # (m, d), A made orthogonal to the basis
     largest = 0.0
     for i in range(m):
@@ -170,7 +173,7 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
                 along = dot(P[i], search.basis[Q, k])
                 for j in range(d):
                     P[i, j] -= along * search.basis[Q, k, j]
-    V = np.empty((min(m, d - count), d))  # orthonormal rows, P = B V
+    V = np.zeros((min(m, d - count), d))  # orthonormal rows, P = B V
     B = np.zeros((m, len(V)))
     rank = 0
     while rank < len(V):
@@ -206,7 +209,7 @@ def advance(search: Search, p: np.ndarray) -> bool:
         largest = max(largest, abs(p[j]))
     share = 1.0
     first = -1
-    side = 0
+    along = 0.0
     for i in range(len(search.G)):
         if search.marks[STATE, i] != FREE:
             continue
@@ -224,11 +227,11 @@ def advance(search: Search, p: np.ndarray) -> bool:
         if share * speed > room:
             share = max(room, 0.0) / speed
             first = i
-            side = 1 if slope > 0.0 else -1
+            along = slope
     for j in range(len(z)):
         z[j] += share * p[j]
     if first >= 0:
-        hold(search, first, side, HELD)
+        hold(search, first, along)
     return first >= 0
 
 
@@ -321,7 +324,7 @@ def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> in
         i = held[k]
         push = force[fixed + k] * marks[SIDE, i]
         if push > tight:
-            hold(search, i, marks[SIDE, i], FIXED)
+            hold(search, i, float(marks[SIDE, i]))
             if push > largest and i != search.n:
                 largest = push
                 hardest = i
@@ -331,33 +334,17 @@ def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> in
     for i in range(len(A)):
         append(search, A[i], RANK * np.sqrt(square))
     marks[COUNT, 0] = marks[COUNT, 1]
-    for i in held:
+    for k in range(len(held)):
+        i = held[k]
         if marks[STATE, i] == HELD:
-            hold(search, i, marks[SIDE, i], HELD)
+            if force[fixed + k] * marks[SIDE, i] > tight:
+                marks[STATE, i] = FIXED
+            else:
+                hold(search, i, float(marks[SIDE, i]))
     return hardest
 
 
 # --- the levels -----------------------------------------------------------------------------------
-
-
-@compiled()
-def finite(a: np.ndarray, A: np.ndarray, B: np.ndarray, b: np.ndarray, C: np.ndarray) -> bool:
-    """Whether every value is."""
-    total = 0.0
-    for i in range(len(a)):
-        total += 0.0 * a[i]
-    for i in range(len(b)):
-        total += 0.0 * b[i]
-    for i in range(len(A)):
-        for j in range(len(a)):
-            total += 0.0 * A[i, j]
-    for i in range(len(B)):
-        for j in range(len(a)):
-            total += 0.0 * B[i, j]
-    for i in range(len(C)):
-        for j in range(len(a)):
-            total += 0.0 * C[i, j]
-    return total == 0.0
 
 
 @compiled()
@@ -386,7 +373,7 @@ def begin_at(
         n,
     )
     z, G, ends, _, marks, _ = search
-    length = np.ones(K)
+    length = np.zeros(K)
     z[n] = 1.0
     G[n, n] = 1.0  # 0 <= s <= 1
     ends[UPPER, n] = 1.0
@@ -396,20 +383,20 @@ def begin_at(
         ends[UPPER, i] = upper[i]
         z[i] = min(max(dq_free[i], lower[i]), upper[i])
         if lower[i] == upper[i]:
-            hold(search, i, 1 if dq_free[i] > z[i] else -1, FIXED)
+            hold(search, i, dq_free[i] - z[i])
+            marks[STATE, i] = FIXED
     marks[COUNT, 0] = marks[COUNT, 1]
     for i in range(n):
         if z[i] != dq_free[i] and marks[STATE, i] == FREE:
-            hold(search, i, 1 if dq_free[i] > z[i] else -1, HELD)
-    hold(search, n, 1, HELD)
+            hold(search, i, dq_free[i] - z[i])
+    hold(search, n, 1.0)
     for r in range(len(C)):
         i = n + 1 + r
         marks[STATE, i] = LATER
         square = 0.0
         for j in range(n):
             square += C[r, j] ** 2
-        if square > 0.0:
-            length[i] = np.sqrt(square)
+        length[i] = np.sqrt(square) if square > 0.0 else 1.0
         for j in range(n):
             G[i, j] = C[r, j] / length[i]
         ends[LOWER, i] = low[r] / length[i]
@@ -436,12 +423,9 @@ def open_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, sl
         A[r, slack + r] = length[i]
         search.G[i, slack + r] = -1.0
         search.marks[STATE, i] = FREE
-        if above > ROUNDING * noise:
-            z[slack + r] = above
-            hold(search, i, 1, HELD)
-        elif below > ROUNDING * noise:
-            z[slack + r] = -below
-            hold(search, i, -1, HELD)
+        if max(above, below) > ROUNDING * noise:
+            z[slack + r] = above if above > below else -below
+            hold(search, i, z[slack + r])
 
 
 @compiled()
@@ -521,11 +505,6 @@ def cascade(
         end; and whether each level got to its least.
     """
     n = len(dq_free)
-    if not finite(dq_free, W, J, dx, C):
-        dq = np.zeros(n)
-        for i in range(n):
-            dq[i] = min(max(dq[i], lower[i]), upper[i])
-        return dq, 0.0, np.nan, np.nan, -1, 0, False
     d = n + 1  # z = (dq, s, slack variables of one group)
     for rows in groups:
         d = max(d, n + 1 + rows)
@@ -547,8 +526,9 @@ def cascade(
             open_slack(search, limit_row, length, A, n + 1)
         elif level == share:
             A = np.zeros((1, d))
-            a = np.ones(1)
+            a = np.zeros(1)
             A[0, n] = 1.0  # s = 1
+            a[0] = 1.0
         elif level == law:
             A = np.zeros((n, d))
             a = np.zeros(n)
@@ -577,7 +557,11 @@ def cascade(
         if hardest < 0:
             hardest = tightest
 
-    dq = np.empty(n)
+    dq = np.zeros(n)
+    if not np.isfinite(dot(a, a) + dot(z, z) + error + excess):  # as the input was
+        z[:] = 0.0
+        error = np.nan
+        solved = False
     for i in range(n):
         dq[i] = min(max(z[i], lower[i]), upper[i])  # which changes it at rounding level
     s = min(max(z[n], 0.0), 1.0)
