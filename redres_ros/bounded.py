@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.cascade import cascade, within
+from redres_ros.resolution import Factor, Weight
 
 Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
@@ -66,7 +67,7 @@ class Bounded(NamedTuple):
 
 def bound(
     dq_free: np.ndarray,
-    W: np.ndarray | None,
+    W: Weight,
     tasks: Sequence[TaskRows],
     box: Box,
     rows: Sequence[Rows] = (),
@@ -75,7 +76,7 @@ def bound(
 
     Args:
         dq_free: (n,) [rad/s] the optimum without limits.
-        W: (n, n) the law's weight; None for the identity.
+        W: (n, n) the law's weight, or its Factor; None for the identity.
         tasks: (J, dx) of each task, in order of priority; beside a singularity without the
             directions that dq_free does not execute.
         box: (lower, upper), both (n,) [rad/s], with lower <= upper.
@@ -92,8 +93,19 @@ def bound(
         return Bounded(dq_free)
     J, dx, sizes = _stacked_tasks(tasks, len(dq_free))
     C, low, high, groups = _stacked_rows(rows, len(dq_free))
-    weight = _NO_WEIGHT if W is None else W
-    return Bounded(*cascade(dq_free, weight, J, dx, sizes, lower, upper, C, low, high, groups))
+    weight, is_factor = _weight(W)
+    return Bounded(
+        *cascade(dq_free, weight, is_factor, J, dx, sizes, lower, upper, C, low, high, groups)
+    )
+
+
+def _weight(W: Weight) -> tuple[np.ndarray, bool]:
+    """W or its factor, and which of the two it is; an empty W for the identity."""
+    if W is None:
+        return _NO_WEIGHT, False
+    if isinstance(W, Factor):
+        return W.F, True
+    return W, False
 
 
 def _stacked_tasks(tasks: Sequence[TaskRows], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -449,31 +449,37 @@ def close_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, s
 
 
 @compiled()
-def ask_for_law(W: np.ndarray, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray) -> None:
-    """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = L' of W = L L', I for an empty W."""
+def ask_for_law(
+    W: np.ndarray, is_factor: bool, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray
+) -> None:
+    """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = F of W = F'F; I for an empty W."""
     n = len(dq_free)
     for i in range(n):
         A[i, i] = 1.0
     for i in range(len(W)):
-        for j in range(i, n):
-            total = W[i, j]
+        for j in range(0 if is_factor else i, n):
+            if is_factor:
+                A[i, j] = W[i, j]
+                continue
+            rest = W[i, j]
             for k in range(i):
-                total -= A[k, i] * A[k, j]
-            A[i, j] = np.sqrt(total) if i == j else total / A[i, i]
+                rest -= A[k, i] * A[k, j]
+            A[i, j] = np.sqrt(rest) if i == j else rest / A[i, i]  # Cholesky
     for i in range(n):
-        for j in range(i, n):
+        for j in range(n):
             a[i] += A[i, j] * dq_free[j]
 
 
 @compiled(
     several(float64[::1], float64, float64, float64, int64, int64, boolean)(
-        *(vector(), matrix(), matrix(), vector(), vector(int64)),
+        *(vector(), matrix(), boolean, matrix(), vector(), vector(int64)),
         *(vector(), vector(), matrix(), vector(), vector(), vector(int64)),
     )
 )
 def cascade(
     dq_free: np.ndarray,
     W: np.ndarray,
+    is_factor: bool,
     J: np.ndarray,
     dx: np.ndarray,
     tasks: np.ndarray,
@@ -489,6 +495,7 @@ def cascade(
     Args:
         dq_free: (n,) what the last level wants.
         W: (n, n) its weight; (0, 0) for the identity.
+        is_factor: whether W is the factor F of a weight F'F.
         J: (m, n) rows of all tasks.
         dx: (m,) what they want.
         tasks: (k,) number of rows of each task, one at least.
@@ -532,7 +539,7 @@ def cascade(
         elif level == law:
             A = np.zeros((n, d))
             a = np.zeros(n)
-            ask_for_law(W, dq_free, A, a)
+            ask_for_law(W, is_factor, dq_free, A, a)
         else:
             A = np.zeros((tasks[max(level - share, 0)], d))
             a = np.zeros(len(A))

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog, nnls
 
 from redres_ros.bounded import Bounded, bound
-from redres_ros.resolution import resolve
+from redres_ros.resolution import Factor, resolve
 
 NIGHTLY = bool(os.environ.get('REDRES_NIGHTLY'))
 MANY = 100_000 if NIGHTLY else 300
@@ -36,6 +36,7 @@ class Problem:
         self.W = weight(power, n, random)
         self.scale = random.uniform(0.2, 1.2)
         self.dx = self.J @ random.uniform(*self.box) * self.scale
+        self.task = self.J, self.dx
         self.b = random.normal(size=n)
         self.dq_free = resolve(self.J, self.dx, self.b, self.W)
 
@@ -144,6 +145,15 @@ def test_the_law_is_best_on_what_the_task_leaves(power):
         dq = problem.bounded().dq
         active = active_rows(dq, problem.box)
         assert_least_for_law(dq, problem.b, problem.W, problem.J, active)
+
+
+def test_a_factor_is_as_good_as_its_weight():
+    for seed in range(MANY):
+        problem = Problem(seed, 1)
+        by_weight = bound(problem.dq_free, problem.W @ problem.W, [problem.task], problem.box)
+        factor = Factor(problem.W)
+        by_factor = bound(problem.dq_free, factor, [problem.task], problem.box)
+        assert by_factor.dq == pytest.approx(by_weight.dq, abs=1e-6)  # condition 1e6, 1e-10 of it
 
 
 def test_without_a_velocity_the_share_is_one():

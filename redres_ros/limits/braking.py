@@ -50,22 +50,20 @@ def stopping_box(
     return lower, upper
 
 
-@compiled(several(float64[::1], float64[::1], boolean)(*(vector(),) * 4))
+@compiled(boolean(float64[::1], float64[::1], vector(), vector()))
 def narrow(
     lower: np.ndarray, upper: np.ndarray, other_lower: np.ndarray, other_upper: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The part of a box that lies in another box.
+) -> bool:
+    """Narrow a box, in place, to its part in another; where they are apart, to the nearest point.
 
     Returns:
-        lower, upper, both (n,), and whether the boxes meet in every joint. Where they do not, the
-        point of the first box nearest to the other one is left.
+        Whether the boxes meet in every joint.
     """
     meet = True
-    new_lower = np.empty(len(lower))
-    new_upper = np.empty(len(lower))
     for i in range(len(lower)):
-        new_lower[i] = min(max(other_lower[i], lower[i]), upper[i])
-        new_upper[i] = max(min(other_upper[i], upper[i]), lower[i])
         if other_lower[i] > upper[i] + TOUCHING or other_upper[i] < lower[i] - TOUCHING:
             meet = False
-    return new_lower, new_upper, meet
+        most = upper[i]
+        upper[i] = max(min(other_upper[i], most), lower[i])
+        lower[i] = min(max(other_lower[i], lower[i]), most)
+    return meet

@@ -1,6 +1,7 @@
 """Several limits kept together: one box and the other rows, in order of priority."""
 
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -80,13 +81,13 @@ class Limits:
         """What they say at a state, for a sampling time T [s]."""
         boxes = [limit.box(state, T) for limit in self._boxes]
         rows = [limit.rows(state, T) for limit in self._rows]
+        lower, upper = map(np.ndarray.copy, _unbounded(len(state.q)))
         kept = True
-        if boxes:
-            lower, upper = boxes[0]
-            for least, most in boxes[1:]:
-                lower, upper, meet = narrow(lower, upper, least, most)
-                kept = kept and meet
-        else:
-            upper = np.full(len(state.q), np.inf)
-            lower = -upper
+        for least, most in boxes:
+            kept = narrow(lower, upper, least, most) and kept
         return Bounds((lower, upper), rows, kept, self._boxes, boxes, self._rows)
+
+
+@lru_cache
+def _unbounded(n: int) -> Box:
+    return np.full(n, -np.inf), np.full(n, np.inf)
