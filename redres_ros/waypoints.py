@@ -11,6 +11,8 @@ import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError, quoted
 from redres_ros.parameter import check_parameters, param
+from redres_ros.robots import Arm
+from redres_ros.robots.square import square_before_tip
 from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 from redres_ros.share import share_path
 
@@ -68,6 +70,27 @@ def load_task(name_or_path: str) -> WaypointTask:
     from redres_ros.yaml_file import read_yaml  # PyYAML is for files alone
 
     return _to_task(read_yaml(path), path)
+
+
+def task_for(arm: Arm, name: str) -> WaypointTask:
+    """What an arm does unless it is told: its own task, or a small square before its tip.
+
+    Args:
+        arm: From the table, or from a URDF.
+        name: The arm's name or path, for the task.
+
+    Raises:
+        FileError: The arm has no start, or can go round no square from there.
+    """
+    if arm.task:
+        return load_task(arm.task)
+    start = np.array(arm.start)
+    square = None
+    if arm.start and arm.acceleration_limit:
+        square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
+    if square is None:
+        raise FileError(f'{name} has no task of its own, and no square that it could go round')
+    return WaypointTask(name, start, square.waypoints, segment_time=square.segment_time)
 
 
 def _to_task(content: Any, path: Path) -> WaypointTask:

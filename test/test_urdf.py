@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from redres_ros import Controller, RobotModel, WaypointTask, make_law
+from redres_ros import Controller, RobotModel, make_law
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.fri.plant import MujocoPlant, Witness
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
@@ -21,6 +21,7 @@ from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.robots.square import square_before_tip
 from redres_ros.robots.urdf import rotation_from_rpy, rpy_from_rotation
 from redres_ros.simulation.closed_loop import run
+from redres_ros.waypoints import task_for
 
 AGREEMENT = 1e-9  # two libraries in double precision
 T = 0.005  # [s]
@@ -587,12 +588,7 @@ def test_the_kinematics_for_defaults_are_those_of_the_model(source):
 @pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
 def test_the_square_is_gone_round_within_the_limits(source, law):
     arm = unknown(source)
-    square = square_before_tip(
-        arm.kinematics(), np.array(arm.start), np.array(arm.acceleration_limit)
-    )
-    task = WaypointTask(
-        'test', np.array(arm.start), square.waypoints, segment_time=square.segment_time
-    )
+    task = task_for(arm, 'test')
     recording = run(Controller(RobotModel(arm), make_law(law), T), task)
     limits = JointLimits.of(arm)
     q, dq = recording.vectors('q1'), recording.vectors('dq1')
@@ -637,6 +633,13 @@ def test_an_arm_that_can_move_along_a_line_only_gets_no_square():
     arm = arm_from_urdf(text, 'tip')
     start = np.array(arm.start)
     assert square_before_tip(arm.kinematics(), start, np.full(4, 5.0)) is None
+    with pytest.raises(FileError, match='slides has no task of its own, and no square'):
+        task_for(arm, 'slides')
+
+
+def test_an_arm_of_the_table_does_its_own_task():
+    assert task_for(ARMS['fr3'], 'fr3').robot == 'fr3'
+    assert len(task_for(ARMS['fr3'], 'fr3').waypoints) == 6
 
 
 # --- angles ---------------------------------------------------------------------------------------

@@ -32,6 +32,7 @@ class Arm:
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
+        pose_task: The same with orientations, from the same start.
         assumptions: What was assumed of the arm, a sentence each.
 
     Raises:
@@ -49,6 +50,7 @@ class Arm:
     acceleration_limit: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
     task: str = ''
+    pose_task: str = ''
     assumptions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

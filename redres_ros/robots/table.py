@@ -35,6 +35,7 @@ _LWR4 = Arm(
     acceleration_limit=_radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
     start=_radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
     task='lwr4_square',
+    pose_task='lwr4_pose',
 )
 
 _LWR4_PAPER = replace(  # Section 5
@@ -43,6 +44,7 @@ _LWR4_PAPER = replace(  # Section 5
     tool_offset=0.135,
     start=_radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
     task='rectangle',
+    pose_task='lwr4_paper_pose',
 )
 
 _IIWA7 = Arm(
@@ -53,6 +55,7 @@ _IIWA7 = Arm(
     acceleration_limit=(10.0,) * 7,
     start=_radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
     task='iiwa7_square',
+    pose_task='iiwa7_pose',
 )
 
 _FR3 = Arm(
@@ -63,6 +66,7 @@ _FR3 = Arm(
     acceleration_limit=(10.0,) * 7,
     start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',
+    pose_task='fr3_pose',
 )
 
 _GEN3 = Arm(
@@ -74,6 +78,7 @@ _GEN3 = Arm(
     # Kinova's home, but with joint 3 away from 180 degrees, where its driver jumps by a turn.
     start=_radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
     task='gen3_square',
+    pose_task='gen3_pose',
 )
 
 _PLANAR4R = Arm(
@@ -98,7 +103,7 @@ ARMS: dict[str, Arm] = {
 def find_arm(name: str, **changes: object) -> Arm:
     """The arm of that name.
 
-    With the tip nearer to the base, joints beyond it are held still, and the default task is gone.
+    With the tip nearer to the base, joints beyond it are held still, and it has no default tasks.
 
     Args:
         name: In the table ARMS.
@@ -123,7 +128,7 @@ def _shortened(arm: Arm) -> Arm:
     if n == len(arm.start):
         return arm
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
-    return replace(arm, task='', **figures)
+    return replace(arm, task='', pose_task='', **figures)
 
 
 def arm_from_urdf(source: Path | str, tip_frame: str, elbow_frame: str = '') -> Arm:
