@@ -47,6 +47,14 @@ def test_the_law_of_ones_own_spares_the_joint_that_it_was_told_to_spare() -> Non
     assert numbers(own)[0] < 0.6 * numbers(plain)[0]
 
 
+def test_within_limits_the_joints_are_asked_for_what_they_have() -> None:
+    without, within = run('within_limits').splitlines()
+    count, share, *_ = numbers(without)
+    assert (count, share > 100.0) == (0, True)
+    count, share, *_ = numbers(within)
+    assert (count, share <= 100.01) == (3, True)  # 100 % and rounding
+
+
 @pytest.mark.realtime
 def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
