@@ -5,6 +5,7 @@ more. Run it with: python examples/own_law.py
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from redres_ros.simulation.closed_loop import run
 class WristFirst(Law):
     """Least velocity, where a joint weighs `ratio` times as much as the next one."""
 
+    remembers: ClassVar[bool] = False  # the last velocity does not matter
     ratio: float = param(2.0, 'weight of a joint, relative to the next [-]', 1.0, 10.0)
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
