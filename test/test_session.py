@@ -154,7 +154,13 @@ def test_refusals_are_counted_by_kind():
     assert session.counts.cycles == 0  # a refusal is no cycle
 
 
-EVERY_STATE = [(profile, state) for profile in PROFILES.values() for state in profile.states]
+# Those that answers lead to; the two others follow from a stop alone.
+EVERY_STATE = [
+    (profile, state)
+    for profile in PROFILES.values()
+    for state in profile.states
+    if state not in (State.REFLEX, State.AUTOMATIC_ERROR_RECOVERY)
+]
 
 
 def follow(session: Session, cycles: int = 1) -> None:

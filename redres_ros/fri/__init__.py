@@ -1,3 +1,1 @@
-"""The fake KUKA robot controller with its FRI-like interface, without ROS: from session to
-simulated arm.
-"""
+"""The fake robot controller, without ROS: from session to simulated arm."""

@@ -12,12 +12,15 @@ M = TypeVar('M')
 
 @dataclass(frozen=True)
 class Link:
-    """What happens to messages on their way; nothing by default. Delays are in cycles.
+    """What happens to messages on their way; nothing by default.
 
-    delay: of every message; delay_spread: up to so many more, evenly distributed, and no message
-    overtakes another; loss: share of messages that are lost on an average; loss_burst: how many are
-    lost in a row each time; duplication: share of messages that arrive twice; reordering: chance of
-    a message to arrive with the next one, but after it.
+    Attributes:
+        delay: of every message [cycles].
+        delay_spread: up to so many more, evenly distributed [cycles]. No message overtakes another.
+        loss: share of messages that are lost on an average.
+        loss_burst: how many are lost in a row each time.
+        duplication: share of messages that arrive twice.
+        reordering: chance of a message to arrive with the next one, but after it.
     """
 
     delay: int = 0
@@ -34,6 +37,10 @@ class Channel(Generic[M]):
     What happens is random, but the same seed, messages and links make the same happen. Every
     message takes four random numbers whatever the link, so that setting one fault does not change
     when another one strikes.
+
+    Args:
+        seed: of what happens.
+        link: what happens.
     """
 
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
@@ -45,11 +52,18 @@ class Channel(Generic[M]):
         self._still_to_lose = 0
 
     def send(self, message: M, tick: int) -> None:
-        """Put a message in at a tick."""
+        """Put a message in.
+
+        Args:
+            message: given out as it is.
+            tick: the present one.
+        """
         losing, doubling, overtaking, spread = (self._random.random() for _ in range(4))
         if self._is_lost(losing):
             return
-        copies = [message] * (2 if doubling < self.link.duplication else 1)
+        copies = [message]
+        if doubling < self.link.duplication:
+            copies.append(message)
         if not self._overtaken and overtaking < self.link.reordering:
             self._overtaken = copies
             return

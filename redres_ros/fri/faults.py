@@ -1,6 +1,4 @@
-"""Faults to be put into the fake robot: on the way of states and commands, in the encoders, at the
-arm.
-"""
+"""Faults to be put into the fake robot: on the way of messages, in the encoders, at the arm."""
 
 from dataclasses import dataclass, fields
 

@@ -23,7 +23,15 @@ class FaultyPlant:
     Noise is drawn once a cycle, the same for the same seed. The velocities of encoders at fault are
     differences of their positions. While the physics are paused the plant stands still and is told
     nothing; afterwards its servos drive it to the reference as hard as they can, and an ideal one
-    jumps there. Raises RangeError for a frozen joint that the arm does not have.
+    jumps there.
+
+    Args:
+        plant: the arm.
+        faults: from the first cycle on.
+        seed: of the noise.
+
+    Raises:
+        RangeError: for a frozen joint that the arm does not have.
     """
 
     def __init__(self, plant: PushablePlant, faults: Faults | None = None, seed: int = 0) -> None:
@@ -94,4 +102,5 @@ class FaultyPlant:
         if faults.frozen_joint:
             measured[faults.frozen_joint - 1] = self._q[faults.frozen_joint - 1]
         faulty = faults.encoder_noise or faults.encoder_step or faults.frozen_joint
-        self._q, self._dq = measured, (measured - self._q) / self.period if faulty else dq
+        self._dq = (measured - self._q) / self.period if faulty else dq
+        self._q = measured

@@ -9,12 +9,16 @@ CATCH_UP = 0.5
 
 
 class Follower:
-    """Moves the reference of one arm cycle by cycle, each of `period` [s], from standing still at q
-    (n,) [rad].
+    """Moves the reference of one arm cycle by cycle.
 
     The reference is the command, bit for bit, as long as the command keeps the velocity limits. A
     faster one is followed as fast as they allow; the lag is then closed without overshoot. Position
     limits are kept too, from wherever the arm stands.
+
+    Args:
+        limits: of the joints.
+        period: the cycle [s].
+        q: where the arm stands still, (n,) [rad].
     """
 
     def __init__(self, limits: JointLimits, period: float, q: np.ndarray) -> None:
@@ -38,17 +42,20 @@ class Follower:
         return not self._step.any()
 
     def begin(self, command: np.ndarray) -> None:
-        """Take up a stream of commands that stands still at `command` (n,) [rad]: the way there is
-        a lag to close.
-        """
+        """Take up commands that stand still at `command` (n,) [rad]; the way there is a lag."""
         self._lag = command - self._reference  # (n,)
         self._closing = np.zeros_like(self._lag)  # (n,) part of the lag that the last cycle closed
 
     def follow(self, command: np.ndarray, step: np.ndarray) -> None:
-        """Move on to `command` (n,) [rad], which is `step` (n,) [rad] beyond the command before."""
+        """Move on to a command.
+
+        Args:
+            command: where to, (n,) [rad].
+            step: how far that is beyond the command before, (n,) [rad].
+        """
         change = CATCH_UP * self._max_change  # (n,)
-        # A lag d is closed at sqrt(a d), a braking curve at half of the a that the ramp allows: so
-        # it is not overshot.
+        # A lag d is closed at sqrt(a d), a braking curve at half of the acceleration a that the
+        # ramp allows. So it is not overshot.
         wanted = np.copysign(
             np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag))), self._lag
         )

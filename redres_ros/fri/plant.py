@@ -16,14 +16,26 @@ SAMPLES = 200  # random positions from which the largest inertia is estimated
 
 
 class IdealPlant:
-    """An arm that is where its reference says, exactly (the paper's first assumption), one period
-    [s] later.
+    """An arm that is exactly where its reference says, one cycle later: the paper's assumption.
+
+    Args:
+        joint_names: in the order of every array.
+        period: the cycle [s].
+        q0: where it stands at first, (n,) [rad].
+
+    Raises:
+        ArrayError: for a start of another length, or one that is not finite.
     """
 
     def __init__(self, joint_names: Sequence[str], period: float, q0: np.ndarray) -> None:
         self.joint_names = tuple(joint_names)
         self.period = period
         self.reset(q0)
+
+    def reset(self, q: np.ndarray) -> None:
+        """Stand still at q (n,) [rad]. Raises ArrayError."""
+        self._q = _finite_vector(q, len(self.joint_names), 'q')
+        self._dq = np.zeros_like(self._q)
 
     @property
     def q(self) -> np.ndarray:
@@ -37,15 +49,11 @@ class IdealPlant:
 
     def step(self, q_ref: np.ndarray) -> None:
         """Move to q_ref (n,) [rad]."""
-        self._q, self._dq = np.array(q_ref, dtype=np.float64), (q_ref - self._q) / self.period
+        self._dq = (q_ref - self._q) / self.period
+        self._q = np.array(q_ref, dtype=np.float64)
 
     def push(self, force: np.ndarray) -> None:
         """Do nothing: an arm that is where its reference says yields to no force at its tip."""
-
-    def reset(self, q: np.ndarray) -> None:
-        """Stand still at q (n,) [rad]. Raises ArrayError."""
-        self._q = _finite_vector(q, len(self.joint_names), 'q')
-        self._dq = np.zeros_like(self._q)
 
 
 @dataclass(frozen=True)
@@ -75,8 +83,7 @@ class MujocoSettings:
 
 
 class MujocoPlant:
-    """An arm in MuJoCo behind position servos, one cycle of `period` [s] at a time, from rest at q0
-    (n,) [rad].
+    """An arm in MuJoCo behind position servos.
 
     Within a cycle the reference moves on a straight line from the last one to the new one, and its
     velocity is fed forward, as in the fine interpolation of the real controller. Gravity is
@@ -93,9 +100,18 @@ class MujocoPlant:
     the tip lags by 0.65 mm, 0.15 mm of them after it has come to rest, and a cycle takes half as
     long again.
 
-    Raises RedresError if the period is not a whole number of plant steps, FileError if MuJoCo
-    cannot use the URDF, UnknownNameError if it lacks the tip frame, ArrayError or RangeError for
-    q0.
+    Args:
+        arm: whose description is simulated.
+        period: the cycle [s].
+        q0: where it stands at first, at rest, (n,) [rad].
+        settings: below the level of the reference.
+
+    Raises:
+        RedresError: if the period is not a whole number of plant steps.
+        FileError: if MuJoCo cannot use the URDF.
+        UnknownNameError: if the URDF lacks the tip frame.
+        ArrayError: for a start of another length, or one that is not finite.
+        RangeError: for a start outside the limits.
     """
 
     def __init__(

@@ -36,10 +36,12 @@ class FciQuality(IntEnum):
 class Statistics:
     """The five figures that FRI reports, over the last WINDOW packets.
 
-    answer_rate: share of cycles in which an answer arrived, late or not; miss_rate: share without
-    an answer in time; latency: mean time from a state to its answer [s], and jitter its standard
-    deviation [s], both over the last WINDOW answers; miss_count: cycles without an answer in time
-    since the start.
+    Attributes:
+        answer_rate: share of cycles in which an answer arrived, late or not.
+        latency: mean time from a state to its answer, over the last WINDOW answers [s].
+        jitter: standard deviation of that time [s].
+        miss_rate: share of cycles without an answer in time.
+        miss_count: cycles without an answer in time since the start.
     """
 
     answer_rate: float = 0.0
@@ -63,10 +65,10 @@ class Threshold:
         return replace(self, latency=self.latency * period, jitter=self.jitter * period)
 
     def breach(self, answer_rate: float, latency: float, jitter: float, miss_rate: float) -> str:
-        """Name of the statistic that breaks its bound, empty if none does; NaN breaks every bound.
+        """Name of the statistic that breaks its bound, empty if none does.
 
-        Misses follow from answers that are lost or late, so they are named only if nothing else is
-        at fault.
+        NaN breaks every bound. Misses follow from answers that are lost or late, so they are named
+        only if nothing else is at fault. The arguments are those of Statistics.
         """
         if not answer_rate >= self.answer_rate:
             return 'answer_rate'
@@ -77,7 +79,12 @@ class Threshold:
         return '' if miss_rate <= self.miss_rate else 'miss_rate'
 
     def describe(self, name: str, value: float) -> str:
-        """A statistic beside its bound, in words: 'latency 9.1 ms, allowed 8 ms'."""
+        """A statistic beside its bound, in words: 'latency 9.1 ms, allowed 8 ms'.
+
+        Args:
+            name: of the statistic.
+            value: what it is, times in [s].
+        """
         bound = getattr(self, name)
         if name in ('latency', 'jitter'):
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'

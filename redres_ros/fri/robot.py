@@ -1,6 +1,4 @@
-"""The fake robot controller as one object: session, guard, follower and plant, moved on by one call
-a cycle.
-"""
+"""The fake robot controller as one object: session, guard, follower and plant, cycle by cycle."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -34,8 +32,10 @@ class Plant(Protocol):
 class Answer:
     """A client's valid answer to the state of one tick.
 
-    q: (n,) commanded position [rad], outside command mode the position where the arm stands;
-    latency: time from the state to the arrival of the answer [s], 0 where nobody measures it.
+    Attributes:
+        tick: that of the state.
+        q: commanded position, outside command mode where the arm stands, (n,) [rad].
+        latency: from the state to the arrival of the answer, 0 where nobody measures it [s].
     """
 
     tick: int
@@ -91,11 +91,16 @@ class _Course:
 
 
 class FriRobot:
-    """A robot that publishes its state at tick k and moves by the answer that it got to the state
-    of tick k - 1.
+    """A robot that sends its state at tick k and moves by the answer to the state of tick k - 1.
 
-    Raises RedresError if the parts do not have the same cycle, JointNamesError if they do not have
-    the same joints.
+    Args:
+        plant: the arm.
+        guard: what may be commanded.
+        session: who may command, and when.
+
+    Raises:
+        RedresError: if the parts do not have the same cycle.
+        JointNamesError: if they do not have the same joints.
     """
 
     def __init__(self, plant: Plant, guard: Guard, session: Session) -> None:

@@ -71,8 +71,12 @@ class Session:
     """Grants command mode to a client that answers well, and takes it away with a reason that stays
     until `reset`.
 
-    period [s]: the cycle. The caller records every cycle, offers each command that arrives in time,
-    and reports refusals and violations.
+    The caller records every cycle, offers each command that arrives in time, and reports refusals
+    and violations.
+
+    Args:
+        period: the cycle [s].
+        settings: when command mode is given and taken away.
     """
 
     def __init__(self, period: float, settings: SessionSettings | None = None) -> None:
@@ -118,9 +122,7 @@ class Session:
 
     @property
     def at_fault(self) -> str:
-        """Name of the statistic that keeps the quality from being a better one; empty if it is the
-        best.
-        """
+        """Which statistic keeps the quality from being the next better one; empty for the best."""
         return self._timing.at_fault
 
     @property
@@ -145,9 +147,7 @@ class Session:
 
     @property
     def ready(self) -> bool:
-        """Whether a command of this cycle could be the first: good timing for long enough, nothing
-        against it.
-        """
+        """Whether a command of this cycle could be the first: long good timing, and no reason."""
         return (
             self._profile.awaits_command(self._state)
             and not self._reason
@@ -156,11 +156,11 @@ class Session:
         )
 
     def record(self, lateness: int | None, latency: float = 0.0) -> None:
-        """Enter one cycle by its answer's lateness in cycles: 0 in time, None if there was no valid
-        one.
+        """Enter one cycle. In command mode bad timing ends the session.
 
-        latency [s]: from the state to its answer, 0 where nobody measures it. In command mode bad
-        timing ends the session.
+        Args:
+            lateness: of its answer [cycles]; 0: in time, None: no valid one.
+            latency: from the state to its answer, 0 where nobody measures it [s].
         """
         self._timing.record(lateness, latency)
         self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
@@ -173,18 +173,15 @@ class Session:
         self._take(self._timing_event())
 
     def refuse(self, error: AnswerError) -> None:
-        """Count an answer that is no valid command. A cycle that has no other answer is recorded as
-        one without.
-        """
+        """Count an answer that is no valid command. Its cycle is recorded all the same."""
         self._refusals[error.kind] += 1
         self._answer_error = error
 
     def offer(self, gap: float) -> None:
-        """Begin command mode if the session is ready and the command is within the tolerance of the
-        mirrored position.
+        """Begin command mode with a first command, if the session is ready for one.
 
-        gap: largest distance between the two over all joints [rad]. Too large a gap is an
-        interpolation error.
+        gap: largest distance from the mirrored position over all joints [rad]. Too large a gap is a
+        reason to stop.
         """
         if not self.ready:
             return

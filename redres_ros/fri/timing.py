@@ -21,9 +21,14 @@ _HOUR = 3600.0  # [s] a longer latency, or one that is no number, counts as this
 class Counts:
     """What became of every cycle since the start.
 
-    cycles = in_time + late + missed; longest_run: most cycles in a row without an answer in time;
-    bridged: cycles in command mode whose command was extrapolated; refused: answers that were no
-    valid command.
+    Attributes:
+        cycles: in_time + late + missed.
+        in_time: answered in time.
+        late: answered, but late.
+        missed: not answered.
+        longest_run: most cycles in a row without an answer in time.
+        bridged: cycles in command mode whose command was extrapolated.
+        refused: answers that were no valid command.
     """
 
     cycles: int = 0
@@ -36,10 +41,13 @@ class Counts:
 
 
 class TimingMonitor:
-    """Keeps the books on one client, packet by packet, for a cycle of `period` [s].
+    """Keeps the books on one client, packet by packet.
 
-    thresholds: what every quality but the worst asks for, best first. Recording only counts; the
-    figures are computed when they are asked for.
+    Recording only counts; the figures are computed when they are asked for.
+
+    Args:
+        period: the cycle [s].
+        thresholds: what every quality but the worst asks for, best first.
     """
 
     def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold] = THRESHOLDS) -> None:
@@ -60,8 +68,11 @@ class TimingMonitor:
         self._verdict: _Verdict | None = None  # on the packets so far; None: not asked for yet
 
     def record(self, lateness: int | None, latency: float) -> None:
-        """Enter one cycle: its answer's lateness in cycles (0: in time; None: no answer) and
-        latency [s].
+        """Enter one cycle.
+
+        Args:
+            lateness: of its answer [cycles]; 0: in time, None: no answer.
+            latency: from the state to its answer [s].
         """
         self._enter(lateness)
         if lateness is None:
@@ -98,16 +109,12 @@ class TimingMonitor:
 
     @property
     def at_fault(self) -> str:
-        """Name of the statistic that keeps the quality from being the next better one; empty if it
-        is the best.
-        """
+        """Which statistic keeps the quality from being the next better one; empty for the best."""
         return self._judge().at_fault
 
     @property
     def complaint(self) -> str:
-        """The same in words, with the figure and what the next better quality asks for; empty if it
-        is the best.
-        """
+        """The same in words, with the figure and what the next better quality asks for."""
         _, quality, at_fault = self._judge()
         if not at_fault:
             return ''
@@ -116,7 +123,12 @@ class TimingMonitor:
         )
 
     def counts(self, bridged: int, refused: int) -> Counts:
-        """What became of every cycle so far; bridged and refused are known to others."""
+        """What became of every cycle so far.
+
+        Args:
+            bridged: cycles that were bridged, which the session knows.
+            refused: answers that were refused, likewise.
+        """
         cycles = self._in_time + self._late + self._missed
         return Counts(
             cycles, self._in_time, self._late, self._missed, self._longest_run, bridged, refused
@@ -176,7 +188,9 @@ class _Latencies:
 
     def append(self, latency: float) -> None:
         """Enter a latency [s]; one too many makes the oldest forgotten."""
-        newest = round(_NANOSECONDS * (latency if abs(latency) <= _HOUR else _HOUR))
+        if not abs(latency) <= _HOUR:
+            latency = _HOUR
+        newest = round(_NANOSECONDS * latency)
         oldest = self._last.popleft() if len(self._last) == WINDOW else 0
         self._last.append(newest)
         self._sum += newest - oldest

@@ -1,5 +1,4 @@
-"""Messages between nodes of one process, handed over directly: what rclcpp calls intra-process
-communication.
+"""Intra-process communication: messages between nodes of one process, handed over directly.
 
 rclpy sends even these through DDS, which takes a fair part of a cycle each way.
 """
@@ -13,12 +12,15 @@ from rclpy.qos import QoSProfile
 
 
 class IntraProcess:
-    """Makes nodes whose messages on some topics reach each other within publish(), in the thread of
-    the publisher.
+    """Makes nodes that hand each other their messages on some topics within publish().
 
-    topics: for these, nodes of other processes can listen, but are not listened to. open_topics:
-    they are, and a message from within then comes a second time, by DDS. Receivers are called in
-    the order of their creation, before the message goes out to others.
+    Receivers are called in the thread of the publisher and in the order of their creation, before
+    the message goes out to other processes.
+
+    Args:
+        topics: other processes may subscribe to these; their publications are ignored.
+        open_topics: these take publications of other processes too. A message from within then
+            comes a second time, by DDS.
     """
 
     def __init__(self, topics: Collection[str], open_topics: Collection[str] = ()) -> None:
@@ -31,7 +33,12 @@ class IntraProcess:
         return type(cls.__name__, (cls, _Handing), {'intra_process': self})
 
     def receivers(self, node: Node, topic: str) -> list[Callable[[Any], None]] | None:
-        """Of a topic as the node names it; None for one that goes through DDS alone."""
+        """Who gets the messages on a topic of a node; None for one that goes through DDS alone.
+
+        Args:
+            node: the publisher or subscriber.
+            topic: as the node names it.
+        """
         if topic not in self._topics and topic not in self._open:
             return None
         return self._receivers.setdefault(node.resolve_topic_name(topic), [])

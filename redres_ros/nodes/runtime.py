@@ -155,17 +155,22 @@ def _spinning(spinner: Spinner, stopped: threading.Event) -> Iterator[None]:
 def run_nodes(
     *makes: Callable[[], Node], arguments: list[str] | None = None, one_thread: bool = False
 ) -> int:
-    """The exit status of nodes that are made, spun and ended cleanly on SIGINT or SIGTERM: 0, or 1
-    after an error.
+    """Make nodes, spin them, and end them cleanly on SIGINT or SIGTERM.
 
-    One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set;
-    all are then spun in a second thread, or, with one_thread, whenever the loop waits. A node may
-    have `close()`, called while it can still publish.
+    One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set.
+    A node may have `close()`, called while it can still publish.
+
+    Args:
+        makes: make one node each.
+        arguments: the command line; None for that of the process.
+        one_thread: whether the nodes are spun whenever that loop waits, and not in a second thread.
+
+    Returns:
+        The exit status: 0, or 1 after an error.
     """
     stopped = threading.Event()
-    np.seterr(
-        over='ignore', invalid='ignore'
-    )  # results are looked at; numpy's warning would be a second line
+    # Results are looked at; numpy's warning would be a second line.
+    np.seterr(over='ignore', invalid='ignore')
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
     _end_with_parent(stopped)

@@ -27,6 +27,7 @@ from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, R
 from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.runtime import Waiting, run_nodes
+from redres_ros.nodes.session_topics import SessionTopics
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -102,7 +103,6 @@ class SimNode(Node):
         self._client_lives = False
         self._cycles_waited = 0
         self._reset_wanted = False
-        self._stopped_at = 0  # stamp [ns] of the tick after the last stop
         self._create_interfaces(arm)
 
     def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
@@ -114,16 +114,9 @@ class SimNode(Node):
 
     def _create_interfaces(self, arm: Arm) -> None:
         self._states = self.create_publisher(JointState, 'joint_states', PUBLISH)
-        topics = (
-            'sim/session_state',
-            'sim/connection_quality',
-            'sim/stop_reason',
-            'robot_description',
-        )
-        self._latched = {topic: self.create_publisher(String, topic, LATCHED) for topic in topics}
-        self._told = dict.fromkeys(topics)
-        self._tell('robot_description', arm.description())
-        self._tell_session()
+        self._session_topics = SessionTopics(self, self._session)
+        description = self.create_publisher(String, 'robot_description', LATCHED)
+        description.publish(String(data=arm.description()))
         self._diagnostics = Diagnostics(self, self._description.robot, self._health)
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
@@ -155,7 +148,7 @@ class SimNode(Node):
                 self._robot.reset()
             self._robot.advance(*answers)
             self._tell_refusals()
-            self._tell_session()
+            self._session_topics.tell()
             if self._settings.lockstep:
                 # The answer may be here at once, from this thread; services have their turn anyway.
                 waiting.sleep(0.0)
@@ -240,19 +233,6 @@ class SimNode(Node):
         else:
             self._refusals.accept('joint_command')
 
-    def _tell_session(self) -> None:
-        if self._session.reason and self._session.reason != self._told['sim/stop_reason']:
-            self._stopped_at = self._robot_clock.stamp(self._robot.tick)
-            self.get_logger().error(self._session.reason)
-        self._tell('sim/stop_reason', self._session.reason)
-        self._tell('sim/session_state', self._session.state.value)
-        self._tell('sim/connection_quality', self._session.quality.name)
-
-    def _tell(self, topic: str, text: str) -> None:
-        if text != self._told[topic]:
-            self._told[topic] = text
-            self._latched[topic].publish(String(data=text))
-
     def _health(self) -> Health:
         session = self._session
         refused = {f'refused: {kind.value}': count for kind, count in session.refusals.items()}
@@ -266,7 +246,6 @@ class SimNode(Node):
             'cycles waited for': self._cycles_waited,
             'clock stood still [s]': self._robot_clock.stood_still,
             'clock behind [s]': self._robot_clock.lag,
-            'stopped at [ns]': self._stopped_at,
         }
         if session.reason:
             return Health(ERROR, session.reason, figures)

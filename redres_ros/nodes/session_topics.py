@@ -1,0 +1,41 @@
+"""What the sim tells of its session: latched words on topics, and a line in the log for a stop."""
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from redres_ros.fri.session import Session
+from redres_ros.nodes.qos import LATCHED
+
+
+class SessionTopics:
+    """Publishes `sim/session_state`, `sim/connection_quality` and `sim/stop_reason` as they change.
+
+    Args:
+        node: the sim.
+        session: what is told.
+    """
+
+    def __init__(self, node: Node, session: Session) -> None:
+        self._session = session
+        self._logger = node.get_logger()
+        # The reason comes first: who hears that a session has ended can say why.
+        topics = ('sim/stop_reason', 'sim/session_state', 'sim/connection_quality')
+        self._publishers = {
+            topic: node.create_publisher(String, topic, LATCHED) for topic in topics
+        }
+        self._told: dict[str, str] = {}  # the newest word on each topic
+        self.tell()
+
+    def tell(self) -> None:
+        """Publish what has changed since the last call."""
+        reason = self._session.reason
+        if reason and reason != self._told.get('sim/stop_reason'):
+            self._logger.error(reason)
+        self._tell('sim/stop_reason', reason)
+        self._tell('sim/session_state', self._session.state.value)
+        self._tell('sim/connection_quality', self._session.quality.name)
+
+    def _tell(self, topic: str, word: str) -> None:
+        if word != self._told.get(topic):
+            self._told[topic] = word
+            self._publishers[topic].publish(String(data=word))
