@@ -186,7 +186,7 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
 
 @pytest.mark.realtime
 def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
-    done = demo(tmp_path, '--law', 'minimum_velocity')
+    done = demo(tmp_path, '--law', 'minimum_velocity', '--limits', 'none')
     assert done.returncode == 1, done.stdout + done.stderr
     assert 'protective stop' in summary(tmp_path)['stop_reason']
     assert summary(tmp_path)['task'] == 'NOT finished'

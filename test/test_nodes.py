@@ -36,13 +36,16 @@ from redres_ros.robot_model import RobotModel
 pytestmark = pytest.mark.slow
 
 DX = np.array([0.02, -0.05, 0.03])
+BOX = ('position', 'velocity', 'acceleration')
 
 
 BAD_STARTS = [  # node, parameters, environment, words that its one line must hold
     ('controller', 'law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
-    ('controller', 'damping:=600.0', {}, ('600', '0 to 500', 'Appendix B')),
+    ('controller', 'damping:=600.0', {}, ('600', '0 to 500')),
     ('controller', 'damping:=.nan', {}, ('damping', 'nan')),
-    ('controller', 'rate:=500', {}, ('rate', '500', 'decimal point')),
+    ('controller', 'rate:=fast', {}, ('rate', 'fast', 'decimal point')),
+    ('controller', 'limits:=none,position', {}, ('none', 'position', 'expected names')),
+    ('controller', 'preferences:=posture,foo', {}, ('foo', 'joint_centering')),
     ('controller', 'rate:=1.0e9', {}, ('rate', '2000')),
     ('controller', 'robot:=r2d2', {}, ('r2d2', 'lwr4_paper')),
     ('controller', 'tip_frame:=nose', {}, ('nose', 'tool0')),
@@ -147,7 +150,9 @@ def test_what_the_kernel_does_not_permit_gets_one_warning_and_the_node_runs(tmp_
 
 def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
     law = make_law('minimum_acceleration', damping=7.0)
-    following = Following(Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1))
+    following = Following(
+        Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1, limits=BOX)
+    )
     with nodes(tmp_path, controller={'damping': 7.0, 'switch_time': 0.1}) as (probe, _):
         q = START
         for _ in range(20):
@@ -166,7 +171,11 @@ def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_
     tmp_path: Path,
 ) -> None:
     controller = Controller(
-        RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), 0.002, switch_time=0.1
+        RobotModel.named('lwr4_paper'),
+        make_law('minimum_acceleration'),
+        0.002,
+        switch_time=0.1,
+        limits=BOX,
     )
     following = Following(controller, FollowingSettings(lockstep=True))
     with nodes(tmp_path, controller={'lockstep': True, 'switch_time': 0.1}) as (probe, _):
@@ -349,7 +358,7 @@ def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Pat
             )
         for values, words in (
             ({'law': 'none'}, ('none', 'minimum_torque')),
-            ({'damping': 501.0}, ('501', '0 to 500')),
+            ({'damping': 501.0}, ('501', '500')),
             ({'damping': float('nan')}, ('nan',)),
             ({'law': 7}, ('STRING', 'INTEGER')),
             ({'rate': 100.0}, ('rate',)),
@@ -360,6 +369,32 @@ def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Pat
             assert all(word in str(refusal.value) for word in words), refusal.value
         probe.ask(START)
         assert laws[-1].data == 'minimum_torque'
+
+
+def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
+    tmp_path: Path,
+) -> None:
+    with nodes(tmp_path, controller={'damping': 20, 'posture.gain': 3}) as (probe, _):
+        probe.ask(START)
+        for values in (
+            {'damping': 400},
+            {'limits': 'none'},
+            {'limits': ['velocity', 'torque'], 'limit_scale': 0.5},
+            {'preferences': 'posture, joint_centering', 'posture.gain': 2},
+            {'secondary_tasks': ['orientation'], 'orientation.gain': 5},
+            {'max_linear': 1},
+        ):
+            set_parameters(probe, 'controller', values)
+            probe.ask(START)
+        for values, words in (
+            ({'limits': ['foo']}, ('foo', 'position')),
+            ({'limits': ['none', 'position']}, ('none', 'expected names')),
+            ({'limit_scale': 2}, ('2', '1')),
+            ({'orientation.gain': -1.0}, ('-1', '0')),
+        ):
+            with pytest.raises(CallError) as refusal:
+                set_parameters(probe, 'controller', values)
+            assert all(word in str(refusal.value) for word in words), refusal.value
 
 
 def test_the_torque_that_is_published_is_that_of_the_model(tmp_path: Path) -> None:

@@ -25,7 +25,8 @@ from redres_ros.nodes.conversions import (
     to_pose,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
-from redres_ros.nodes.parameters import LawParameters, declare, declare_robot, on_live_change
+from redres_ros.nodes.motion_parameters import MotionParameters
+from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
@@ -41,6 +42,7 @@ _NUMBERS = (
     'joint_torque_norm',
     'min_singular_value',
     'task_scaling',
+    'lost_velocity',
 )
 
 
@@ -73,15 +75,20 @@ class ControllerNode(Node):
         super().__init__('controller')
         self._robot = declare_robot(self)
         self._settings = declare(self, ControllerParameters())
-        self._laws = LawParameters(self)
         model = self._robot.model
+        T = 1.0 / self._settings.rate
+        self._motion = MotionParameters(self, model, T)
+        wanted = self._motion.wanted({})
         self._controller = Controller(
             model,
-            self._laws.law,
-            1.0 / self._settings.rate,
+            wanted.law,
+            T,
             task=self._robot.task_space,
             switch_time=self._settings.switch_time,
             integrate_from=self._settings.integrate_from,
+            limits=wanted.limits,
+            preferences=wanted.preferences,
+            secondary_tasks=wanted.secondary_tasks,
         )
         following = declare(self, FollowingSettings())
         self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
@@ -178,6 +185,7 @@ class ControllerNode(Node):
         publish('null_velocity_norm', lambda: float(norm(command.null)))
         publish('joint_torque_norm', lambda: float(norm(command.tau)))
         publish('min_singular_value', lambda: command.min_singular_value)
+        publish('lost_velocity', lambda: float(norm(command.lost)))
         publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:
@@ -195,10 +203,10 @@ class ControllerNode(Node):
         return response
 
     def _check(self, changes: dict[str, Any]) -> None:
-        self._laws.changed(changes).check_damping(self._controller.T)
+        self._motion.wanted(changes).law.check_damping(self._controller.T)
 
     def _apply(self, changes: dict[str, Any]) -> None:
-        self._controller.switch_law(self._laws.apply(changes))
+        self._motion.apply(changes, self._controller)
         self._settings = _changed(self._settings, changes)
         self._controller.switch_time = self._settings.switch_time
         self._following.settings = _changed(self._following.settings, changes)

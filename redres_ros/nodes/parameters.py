@@ -1,6 +1,6 @@
 """Dataclass fields as ROS parameters: name, default, description and range are those of the field."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
@@ -15,7 +15,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from redres_ros.errors import RedresError
-from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, find_arm
@@ -44,17 +43,36 @@ def declare(node: Node, defaults: P) -> P:
 
 
 def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> Any:
-    """Declare one parameter and return its value, a tuple for an array."""
+    """The value of a parameter that is declared here, a tuple for an array.
+
+    A whole number is taken for one with a decimal point, and a text with commas for an array of
+    texts, here and whenever the parameter is set.
+
+    Args:
+        node: Has the parameter.
+        name: As users know it.
+        default: Also says of what type it is.
+        parameter: Description, range, choices, and whether it can be set live.
+
+    Raises:
+        ParameterError: A value of another type, none, or one out of range.
+    """
     initial = list(default) if isinstance(default, tuple) else default
+    of_any_type = ParameterDescriptor(dynamic_typing=True)
+    given = node.declare_parameter(name, initial, of_any_type)
+    node.undeclare_parameter(name)
+    expected = RosParameter.Type.from_parameter_value(initial)
+    wanted = _as_type(given, expected)
+    if wanted.type_ is not expected:
+        got = 'nothing' if given.value is None else repr(given.value)
+        raise ParameterError(f'{name} is {got}; allowed: {_allowed(default, parameter)}')
+    descriptor = _descriptor(default, parameter)
     try:
-        value = node.declare_parameter(name, initial, _descriptor(default, parameter)).value
+        value = node.declare_parameter(name, wanted.value, descriptor, ignore_override=True).value
     except ParameterException as error:
         reason = ' '.join(str(error).split())
-        raise ParameterError(
-            f'{reason}; allowed for {name}: {_allowed(default, parameter)}'
-        ) from None
-    if value is None:  # as ROS takes an empty array
-        raise ParameterError(f'{name} has no value; allowed: {_allowed(default, parameter)}')
+        allowed = _allowed(default, parameter)
+        raise ParameterError(f'{reason}; allowed for {name}: {allowed}') from None
     return tuple(value) if isinstance(default, tuple) else value
 
 
@@ -63,17 +81,50 @@ def on_live_change(
 ) -> None:
     """Have changes of parameters checked before they are set and applied after; a RedresError
     refuses them all.
+
+    Args:
+        node: Has the parameters.
+        check: Is given the changed values by name, tuples for arrays, and raises what is wrong.
+        apply: Is given the same, once they are set.
     """
 
     def before(changed: list[RosParameter]) -> SetParametersResult:
         try:
-            check({p.name: p.value for p in changed})
+            check(_values(changed))
         except RedresError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    node.add_pre_set_parameters_callback(lambda changed: [_as_declared(node, p) for p in changed])
     node.add_on_set_parameters_callback(before)
-    node.add_post_set_parameters_callback(lambda changed: apply({p.name: p.value for p in changed}))
+    node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
+
+
+def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:
+    return {p.name: tuple(p.value) if _is_array(p) else p.value for p in changed}
+
+
+def _is_array(parameter: RosParameter) -> bool:
+    return parameter.type_.name.endswith('_ARRAY')
+
+
+def _as_declared(node: Node, given: RosParameter) -> RosParameter:
+    """The same value in the type that the parameter has, where nothing is lost by that."""
+    if not node.has_parameter(given.name):
+        return given
+    return _as_type(given, node.get_parameter(given.name).type_)
+
+
+def _as_type(given: RosParameter, wanted: RosParameter.Type) -> RosParameter:
+    types = RosParameter.Type
+    value = given.value
+    if given.type_ is types.INTEGER and wanted is types.DOUBLE:
+        return RosParameter(given.name, types.DOUBLE, float(value))
+    if given.type_ is types.INTEGER_ARRAY and wanted is types.DOUBLE_ARRAY:
+        return RosParameter(given.name, types.DOUBLE_ARRAY, [float(number) for number in value])
+    if given.type_ is types.STRING and wanted is types.STRING_ARRAY:
+        return RosParameter(given.name, types.STRING_ARRAY, [w.strip() for w in value.split(',')])
+    return given
 
 
 @dataclass(frozen=True)
@@ -129,48 +180,6 @@ def declare_robot(node: Node) -> RobotParameters:
     robot = RobotParameters(node.get_parameter(field.name).value, **values)
     check_parameters(robot)
     return robot
-
-
-class LawParameters:
-    """`law`, `damping` and, as `<law>.<gain>`, the gains that only one law has."""
-
-    def __init__(self, node: Node) -> None:
-        law = Parameter('redundancy resolution law', choices=tuple(LAWS), live=True)
-        self._values = {'law': declare_one(node, 'law', 'minimum_acceleration', law)}
-        for name, cls in LAWS.items():
-            for field, parameter in parameters(cls).items():
-                key = self._key(name, field.name)
-                if key not in self._values:
-                    self._values[key] = declare_one(
-                        node, key, field.default, replace(parameter, live=True)
-                    )
-        self.law = self.changed({})
-
-    def changed(self, changes: dict[str, Any]) -> Law:
-        """The law after changes of parameters, without making them; other parameters among them do
-        not matter.
-        """
-        values = {
-            **self._values,
-            **{key: value for key, value in changes.items() if key in self._values},
-        }
-        name = values['law']
-        gains = (
-            {f.name: values[self._key(name, f.name)] for f in parameters(LAWS[name])}
-            if name in LAWS
-            else {}
-        )
-        return make_law(name, **gains)
-
-    def apply(self, changes: dict[str, Any]) -> Law:
-        """Make the changes and return the law."""
-        self.law = self.changed(changes)
-        self._values.update({key: value for key, value in changes.items() if key in self._values})
-        return self.law
-
-    @staticmethod
-    def _key(law: str, gain: str) -> str:
-        return gain if gain == 'damping' else f'{law}.{gain}'
 
 
 def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:

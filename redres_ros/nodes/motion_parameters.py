@@ -1,0 +1,183 @@
+"""How the arm is to move, as ROS parameters: law, limits, preferences, tasks and their gains."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+
+from redres_ros.controller import Controller
+from redres_ros.errors import RedresError
+from redres_ros.laws import LAWS, Law, make_law
+from redres_ros.limits import LIMITS, Limit, make_limits
+from redres_ros.nodes.parameters import declare, declare_one
+from redres_ros.parameter import Parameter, check_parameters, param, parameters
+from redres_ros.preferences import PREFERENCES, Preference, make_preference
+from redres_ros.robot_model import RobotModel
+from redres_ros.tasks import TASKS, Task, make_task
+
+NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
+
+_SHARED = {'damping'}  # gains that all laws have are called without the law's name
+_SCALES = {'scale'}  # of a limit, given by limit_scale and torque_scale
+
+
+class NoneError(RedresError):
+    """The word none beside names."""
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """What the gains belong to."""
+
+    law: str = param(
+        'minimum_acceleration', 'redundancy resolution law', choices=tuple(LAWS), live=True
+    )
+    limits: tuple[str, ...] = param(
+        ('position', 'velocity', 'acceleration'),
+        'limits that no command leaves',
+        choices=(*LIMITS, NONE),
+        live=True,
+    )
+    limit_scale: float = param(
+        1.0, 'share of the velocity and acceleration limits that is used', 0.001, 1.0, live=True
+    )
+    torque_scale: float = param(
+        1.0, 'share of the torque limits that is used', 0.001, 1.0, live=True
+    )
+    preferences: tuple[str, ...] = param(
+        (NONE,), 'what the spare joints are to do', choices=(*PREFERENCES, NONE), live=True
+    )
+    secondary_tasks: tuple[str, ...] = param(
+        (NONE,), 'further tasks in order of priority', choices=(*TASKS, NONE), live=True
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        for name in ('limits', 'preferences', 'secondary_tasks'):
+            if NONE in getattr(self, name) and getattr(self, name) != (NONE,):
+                raise NoneError(f'{name} are {list(getattr(self, name))}; expected names or {NONE}')
+
+
+class Wanted(NamedTuple):
+    """What the parameters say."""
+
+    law: Law
+    limits: tuple[Limit, ...]
+    preferences: tuple[Preference, ...]
+    secondary_tasks: tuple[Task, ...]
+
+
+class MotionParameters:
+    """The parameters of what a controller does in each tick, all of which can be set live.
+
+    Args:
+        node: Has them.
+        model: The arm, from which limits have their figures.
+        T: Sampling time [s], which says how large the damping may be.
+    """
+
+    def __init__(self, node: Node, model: RobotModel, T: float) -> None:
+        self._model = model
+        self._settings = declare(node, MotionSettings())
+        self._gains: dict[str, Any] = {}
+        for key, default, parameter in all_gains(T):
+            self._gains[key] = declare_one(node, key, default, parameter)
+        self.wanted({}).law.check_damping(T)
+
+    def wanted(self, changes: Mapping[str, Any]) -> Wanted:
+        """What is asked for after some changes of parameters, others among them do not matter.
+
+        Raises:
+            RedresError: A value that is not allowed, or limits that the arm has no figures for.
+        """
+        settings = self._changed_settings(changes)
+        gains = self._changed_gains(changes)
+        law = make_law(settings.law, **_own(LAWS, settings.law, gains))
+        limits = make_limits(
+            _names(settings.limits),
+            self._model,
+            limit_scale=settings.limit_scale,
+            torque_scale=settings.torque_scale,
+            gains={key: value for key, value in gains.items() if _is_of_limit(key)},
+        )
+        preferences = tuple(
+            make_preference(name, **_own(PREFERENCES, name, gains))
+            for name in _names(settings.preferences)
+        )
+        tasks = tuple(
+            make_task(name, **_own(TASKS, name, gains)) for name in _names(settings.secondary_tasks)
+        )
+        return Wanted(law, tuple(limits), preferences, tasks)
+
+    def apply(self, changes: Mapping[str, Any], controller: Controller) -> None:
+        """Make the changes, and have a controller go over to them."""
+        wanted = self.wanted(changes)
+        limits_before = self._limits_say()
+        self._settings = self._changed_settings(changes)
+        self._gains = self._changed_gains(changes)
+        controller.switch_law(wanted.law)
+        controller.set_preferences(wanted.preferences)
+        controller.set_secondary_tasks(wanted.secondary_tasks)
+        if self._limits_say() != limits_before:
+            controller.set_limits(wanted.limits)
+
+    def _limits_say(self) -> tuple[Any, ...]:
+        """All that the limits depend on."""
+        settings = self._settings
+        gains = [value for key, value in self._gains.items() if _is_of_limit(key)]
+        return (settings.limits, settings.limit_scale, settings.torque_scale, *gains)
+
+    def _changed_settings(self, changes: Mapping[str, Any]) -> MotionSettings:
+        names = {field.name for field in parameters(MotionSettings)}
+        values = {name: changes[name] for name in names & changes.keys()}
+        return replace(self._settings, **values)
+
+    def _changed_gains(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        return {key: changes.get(key, value) for key, value in self._gains.items()}
+
+
+def all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
+    """Key, default and declaration of every gain in the tables.
+
+    Targets that are left open, as those of tasks, have no value that ROS could hold, and are not
+    among them.
+
+    Args:
+        T: Sampling time [s]; a damping is at most 1/T (Appendix B).
+    """
+    seen = set()
+    for table in (LAWS, LIMITS, PREFERENCES, TASKS):
+        for name, cls in table.items():
+            for field, parameter in parameters(cls).items():
+                key = _key(name, field.name)
+                if key in seen or field.default == () or _is_scale(table, field.name):
+                    continue
+                seen.add(key)
+                upper = 1.0 / T if key in _SHARED else parameter.upper
+                yield key, field.default, replace(parameter, upper=upper, live=True)
+
+
+def _is_scale(table: Mapping[str, type], gain: str) -> bool:
+    return table is LIMITS and gain in _SCALES
+
+
+def _is_of_limit(key: str) -> bool:
+    name, _, gain = key.partition('.')
+    if name not in LIMITS or gain in _SCALES:
+        return False
+    return any(field.name == gain for field in parameters(LIMITS[name]))
+
+
+def _key(name: str, gain: str) -> str:
+    return gain if gain in _SHARED else f'{name}.{gain}'
+
+
+def _own(table: Mapping[str, type], name: str, gains: Mapping[str, Any]) -> dict[str, Any]:
+    """The gains of one entry of a table, by the names of its fields."""
+    keys = {field.name: _key(name, field.name) for field in parameters(table[name])}
+    return {field: gains[key] for field, key in keys.items() if key in gains}
+
+
+def _names(names: tuple[str, ...]) -> tuple[str, ...]:
+    return () if names == (NONE,) else names
