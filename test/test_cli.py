@@ -377,6 +377,13 @@ def test_a_robot_does_its_own_task_unless_told_otherwise(name, tmp_path, capsys)
     assert capsys.readouterr().out == implied
 
 
+def test_a_task_with_orientations_is_done_in_six_dimensions(tmp_path):
+    path = tmp_path / 'motion.csv'
+    options = ['--task', 'iiwa7_pose', '--period', '0.01', '--out', str(path)]
+    assert main(['simulate', *options]) == 0
+    assert path.read_text().splitlines()[0] == ','.join(columns(7, pose=True))
+
+
 def test_a_robot_may_be_a_file(tmp_path, capsys):
     arm = ARMS['iiwa7']
     options = ['--task', arm.task, '--period', '0.01', '--law', 'minimum_velocity']
@@ -385,6 +392,30 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
         assert main(['simulate', *options, '--robot', robot, '--out', str(path)]) == 0
     a, b = (path.read_text() for path in tmp_path.glob('*.csv'))
     assert a == b
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        (('--robot', str(ARMS['iiwa7'].urdf)), 'unknown robot of the demo '),
+        (('--robot', 'iiwa7', '--tip', 'lbr_link_7'), 'with --tip the demo needs a --task'),
+        (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
+        (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),
+        (('--switch', 'minimum_velocity'), '--switch minimum_velocity; expected LAW@SECONDS'),
+    ],
+)
+def test_what_the_nodes_could_not_do_is_refused_before_they_start(
+    options, message, tmp_path, capsys
+):
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    assert main(['demo', '--out', str(tmp_path), *options]) == 1
+    assert capsys.readouterr().err.startswith(f'redres demo: {message}')
+
+
+@pytest.mark.parametrize('robot', ['iiwa7', str(ARMS['iiwa7'].urdf)])
+def test_another_tip_goes_round_a_square_of_its_own(robot, capsys):
+    assert main(['simulate', '--robot', robot, '--tip', 'lbr_link_7', '--period', '0.01']) == 0
+    assert 'a square before the tip' in capsys.readouterr().out
 
 
 # --- what is loaded -------------------------------------------------------------------------------

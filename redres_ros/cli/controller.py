@@ -68,7 +68,7 @@ def make_controller(
         motion.model,
         law,
         T,
-        task='position' if motion.task.orientations is None else 'pose',
+        task=motion.task_space,
         switch_time=switch_time,
         limits=find_limits(options, motion.model),
         limit_scale=options.limit_scale,
@@ -145,8 +145,13 @@ def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
     return used | {('task', name) for name in options.secondary or ()}
 
 
-def node_parameters(options: argparse.Namespace) -> dict[str, Any]:
-    """What the nodes have to be told beside the law, its damping, the robot and its dynamics."""
+def node_parameters(options: argparse.Namespace, motion: 'Motion') -> dict[str, Any]:
+    """What the nodes have to be told beside the law, its damping, the robot and its dynamics.
+
+    Args:
+        options: With what is added to the law.
+        motion: The arm and its task.
+    """
     told: dict[str, Any] = {gain.key: value for gain, value in given_gains(options).items()}
     preferences = []
     for preference in options.prefer or ():
@@ -158,6 +163,7 @@ def node_parameters(options: argparse.Namespace) -> dict[str, Any]:
     told['limits'] = limit_names(options) or (NONE,)
     told['preferences'] = tuple(preferences) or (NONE,)
     told['secondary_tasks'] = tuple(options.secondary or ()) or (NONE,)
+    told['task_space'] = motion.task_space
     told['limit_scale'] = options.limit_scale
     told['torque_scale'] = options.torque_scale
     if options.tip:

@@ -30,6 +30,11 @@ class Motion(NamedTuple):
     model: 'RobotModel'
 
     @property
+    def task_space(self) -> str:
+        """What a task velocity is of: 'position', or 'pose' where points have orientations."""
+        return 'position' if self.task.orientations is None else 'pose'
+
+    @property
     def title(self) -> str:
         """Task and arm in words."""
         arm = self.model.arm
