@@ -247,7 +247,7 @@ class Controller:
         dx = finite_vector(dx, self.m, 'dx')
         state = self.model.unchecked_state(q, self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
-        aim = Aim(self.task.jacobian(state), dx, self._scale)
+        aim = Aim(self.task, self.task.jacobian(state), dx, self._scale)
         blend = self._blend.advanced(
             begun if self._moving else STANDING, self._dq_prev, self.T, self.switch_time
         )

@@ -13,12 +13,14 @@ from redres_ros.planner import quintic
 from redres_ros.preferences import Preference
 from redres_ros.resolution import Level, Weight, resolve_in_order, resolve_one
 from redres_ros.robot_model import RobotState
+from redres_ros.singularity import way_out
 from redres_ros.tasks import Task
 
 
 class Aim(NamedTuple):
     """The first task at one tick: J (m, n), dx (m,); scale (m,) makes rows of J comparable."""
 
+    task: Task
     J: np.ndarray
     dx: np.ndarray
     scale: np.ndarray | None
@@ -76,6 +78,7 @@ class Following:
             lower = [(J, J.dot(dq)) for J, _ in levels[1:]]
         if not damped:
             return Answer(dq, aim.dx, None, W, lower)
+        dq = dq + _way_out(state, aim)
         executed = aim.J.dot(dq)
         return Answer(dq, executed, aim.dx - executed, W, lower)
 
@@ -173,6 +176,21 @@ class Blend:
 
 def _level(task: Task, state: RobotState) -> Level:
     return scaled(task.jacobian(state), task.velocity(state), task.row_scale(state.model))
+
+
+def _way_out(state: RobotState, aim: Aim) -> np.ndarray | float:
+    """The self-motion (n,) [rad/s] that leads out of a singularity; 0 where none is needed."""
+    dJ = aim.task.derivatives(state)
+    if dJ is None:
+        return 0.0
+    J, dx = scaled(aim.J, aim.dx, aim.scale)
+    if aim.scale is None:
+        reach = state.model.reach
+    else:
+        dJ = aim.scale[:, None] * dJ
+        reach = 1.0
+    z = way_out(J, dJ, dx, state.dq_prev, reach)
+    return 0.0 if z is None else z
 
 
 def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:

@@ -72,6 +72,10 @@ class RobotState:
         """Jacobian (6, n) of a frame, rows as in `J`; '' is the tip."""
         return self.model.jacobian(self.q, frame) if frame else self.J
 
+    def jacobian_derivatives(self, frame: str) -> np.ndarray:
+        """dJ/dq_i of a frame's Jacobian J (6, n), (n, 6, n); '' is the tip."""
+        return jacobian_derivatives(self.jacobian(frame))
+
     @cached_property
     def _tip(self) -> tuple[np.ndarray, np.ndarray]:
         return self.model._pose(self.q, self.model._tip)
@@ -228,6 +232,22 @@ class RobotModel:
 def quaternion(R: np.ndarray) -> np.ndarray:
     """The rotation R (3, 3) as a unit quaternion (x, y, z, w), (4,)."""
     return pin.Quaternion(R).coeffs()
+
+
+def jacobian_derivatives(J: np.ndarray) -> np.ndarray:
+    """dJ/dq_i of a serial arm's Jacobian J (6, n), (n, 6, n), by the rows of J alone.
+
+    With v_j and w_j the linear and angular columns: joint i turns or shifts all that comes after
+    it, so dw_j/dq_i = w_i x w_j and dv_j/dq_i = w_i x v_j for i <= j, and w_j x v_i for i > j.
+    """
+    v = J[:3].T  # (n, 3)
+    w = J[3:].T
+    n = len(v)
+    inner = np.tri(n, dtype=bool).T[:, :, None]  # (i, j): i <= j
+    w_v = np.cross(w[:, None], v[None])  # (i, j, 3): w_i x v_j
+    dv = np.where(inner, w_v, w_v.transpose(1, 0, 2))
+    dw = np.where(inner, np.cross(w[:, None], w[None]), 0.0)
+    return np.concatenate((dv, dw), axis=2).transpose(0, 2, 1)
 
 
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:

@@ -14,7 +14,7 @@ LAYERS = (
     {'errors'},
     {'parameter', 'share', 'yaml_file', 'resolution', 'rotation', 'robots', 'cycles', 'compiled'},
     {'robot_model', 'waypoints', 'cascade'},
-    {'bounded'},
+    {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},
     {'motion'},
     {'resolver'},

@@ -42,6 +42,13 @@ class Task(ABC):
         """dx = k e, (m,)."""
         return self.gain * self.error(state)
 
+    def derivatives(self, state: RobotState) -> np.ndarray | None:
+        """dJ/dq_i, (n, m, n), by which the arm finds the way out of a singularity.
+
+        None for a task that does not know them; it is stuck where J alone shows no way.
+        """
+        return None
+
     def row_scale(self, model: RobotModel) -> np.ndarray | None:
         """Factors (m,) that make rows of different units comparable; None where all are alike."""
         return None

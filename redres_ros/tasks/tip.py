@@ -29,6 +29,9 @@ class Position(FrameTask):
     def jacobian(self, state: RobotState) -> np.ndarray:
         return state.jacobian(self.frame)[:3]
 
+    def derivatives(self, state: RobotState) -> np.ndarray:
+        return state.jacobian_derivatives(self.frame)[:, :3]
+
     def error(self, state: RobotState) -> np.ndarray:
         return np.array(self.target) - state.pose(self.frame)[0]
 
@@ -54,6 +57,9 @@ class Orientation(FrameTask):
     def jacobian(self, state: RobotState) -> np.ndarray:
         return state.jacobian(self.frame)[3:]
 
+    def derivatives(self, state: RobotState) -> np.ndarray:
+        return state.jacobian_derivatives(self.frame)[:, 3:]
+
     def error(self, state: RobotState) -> np.ndarray:
         return rotation_vector(_matrix(self.target).dot(state.pose(self.frame)[1].T))
 
@@ -78,6 +84,9 @@ class Pose(FrameTask):
 
     def jacobian(self, state: RobotState) -> np.ndarray:
         return state.jacobian(self.frame)
+
+    def derivatives(self, state: RobotState) -> np.ndarray:
+        return state.jacobian_derivatives(self.frame)
 
     def error(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)

@@ -1,0 +1,52 @@
+"""The way out of a singularity, where the Jacobian alone shows none.
+
+In the stretched arm no joint velocity moves the tip along the arm: J dq = dx has no part in that
+direction u. But to second order a self-motion dq = z does: with H = sum_c u_c dJ_c/dq,
+
+    u' ddx = z' H z,
+
+and so the self-motion that takes the tip along u the most is the eigenvector of H, within the null
+space, that belongs to the largest eigenvalue. Where none is positive, there is no such way, as for
+the way outward from the stretched arm.
+"""
+
+import numpy as np
+
+from redres_ros.resolution import SINGULAR_RATIO
+
+# of the threshold below which a direction is damped: above it, the damped motion is on its way out
+_STUCK = 0.1
+_NOTHING = 1e-9  # of dx, is not asked for; of H, is no way
+
+
+def way_out(
+    J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, dq_prev: np.ndarray, reach: float
+) -> np.ndarray | None:
+    """A slow self-motion (n,) [rad/s] that leads out of a singularity; None where there is none.
+
+    Args:
+        J: (m, n) Jacobian of the task, with comparable rows.
+        dJ: (n, m, n) its derivatives by each joint.
+        dx: (m,) what is asked for.
+        dq_prev: (n,) [rad/s] the last command; the motion goes on in its sense.
+        reach: By which a unit of dx becomes a turn [rad/s]; in metres for rows of metres.
+    """
+    U, s, Vt = np.linalg.svd(J)
+    e = SINGULAR_RATIO * s[0]
+    if e == 0.0:
+        return None
+    kept = int(np.count_nonzero(s >= e))
+    stuck = np.maximum(1.0 - s[kept:] / (_STUCK * e), 0.0)  # 1 at the singularity
+    lost = U[:, kept : len(s)]
+    asked = lost.dot(stuck * lost.T.dot(dx))  # (m,)
+    size = float(np.linalg.norm(asked))
+    if size <= _NOTHING * float(np.linalg.norm(dx)):
+        return None
+    H = np.einsum('c,icj->ij', asked / size, dJ)  # (n, n)
+    Z = Vt[kept:].T  # (n, n - kept)
+    curvatures, directions = np.linalg.eigh(Z.T.dot(H + H.T).dot(Z) / 2.0)
+    if curvatures[-1] <= _NOTHING * float(np.linalg.norm(H)):
+        return None
+    z: np.ndarray = Z.dot(directions[:, -1])
+    sense = z.dot(dq_prev) or z[np.argmax(np.abs(z))]
+    return np.copysign(size / reach, sense) * z

@@ -1,0 +1,146 @@
+"""Into, in and out of the stretched arm at 500 Hz, for every arm of the table and every law."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from redres_ros import LAWS, Command, Controller, RobotModel, make_law
+from redres_ros.resolution import SINGULAR_RATIO
+from redres_ros.robots import ARMS
+
+T = 0.002  # [s]
+BOX = ('position', 'velocity', 'acceleration')
+SPEED = 0.05  # [m/s]
+EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
+EVERY_LAW = pytest.mark.parametrize('law', LAWS)
+
+
+@cache
+def model_of(arm: str) -> RobotModel:
+    return RobotModel.named(arm)
+
+
+@cache
+def stretched(arm: str) -> tuple[np.ndarray, np.ndarray]:
+    """Joint positions with the tip farthest from the base, (n,), and the way outward, (3,)."""
+    model = model_of(arm)
+    bounds = list(zip(model.q_min + 0.02, model.q_max - 0.02, strict=True))
+    start = 0.7 * np.array(ARMS[arm].start) + 0.05
+
+    def nearness(q: np.ndarray) -> float:
+        return -float(np.linalg.norm(model.tip(q)[0]))
+
+    q = minimize(nearness, start, bounds=bounds, options={'ftol': 1e-15, 'gtol': 1e-10}).x
+    x, _ = model.tip(q)
+    return q, x / np.linalg.norm(x)
+
+
+def has_stretched(arm: str) -> bool:
+    """Whether the joints' ranges let the arm be stretched."""
+    q, outward = stretched(arm)
+    J = model_of(arm).state(q, np.zeros(len(q))).J[:3]
+    return float(np.linalg.norm(outward @ J)) < 1e-3
+
+
+STRETCHING = [arm for arm in ARMS if has_stretched(arm)]
+EVERY_STRETCHED = pytest.mark.parametrize('arm', STRETCHING)
+
+
+def driven(arm: str, law: str, q: np.ndarray, ways: list[np.ndarray]) -> list[Command]:
+    """Commands to an ideal arm, for one task velocity a tick."""
+    controller = Controller(model_of(arm), make_law(law), T, limits=BOX)
+    commands = []
+    for dx in ways:
+        command = controller.update(q, dx)
+        commands.append(command)
+        q = command.q_ref
+    return commands
+
+
+def check(arm: str, commands: list[Command]) -> None:
+    """Accelerations within limits."""
+    allowed = np.array(ARMS[arm].acceleration_limit) * (1.0 + 1e-9)
+    assert all((np.abs(command.ddq) <= allowed).all() for command in commands)
+
+
+def still(commands: list[Command]) -> int:
+    """Ticks in which nothing moves."""
+    return sum(not command.dq.any() for command in commands)
+
+
+def test_most_arms_can_be_stretched():
+    assert {'lwr4', 'lwr4_paper', 'iiwa7', 'fr3', 'planar4r'} <= set(STRETCHING)
+
+
+@EVERY_STRETCHED
+@EVERY_LAW
+def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law):
+    q, outward = stretched(arm)
+    inward = -SPEED * outward
+    commands = driven(arm, law, q, [inward] * 400)
+    check(arm, commands)
+    assert still(commands) <= 2
+    x, _ = model_of(arm).tip(q)
+    x_end, _ = model_of(arm).tip(commands[-1].q_ref)
+    assert -(x_end - x) @ outward > 0.7 * 400 * T * SPEED
+
+
+@EVERY_STRETCHED
+@EVERY_LAW
+def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(arm, law):
+    """In between, the joints get up to speed and brake again as fast as they may."""
+    q, outward = stretched(arm)
+    inward = -SPEED * outward
+    commands = driven(arm, law, q, [inward] * 400)
+    losses = [np.linalg.norm(command.lost) for command in commands]
+    assert max(losses[round(0.05 / T) :]) < 1e-9  # a planar arm always lacks a direction
+    for command in commands[350:]:
+        assert command.s == 1.0
+        assert command.J @ command.dq == pytest.approx(inward, abs=1e-9)
+
+
+@EVERY_STRETCHED
+@EVERY_LAW
+def test_into_it_and_back_again(arm, law):
+    """Outward until the arm is stretched, on against its end, and inward."""
+    model = model_of(arm)
+    q, outward = stretched(arm)
+    bent = driven(arm, law, q, [-SPEED * outward] * 400)[-1].q_ref
+    ways = [SPEED * outward] * 600 + [-SPEED * outward] * 600
+    commands = driven(arm, law, bent, ways)
+    check(arm, commands)
+    x_bent, _ = model.tip(bent)
+    x_end, _ = model.tip(commands[-1].q_ref)
+    assert (x_end - x_bent) @ outward < 0.05
+    assert still(commands[600:]) <= 2
+
+
+@EVERY_STRETCHED
+@EVERY_LAW
+def test_in_it_a_standing_arm_does_not_drift(arm, law):
+    q, _ = stretched(arm)
+    controller = Controller(model_of(arm), make_law(law), T, limits=BOX, switch_time=0.2)
+    controller.update(q, np.zeros(3))
+    controller.hold()
+    q_ref = q
+    for _ in range(500):
+        q_ref = controller.update(q_ref, np.zeros(3)).q_ref
+    assert np.abs(q_ref - q).max() < 1e-3
+
+
+@EVERY_STRETCHED
+def test_outward_of_it_there_is_no_way_and_that_is_told(arm):
+    q, outward = stretched(arm)
+    command = driven(arm, 'minimum_velocity', q, [SPEED * outward] * 3)[0]
+    assert np.linalg.norm(command.lost) == pytest.approx(SPEED, rel=1e-2)
+
+
+def test_the_way_out_is_no_part_of_a_regular_tick():
+    model = model_of('lwr4_paper')
+    q = np.array(ARMS['lwr4'].start)
+    s = np.linalg.svd(model.state(q, np.zeros(7)).J[:3], compute_uv=False)
+    assert s[-1] > SINGULAR_RATIO * s[0]
+    command = Controller(model, make_law('minimum_velocity'), T).update(q, np.zeros(3))
+    assert not command.dq.any()
