@@ -28,7 +28,7 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
-T = 0.002  # [s]
+T = 0.004  # [s]
 EVERY_ARM = pytest.mark.parametrize('name', sorted(ARMS))
 EVERY_LAW = pytest.mark.parametrize('law', sorted(LAWS))
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
@@ -267,6 +267,7 @@ def motion(name: str, task: str, law: str) -> tuple[WaypointTask, Recording]:
 TWO_LAWS = pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
 
 
+@pytest.mark.slow
 @EVERY_TASK
 @TWO_LAWS
 def test_a_default_task_is_finished_in_its_time(name, task, law):
@@ -275,6 +276,7 @@ def test_a_default_task_is_finished_in_its_time(name, task, law):
     assert recording['t'][-1] < points.segments * points.segment_time + 0.5
 
 
+@pytest.mark.slow
 @EVERY_TASK
 @TWO_LAWS
 def test_a_default_task_keeps_the_limits(name, task, law):

@@ -584,6 +584,7 @@ def test_the_kinematics_for_defaults_are_those_of_the_model(source):
         assert np.abs(kinematics.jacobian(q) - model.state(q, dq).J).max() < 1e-12
 
 
+@pytest.mark.slow
 @EVERY_URDF
 @pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
 def test_the_square_is_gone_round_within_the_limits(source, law):
