@@ -22,7 +22,7 @@ from redres_ros.bench.loop import GRAPHS, UDP, LoopResult
 from redres_ros.bench.processor_time import ProcessorMeter, processor_seconds
 from redres_ros.bench.report import write_json
 from redres_ros.bench.round_trips import RoundTrips
-from redres_ros.bench.tick import SAME, TickResult, deviation, recorded
+from redres_ros.bench.tick import LIMIT_SCALES, SAME, TickResult, controllers, deviation, recorded
 from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, Times, measure
 from redres_ros.bench.udp import measure_udp
@@ -185,6 +185,19 @@ def test_the_stretch_is_the_beginning_of_the_task(model, task):
     assert np.abs(stretch.x_d[-1] - model.tip(stretch.q[-1])[0]).max() < 0.01
 
 
+def test_limits_act_in_the_one_and_not_in_the_other(model: RobotModel) -> None:
+    stretch = recorded(model)
+    acting = {}
+    for name, controller in controllers(model).items():
+        if name not in LAWS:
+            commands = [
+                controller.update(q, dx) for q, dx in zip(stretch.q, stretch.dx, strict=True)
+            ]
+            acting[name] = float(np.mean([command.s < 1.0 for command in commands]))
+    assert acting['minimum_velocity, limits idle'] == 0.0
+    assert acting['minimum_velocity, limits acting'] > 0.5
+
+
 @pytest.mark.parametrize('name', ['embodik', 'pink', 'mink'])
 def test_a_peer_gives_the_velocities_of_the_least_velocity_law(
     name: str, model: RobotModel
@@ -219,10 +232,13 @@ def test_a_short_bench_of_the_tick_has_every_law_and_prints_what_it_writes(
     out = capsys.readouterr().out
     content = json.loads((tmp_path / 'bench.json').read_text())
     assert set(content) == {'machine', 'tick'}
-    assert set(content['tick']['laws']) == set(LAWS)
+    limited = {f'minimum_velocity, {name}' for name in LIMIT_SCALES}
+    assert set(content['tick']['laws']) == {*LAWS, *limited}
     for name, figures in content['tick']['laws'].items():
-        row = next(line.split() for line in out.splitlines() if line.split()[:1] == [name])
-        assert float(row[1]) == pytest.approx(figures['median_us'], abs=0.06)  # to one decimal
+        rows = [line.strip() for line in out.splitlines()]
+        row = next(row for row in rows if row.startswith(f'{name}  '))
+        median = row.removeprefix(name).split()[0]
+        assert float(median) == pytest.approx(figures['median_us'], abs=0.06)  # to one decimal
 
 
 @pytest.mark.realtime

@@ -18,6 +18,7 @@ from redres_ros.waypoints import load_task
 T = 1.0 / 500.0  # [s]
 TICKS = 500  # of the recorded stretch, over and over again
 FLOOR = 'computeAllTerms'  # with which the laws are compared
+LIMIT_SCALES = {'limits idle': 1.0, 'limits acting': 0.05}
 # [rad/s] a peer that is farther from the least velocities has not solved the problem, and does not
 # count
 SAME = 1e-3
@@ -110,7 +111,7 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
     """
     model = RobotModel.named(load_task('rectangle').robot)
     stretch = recorded(model)
-    laws = {name: Controller(model, make_law(name), T) for name in LAWS}
+    laws = controllers(model)
     others = peers(model.arm, T)
     bare = floors(model.arm)
     calls: dict[tuple[str, str], Callable[[int], object]] = {}
@@ -130,6 +131,21 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
         deviations=deviations,
         missing=missing_peers(),
     )
+
+
+def controllers(model: RobotModel) -> dict[str, Controller]:
+    """Every law; and one of them with limits, in force without acting, and acting."""
+    controllers = {name: Controller(model, make_law(name), T) for name in LAWS}
+    for name, scale in LIMIT_SCALES.items():
+        controllers[f'minimum_velocity, {name}'] = Controller(
+            model,
+            make_law('minimum_velocity'),
+            T,
+            integrate_from='measurement',
+            limits=('position', 'velocity', 'acceleration'),
+            limit_scale=scale,
+        )
+    return controllers
 
 
 def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:

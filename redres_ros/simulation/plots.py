@@ -30,6 +30,9 @@ _HEADROOM = 1.15  # of an axis, above the largest value of the run that is shown
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _ARROW = 0.08  # [m]
+_LARGEST_ARROW = 0.05  # of the length of the way
+_THINNEST = 0.35  # of the longest axis that each axis is shown with
+_ZOOM = 0.85  # leaves room for the labels of the axes
 
 
 @dataclass(frozen=True)
@@ -110,8 +113,7 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
     for number, label in enumerate(task.waypoints + _BESIDE * outwards / lengths):
         ax.text(*label, f'$x_{number}$', color='tab:red', ha='center', va='center')
     ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='way of tip and elbow')
-    ax.set_aspect('equal')
-    _space_ticks(ax)
+    _scale_alike(ax)
     ax.view_init(elev=18.0, azim=-35.0)
     ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
 
@@ -129,9 +131,10 @@ def draw_norm(ax: Axes, norm: str, recording: Recording, beside: Mapping[str, Re
         ax.plot(*_curve(other, norm), label=f'{name}, ideal arm', color='0.6', lw=1.0)
     ax.plot(*_curve(recording, norm), color='tab:blue', lw=1.2, label='this run')
     ax.set_ylabel(NORMS[norm], fontsize='small')
-    top = _LEAST_SCALE
-    if len(recording.data):
-        top = max(_HEADROOM * recording.peak(norm)[0], top)
+    top = _largest(recording, norm)
+    if top < _LEAST_SCALE:
+        top = max([_LEAST_SCALE, *(_largest(other, norm) for other in beside.values())])
+    top *= _HEADROOM
     ax.set_ylim(0.0, top)
     for other in beside.values():
         _tell_hidden_peak(ax, other, norm, top)
@@ -161,7 +164,8 @@ def _lines(remarks: Remarks) -> list[str]:
     for number, (t, before, after) in enumerate(remarks.switches, 1):
         lines.append(f'{number}: at {t:.2f} s from {before} to {after}')
     if remarks.stopped:
-        lines += textwrap.wrap(f'stopped at the red line: {remarks.stopped}', _TITLE_WIDTH)
+        reason = remarks.stopped.replace('^2', '²')
+        lines += textwrap.wrap(f'stopped at the red line: {reason}', _TITLE_WIDTH)
     return lines
 
 
@@ -198,6 +202,10 @@ def _tell_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None
     ).set_in_layout(False)
 
 
+def _largest(recording: Recording, norm: str) -> float:
+    return recording.peak(norm)[0] if len(recording.data) else 0.0
+
+
 def _curve(recording: Recording, norm: str) -> tuple[np.ndarray, np.ndarray]:
     """Times and values, with a NaN wherever nothing was recorded for a while."""
     t = recording['t']
@@ -209,20 +217,27 @@ def _draw_arrows(ax: Any, way: np.ndarray, color: str) -> None:
     """Arrow heads along a way (N, 3) [m]."""
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
     lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
-    if lengths[-1] < 2.0 * _ARROW:
-        return
+    size = min(_ARROW, _LARGEST_ARROW * float(lengths[-1]))
     for share in (0.15, 0.5, 0.85):
         at = int(np.searchsorted(lengths, share * lengths[-1]))
-        ahead = min(int(np.searchsorted(lengths, lengths[at] + _ARROW / 4.0)), len(way) - 1)
+        ahead = min(int(np.searchsorted(lengths, lengths[at] + size / 4.0)), len(way) - 1)
         direction = way[ahead] - way[at]
-        direction *= _ARROW / max(float(np.linalg.norm(direction)), 1e-9)
+        direction *= size / max(float(np.linalg.norm(direction)), 1e-9)
         ax.quiver(*way[at], *direction, color=color, arrow_length_ratio=0.6, lw=1.5)
 
 
-def _space_ticks(ax: Any) -> None:
-    """As many ticks on each axis as its length has room for."""
-    limits = (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())
-    spans = [abs(high - low) for low, high in limits]
+def _scale_alike(ax: Any) -> None:
+    """A metre is as long on each axis, and each has as many ticks as there is room for."""
+    limits = np.array((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))  # (3, 2)
+    spans = np.maximum(np.ptp(limits, axis=1), _THINNEST * np.ptp(limits, axis=1).max())
+    middles = limits.mean(axis=1)
+    ax.set(
+        xlim=(middles[0] - spans[0] / 2.0, middles[0] + spans[0] / 2.0),
+        ylim=(middles[1] - spans[1] / 2.0, middles[1] + spans[1] / 2.0),
+        zlim=(middles[2] - spans[2] / 2.0, middles[2] + spans[2] / 2.0),
+    )
+    ax.set_box_aspect(spans, zoom=_ZOOM)
+    ax.zaxis.labelpad = 8.0
     for axis, span in zip((ax.xaxis, ax.yaxis, ax.zaxis), spans, strict=True):
-        axis.set_major_locator(MaxNLocator(max(round(4.0 * span / max(spans)), 1)))
+        axis.set_major_locator(MaxNLocator(max(round(4.0 * span / spans.max()), 2)))
         axis.set_tick_params(labelsize='small')
