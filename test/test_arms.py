@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from doubles import random_motion
 
 from redres_ros import (
     LAWS,
@@ -32,14 +33,6 @@ T = 0.004  # [s]
 EVERY_ARM = pytest.mark.parametrize('name', sorted(ARMS))
 EVERY_LAW = pytest.mark.parametrize('law', sorted(LAWS))
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
-
-
-def random_motion(n: int, count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of q and dq, both (n,), all around and fast."""
-    random = np.random.default_rng(seed)
-    q = random.uniform(-np.pi, np.pi, (count, n))
-    dq = random.normal(0.0, 2.0, (count, n))
-    return list(zip(q, dq, strict=True))
 
 
 # --- geometry -------------------------------------------------------------------------------------

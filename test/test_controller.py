@@ -7,6 +7,7 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
+from doubles import FloatingArm
 
 from redres_ros import (
     LAWS,
@@ -15,7 +16,6 @@ from redres_ros import (
     Law,
     Planner,
     RobotModel,
-    RobotState,
     WaypointTask,
     make_law,
     resolve,
@@ -379,24 +379,10 @@ def test_a_switch_takes_little_more_acceleration_than_the_two_laws(
     assert peak(blended.run(2 * SWITCH_TIME)) < 1.5 * needed
 
 
-class Floating:
-    """An arm without task directions, gravity or coupling, for motions that are nothing but
-    self-motion.
-    """
-
-    n = 7
-
-    def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        return RobotState(self, q, dq_prev)
-
-    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
-        return np.zeros((6, 7))
-
-
 @pytest.mark.parametrize('period', [0.001, 0.002, 0.01])
 def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(period):
     controller = Controller(
-        Floating(), make_law('minimum_acceleration', damping=0.0), period, switch_time=0.5
+        FloatingArm(), make_law('minimum_acceleration', damping=0.0), period, switch_time=0.5
     )
     controller.switch_time = 0.0
     controller.update(np.zeros(7), np.zeros(3))

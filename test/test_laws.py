@@ -6,12 +6,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
+from doubles import FloatingArm, SpringLaw
 from scipy.linalg import null_space
 
 from redres_ros import LAWS, Controller, Law, RobotState, make_law, resolve
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import law_name
-from redres_ros.parameter import param, parameters
+from redres_ros.parameter import parameters
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
@@ -20,19 +21,7 @@ DX = np.array((0.2, -0.1, 0.3))  # [m/s]
 ROUNDING = 1e-8
 
 
-@dataclass(frozen=True)
-class JointCentering(Law):
-    """A spring draws the joints to zero within the null space, Eq. (19). The package knows nothing
-    of this law.
-    """
-
-    k_s: float = param(4.0, 'stiffness per unit of inertia [1/s^2]', 0.0, 1e3)
-
-    def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
-
-
-CLASSES = {**LAWS, 'joint_centering': JointCentering}
+CLASSES = {**LAWS, 'spring': SpringLaw}
 EVERY_LAW = pytest.mark.parametrize('cls', CLASSES.values(), ids=CLASSES)
 EVERY_DAMPING = pytest.mark.parametrize('damping', [0.0, 10.0, 1.0 / T])
 WITH_MEMORY = pytest.mark.parametrize(
@@ -182,7 +171,7 @@ def test_the_controller_runs_it_without_knowing_it(cls, model, task):
 
 
 def test_a_spring_in_the_null_space_centres_the_joints_while_the_tip_stands(model, task):
-    controller = Controller(model, JointCentering(damping=4.0), 0.01)
+    controller = Controller(model, SpringLaw(damping=4.0), 0.01)
     q = task.start  # critically damped, 2/s
     for _ in range(1000):
         q = controller.update(q, 10.0 * (task.waypoints[0] - model.tip(q)[0])).q_ref
@@ -214,7 +203,7 @@ def test_a_law_is_made_by_name_with_its_gains(name):
 
 
 def test_a_law_outside_the_table_is_called_by_its_class():
-    assert law_name(JointCentering()) == 'JointCentering'
+    assert law_name(SpringLaw()) == 'SpringLaw'
 
 
 def test_an_unknown_law_is_refused_with_the_names_that_exist():
@@ -394,22 +383,6 @@ def test_no_null_space_acceleration_lowers_the_torque_in_its_norm(name, power, s
 # --- Appendix B: no task, so all of the last velocity is in the null space ------------------------
 
 
-class Floating:
-    """In the place of a model: an arm of constant inertia that nothing accelerates."""
-
-    def __init__(self, M: np.ndarray) -> None:
-        self._M = M
-
-    def _inertia(self, q: np.ndarray) -> np.ndarray:
-        return self._M
-
-    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
-        return np.zeros((6, 7))
-
-    def _free_acceleration(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        return np.zeros(len(q))
-
-
 def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.ndarray:
     """q_k (ticks + 1, n) of an arm without task and without gravity that moves at dq_prev in the
     beginning.
@@ -418,7 +391,7 @@ def free_motion(name: str, damping: float, state: RobotState, ticks: int) -> np.
     q = state.q
     dq = state.dq_prev
     history = [state.q]
-    arm = Floating(state.M)
+    arm = FloatingArm(state.M)
     for _ in range(ticks):
         q = q + T * dq
         history.append(q)

@@ -9,6 +9,7 @@ from pathlib import Path
 import independent
 import numpy as np
 import pytest
+from doubles import random_motion
 
 from redres_ros import RobotModel
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
@@ -19,13 +20,6 @@ AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundre
 QUANTITIES = ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n', 'free_acceleration')  # of a state
 BOTH_LWR = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])  # others: test_arms.py
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
-
-
-def random_motion(count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of q and dq, both (7,), all around and fast."""
-    random = np.random.default_rng(seed)
-    positions = random.uniform(-np.pi, np.pi, (count, 7))
-    return list(zip(positions, random.normal(0.0, 2.0, (count, 7)), strict=True))
 
 
 def written_arm(tmp_path: Path, old: str, new: str) -> Arm:
@@ -47,7 +41,7 @@ def test_the_start_of_the_paper_is_at_its_first_point(model):
 
 def test_the_reach_is_that_of_the_links_and_the_tool(model):
     shoulder = np.array((0.0, 0.0, 0.323))
-    tips = np.array([model.tip(q)[0] for q, _ in random_motion(300)])
+    tips = np.array([model.tip(q)[0] for q, _ in random_motion(7, 300)])
     assert np.linalg.norm(tips - shoulder, axis=1).max() < 1.003
     assert np.linalg.norm(model.tip(np.zeros(7))[0] - shoulder) == pytest.approx(1.003, abs=1e-12)
 
@@ -59,7 +53,7 @@ DIFFERENCES = 1e-9
 
 
 def test_the_linear_rows_of_the_jacobian_are_the_derivative_of_the_position(model):
-    for q, dq in random_motion(100):
+    for q, dq in random_motion(7, 100):
         J = model.state(q, dq).J[:3]
         columns = [
             (model.tip(q + e)[0] - model.tip(q - e)[0]) / (2 * STEP) for e in STEP * np.eye(7)
@@ -69,7 +63,7 @@ def test_the_linear_rows_of_the_jacobian_are_the_derivative_of_the_position(mode
 
 def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation():
     model = RobotModel.named('lwr4_paper')
-    for q, dq in random_motion(100):
+    for q, dq in random_motion(7, 100):
         state = model.state(q, dq)
         for e, column in zip(STEP * np.eye(7), state.J[3:].T, strict=True):
             # skew-symmetric [w]x
@@ -78,14 +72,14 @@ def test_the_angular_rows_of_the_jacobian_are_the_derivative_of_the_orientation(
 
 
 def test_the_jacobian_of_the_tip_is_that_of_its_frame(model):
-    for q, dq in random_motion(10):
+    for q, dq in random_motion(7, 10):
         J = model.state(q, dq).J
         assert J.shape == (6, 7)
         assert (J == model.jacobian(q, 'tool0')).all()
 
 
 def test_the_jacobian_of_a_frame_is_the_derivative_of_its_position(model):
-    for q, _ in random_motion(20):
+    for q, _ in random_motion(7, 20):
         columns = [
             (model.position(q + e, 'link_4') - model.position(q - e, 'link_4')) / (2 * STEP)
             for e in STEP * np.eye(7)
@@ -95,13 +89,13 @@ def test_the_jacobian_of_a_frame_is_the_derivative_of_its_position(model):
 
 
 def test_each_quantity_of_a_state_is_evaluated_once(model):
-    state = model.state(*random_motion(1)[0])
+    state = model.state(*random_motion(7, 1)[0])
     for name in ('x', 'R', 'J', 'M', 'n', 'free_acceleration'):
         assert getattr(state, name) is getattr(state, name)
 
 
 def test_at_another_velocity_a_state_keeps_what_the_position_decides(model):
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     state = model.state(q, dq)
     for name in QUANTITIES:
         getattr(state, name)
@@ -113,7 +107,7 @@ def test_at_another_velocity_a_state_keeps_what_the_position_decides(model):
 
 
 def test_the_state_holds_the_tip_and_what_it_was_asked_for(model):
-    for q, dq in random_motion(10):
+    for q, dq in random_motion(7, 10):
         state = model.state(q, dq)
         (x, R) = model.tip(q)
         for got, expected in ((state.q, q), (state.dq_prev, dq), (state.x, x), (state.R, R)):
@@ -121,7 +115,7 @@ def test_the_state_holds_the_tip_and_what_it_was_asked_for(model):
 
 
 def test_the_position_of_a_frame_is_in_the_base_frame(model):
-    q, _ = random_motion(1)[0]
+    q, _ = random_motion(7, 1)[0]
     assert (model.position(q, 'tool0') == model.tip(q)[0]).all()
     assert model.position(q, 'link_2') == pytest.approx((0.0, 0.0, 0.323), abs=1e-12)
     assert np.linalg.norm(
@@ -156,7 +150,7 @@ def test_a_derivation_of_its_own_agrees(name, dynamics):
     d = {'lwr4': independent.BARE, 'lwr4_paper': independent.PAPER}[name]
     links = independent.cylinders(d) if dynamics == 'cylinders' else urdf_links(d)
     model = RobotModel.named(name, dynamics=dynamics)
-    motion = random_motion(100, seed=1)
+    motion = random_motion(7, 100, seed=1)
     expected = independent.evaluate(links, *map(np.array, zip(*motion, strict=True)))
     for row, (q, dq) in enumerate(motion):
         state = model.state(q, dq)
@@ -185,7 +179,7 @@ def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, 
 
 def test_cylinders_have_no_rotors():
     assert find_arm('lwr4_paper', dynamics='cylinders').armature == ()
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     model = RobotModel.named('lwr4_paper', dynamics='cylinders')
     assert model.state(q, dq).M[6, 6] == pytest.approx(0.06**2 / 2)
 
@@ -225,7 +219,7 @@ def test_first_moments_are_those_identified(joint, moment, digit, pose):
 
 
 def test_rotors_add_what_was_identified_and_couple_nothing():
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     bare = replace(ARMS['lwr4'], rotor_inertia=())
     added = RobotModel.named('lwr4').state(q, dq).M - RobotModel(bare).state(q, dq).M
     assert np.diag(added)[2:] == pytest.approx((2.01, 1.92, 0.776, 0.391, 0.399), abs=1e-12)
@@ -245,11 +239,11 @@ def test_the_inertia_of_the_upright_arm_is_the_identified_one(joint, inertia):
 
 
 def test_no_later_call_overwrites_a_state(model):
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     state = model.state(q, dq)
     held = [getattr(state, name) for name in QUANTITIES]
     before = [array.copy() for array in held]
-    for other, velocity in random_motion(3, seed=1):
+    for other, velocity in random_motion(7, 3, seed=1):
         model.state(other, velocity)
         model.tip(other)
         model.position(other, 'link_4')
@@ -260,7 +254,7 @@ def test_no_later_call_overwrites_a_state(model):
 
 
 def test_no_later_call_overwrites_a_tip_or_a_position(model):
-    (q, _), (other, _) = random_motion(2)
+    (q, _), (other, _) = random_motion(7, 2)
     x, R, elbow = *model.tip(q), model.position(q, 'link_4')
     before = x.copy(), R.copy(), elbow.copy()
     model.tip(other)
@@ -269,7 +263,7 @@ def test_no_later_call_overwrites_a_tip_or_a_position(model):
 
 
 def test_a_state_keeps_no_reference_to_its_arguments(model):
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     state = model.state(q, dq)
     q[:] = 0.0
     dq[:] = 0.0
@@ -278,7 +272,7 @@ def test_a_state_keeps_no_reference_to_its_arguments(model):
 
 
 def test_writing_into_a_state_leaves_the_model_as_it_is(model):
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     state = model.state(q, dq)
     for name in QUANTITIES[::-1]:
         getattr(state, name)[:] = np.nan
@@ -364,20 +358,20 @@ def test_an_offset_that_the_urdf_has_no_joint_for_is_refused(tmp_path):
 
 
 def test_the_base_offset_raises_the_tip():
-    q, _ = random_motion(1)[0]
+    q, _ = random_motion(7, 1)[0]
     way = RobotModel.named('lwr4', base_offset=0.2).tip(q)[0] - RobotModel.named('lwr4').tip(q)[0]
     assert way == pytest.approx((0.0, 0.0, 0.2), abs=1e-12)
 
 
 def test_the_tool_offset_moves_the_tip_along_its_own_axis():
-    q, _ = random_motion(1)[0]
+    q, _ = random_motion(7, 1)[0]
     (x, R) = RobotModel.named('lwr4').tip(q)
     (x_tool, _) = RobotModel.named('lwr4', tool_offset=0.1).tip(q)
     assert x_tool == pytest.approx(x + 0.1 * R[:, 2], abs=1e-12)
 
 
 def test_an_arm_from_a_file_is_the_same_arm():
-    q, dq = random_motion(1)[0]
+    q, dq = random_motion(7, 1)[0]
     state = RobotModel.from_urdf(ARMS['lwr4'].urdf, 'tool0').state(q, dq)
     expected = RobotModel(replace(ARMS['lwr4'], rotor_inertia=())).state(q, dq)
     assert all((getattr(state, name) == getattr(expected, name)).all() for name in QUANTITIES)

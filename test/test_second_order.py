@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from doubles import SpringLaw
 from scipy.linalg import null_space
 
-from redres_ros import LAWS, Controller, Law, RobotModel, RobotState, make_law, resolve
+from redres_ros import LAWS, Controller, RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.paper.second_order import (
     SCHEMES,
@@ -238,16 +239,6 @@ class SpringScheme(MinimumAcceleration):
 
     def preferred(self, state: RobotState) -> np.ndarray:
         return -self.damping * state.dq_prev - self.k_s * state.q
-
-
-@dataclass(frozen=True)
-class SpringLaw(Law):
-    """Eq. (19) with the same."""
-
-    k_s: float = param(4.0, 'spring gain [1/s^2]', 0.0, 1e3)
-
-    def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
 
 
 def test_any_preferred_acceleration_becomes_the_bias_of_a_law(model, task):

@@ -1,0 +1,51 @@
+"""In the place of arms and laws: what several test files try the core with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros import Law, RobotState
+from redres_ros.parameter import param
+
+
+class FloatingArm:
+    """In the place of a model: an arm of constant inertia without tasks, gravity and coupling, so
+    that all its motion is self-motion.
+    """
+
+    n = 7
+
+    def __init__(self, M: np.ndarray | None = None) -> None:
+        self._M = np.eye(self.n) if M is None else M
+
+    def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
+        return RobotState(self, q, dq_prev)
+
+    def _inertia(self, q: np.ndarray) -> np.ndarray:
+        return self._M
+
+    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+        return np.zeros((6, self.n))
+
+    def _free_acceleration(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        return np.zeros(len(q))
+
+
+@dataclass(frozen=True)
+class SpringLaw(Law):
+    """A spring draws the joints to zero within the null space, Eq. (19). The package knows nothing
+    of this law.
+    """
+
+    k_s: float = param(4.0, 'stiffness per unit of inertia [1/s^2]', 0.0, 1e3)
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
+
+
+def random_motion(n: int, count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Pairs of q and dq, both (n,), all around and fast."""
+    random = np.random.default_rng(seed)
+    q = random.uniform(-np.pi, np.pi, (count, n))
+    dq = random.normal(0.0, 2.0, (count, n))
+    return list(zip(q, dq, strict=True))
