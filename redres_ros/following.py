@@ -127,7 +127,7 @@ class Following:
         self._twist_arrival = _Arrival()
         self._expecting = self.settings.lockstep  # that task velocities go on to come
         self._waiting: _State | None = None
-        self._q = np.zeros(0)  # of the newest state
+        self.q: np.ndarray | None = None  # of the newest state, (n,) [rad]
         self._answer: Answer | None = None  # to the newest state that was answered
         self._answered_cycle = 0
 
@@ -159,7 +159,7 @@ class Following:
             self._begin(stamp, another_robot)
         if self._waiting:
             self._expecting = False  # the robot did not wait, so nobody else need
-        self._q = q
+        self.q = q
         self._waiting = _State(stamp, self._cycles.number, q, now)
         return self.answer_if_due(now)
 
@@ -209,7 +209,7 @@ class Following:
 
     def _same_again(self, q: np.ndarray, now: float) -> Answer | None:
         """A robot that waits for its answer asks again, and gets the same one."""
-        if not np.array_equal(q, self._q):
+        if not (self.q is not None and np.array_equal(q, self.q)):
             raise ClockError(
                 'stamped as the last one, but with other positions; expected a later stamp'
             )

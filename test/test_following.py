@@ -170,7 +170,7 @@ def test_a_state_without_a_stamp_is_refused() -> None:
 def test_the_same_state_again_gets_the_same_answer_and_another_one_with_its_stamp_none() -> None:
     robot = at_speed()
     answer = robot.ask()
-    assert robot.following.enter_state(robot.stamp, robot.following._q, robot.now) is answer
+    assert robot.following.enter_state(robot.stamp, robot.following.q, robot.now) is answer
     with pytest.raises(ClockError, match='other positions'):
         robot.following.enter_state(robot.stamp, START + 0.1, robot.now)
 

@@ -274,7 +274,8 @@ class TestBadInput:
     @pytest.mark.parametrize(
         ('dx', 'frame', 'words'),
         [
-            (DX, 'tool0', ('tool0', 'world')),
+            (DX, 'nose', ('nose', 'tool0', 'world')),
+            (1e9 * DX, 'world', ('m/s', 'max_linear')),
             (np.array([0.1, np.nan, 0.0]), 'world', ('nan', 'finite')),
         ],
     )
@@ -323,6 +324,83 @@ def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: P
         np.linalg.norm(np.diff(speeds[80:], axis=0), axis=1).max()
         < 2.0 * cruising * T / switch_time
     )
+
+
+@pytest.mark.parametrize('side', ['ahead of', 'behind'])
+def test_a_task_velocity_far_from_the_robots_clock_is_refused_by_name_and_never_acts(
+    tmp_path: Path, side: str
+) -> None:
+    away = 75 * PERIOD if side == 'ahead of' else -75 * PERIOD
+    with nodes(tmp_path, controller={'switch_time': 0.0, 'state_timeout': 10.0}) as (probe, _):
+        health = probe.listen(DiagnosticArray, '/diagnostics')
+        q_ref, _ = probe.ask(START)
+        probe.steer(DX, stamp=probe.stamp + away)
+        words = f"{side} the robot's clock"
+        await_that(
+            lambda: any(words in array.status[0].message for array in health), 'the diagnostics'
+        )
+        for _ in range(100):
+            q_ref, dq = probe.ask(q_ref)
+            np.testing.assert_array_equal(dq, np.zeros(7))
+    assert sum(words in line for line in log_lines(tmp_path, 'controller')) == 1
+
+
+def test_a_task_velocity_in_the_axes_of_a_link_is_turned_into_those_of_the_base(
+    tmp_path: Path,
+) -> None:
+    model = RobotModel.named('lwr4_paper')
+    small = 0.03 * DX  # within one cycle's acceleration
+    with nodes(tmp_path, controller={'switch_time': 0.0}) as (probe, _):
+        q_ref, _ = probe.ask(START)
+        for frame in ('tool0', 'link_4', '', 'world'):
+            base = frame in ('', 'world')
+            expected = small if base else model.pose(q_ref, frame)[1] @ small
+            for _ in range(3):  # from the last one to this
+                probe.steer(small, frame)
+                q = q_ref
+                q_ref, dq = probe.ask(q)
+            J = model.state(q, dq).J[:3]
+            np.testing.assert_allclose(J @ dq, expected, rtol=0.0, atol=1e-6)
+
+
+def test_hold_begins_at_once_in_the_middle_of_a_blend(tmp_path: Path) -> None:
+    with nodes(tmp_path, controller={'switch_time': 2.0, 'limits': 'none'}) as (probe, _):
+        q_ref, _ = probe.ask(START)
+        for tick in range(400):
+            if tick % 20 == 0:
+                probe.steer(DX)
+            q_ref, dq = probe.ask(q_ref)
+        assert np.linalg.norm(dq) > 0.01
+        call(probe, SetBool, 'controller/hold', SetBool.Request(data=True))
+        speeds = []
+        for tick in range(100):
+            if tick % 20 == 0:
+                probe.steer(DX)
+            q_ref, dq = probe.ask(q_ref)
+            speeds.append(np.linalg.norm(dq))
+        assert speeds[-1] < speeds[0]
+
+
+def test_a_planner_does_not_begin_anew_on_a_state_out_of_order(tmp_path: Path) -> None:
+    with nodes(tmp_path, planner={'lockstep': True, 'autostart': True}) as (probe, _):
+        twists = probe.listen(TwistStamped, 'cartesian_velocity')
+        begun = probe.listen(Time, 'planner/begun', LATCHED)
+
+        def answered() -> bool:
+            probe.send(probe.state(START))
+            return len(twists) > 10
+
+        await_that(answered, 'task velocities')
+        probe.stamp -= 2 * PERIOD
+        probe.send(probe.state(START))
+        await_that(
+            lambda: any('before the newest' in line for line in log_lines(tmp_path, 'planner')),
+            'the refusal',
+        )
+        probe.stamp += PERIOD
+        count = len(twists)
+        await_that(lambda: probe.send(probe.state(START)) or len(twists) > count, 'another one')
+    assert len(begun) == 1
 
 
 def test_silence_of_the_states_is_told_once_and_its_end_too(tmp_path: Path) -> None:

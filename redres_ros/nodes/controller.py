@@ -18,6 +18,7 @@ from redres_ros.errors import RedresError
 from redres_ros.following import Answer, Following, FollowingSettings
 from redres_ros.laws import law_name
 from redres_ros.nodes.conversions import (
+    Axes,
     JointMessage,
     JointOrder,
     from_twist,
@@ -93,6 +94,7 @@ class ControllerNode(Node):
         following = declare(self, FollowingSettings())
         self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
         self._frame = self._settings.base_frame or model.base_frame
+        self._axes = Axes(model, self._frame)
         self._joints = JointOrder(model.joint_names, self.get_logger().info)
         self._message = JointMessage(model.joint_names)
         self._scaling = 0.0  # published last
@@ -132,9 +134,11 @@ class ControllerNode(Node):
         self._answer('cartesian_velocity', self._enter_twist, message)
 
     def _enter_twist(self, message: TwistStamped) -> Answer | None:
-        dx = from_twist(message, self._frame, self._controller.m)
+        dx = from_twist(message)
+        if self._following.q is not None:
+            dx = self._axes.to_base(dx, message.header.frame_id, self._following.q)
         stamp = to_nanoseconds(message.header.stamp)
-        return self._following.enter_twist(stamp, dx, time.monotonic())
+        return self._following.enter_twist(stamp, dx[: self._controller.m], time.monotonic())
 
     def _on_look(self) -> None:
         self._answer('joint_states', self._following.answer_if_due, time.monotonic())

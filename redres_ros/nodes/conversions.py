@@ -9,9 +9,9 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
 
-from redres_ros.errors import ArrayError, JointNamesError, RedresError
+from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
 from redres_ros.fri.robot_clock import NANOSECONDS
-from redres_ros.robot_model import quaternion
+from redres_ros.robot_model import RobotModel, quaternion
 
 _REMEMBERED = 100  # sets of joint names: of as many devices as may share a topic
 
@@ -140,20 +140,48 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
     return message
 
 
-def from_twist(message: TwistStamped, frame: str, rows: int) -> np.ndarray:
-    """The first rows of (linear, angular). Raises FrameError for another frame, ArrayError for NaN
-    or infinity. An empty frame is the expected one.
+def from_twist(message: TwistStamped) -> np.ndarray:
+    """(linear, angular), (6,) [m/s], [rad/s], along the axes of the message's frame. Raises
+    ArrayError for NaN or infinity.
     """
-    if message.header.frame_id not in (frame, ''):
-        raise FrameError(
-            f'cartesian_velocity is in frame {message.header.frame_id!r}; expected {frame!r}'
-        )
     linear = message.twist.linear
     angular = message.twist.angular
     dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
     if not np.isfinite(dx).all():
         raise ArrayError(f'cartesian_velocity is {dx.tolist()}; every value must be finite')
-    return dx[:rows]
+    return dx
+
+
+class Axes:
+    """Turns velocities of the tip from the axes of any link into those of the base.
+
+    Args:
+        model: The arm.
+        base_frame: A further name of the base, beside that of the URDF's root link and ''.
+    """
+
+    def __init__(self, model: RobotModel, base_frame: str) -> None:
+        self._model = model
+        self._base_frames = ('', base_frame, model.base_frame)
+
+    def to_base(self, dx: np.ndarray, frame: str, q: np.ndarray) -> np.ndarray:
+        """The same velocity in the axes of the base, (6,).
+
+        Args:
+            dx: Linear and angular part along the axes of the frame, (6,).
+            frame: A link of the arm, or the base.
+            q: Joint positions, (n,) [rad].
+
+        Raises:
+            FrameError: The arm has no such link.
+        """
+        if frame in self._base_frames:
+            return dx
+        try:
+            _, R = self._model.pose(q, frame)
+        except UnknownNameError as error:
+            raise FrameError(f'cartesian_velocity: {error}') from None
+        return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
 
 
 def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped:

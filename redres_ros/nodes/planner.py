@@ -25,7 +25,7 @@ from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference
 from redres_ros.task_run import RunState, Step, TaskRun
-from redres_ros.waypoints import load_task
+from redres_ros.waypoints import load_task, task_for
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,9 @@ class PlannerParameters:
     """Parameters of the node beside those of the arm."""
 
     rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
-    task: str = param('rectangle', 'name of a task in config/tasks, or a path ending in .yaml')
+    task: str = param(
+        '', "name of a task in config/tasks, or a path ending in .yaml; empty: the arm's own"
+    )
     base_frame: str = param(
         '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
     )
@@ -57,7 +59,8 @@ class PlannerNode(Node):
         self._robot = declare_robot(self)
         self._settings = declare(self, PlannerParameters())
         self._model = self._robot.model
-        self._task = load_task(self._settings.task)
+        name = self._settings.task
+        self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.robot)
         self._frame = self._settings.base_frame or self._model.base_frame
         self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
         T = 1.0 / self._settings.rate
@@ -129,7 +132,7 @@ class PlannerNode(Node):
         self._stop_reason = stopped
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        task = self._settings.task
+        task = self._settings.task or 'the task'
         if self._stop_reason:
             response.success = False
             response.message = (
@@ -164,7 +167,7 @@ class PlannerNode(Node):
 
     def _health(self) -> Health:
         figures = {
-            'task': self._settings.task,
+            'task': self._settings.task or 'that of the arm',
             'state': self._told_state.value,
             'begun at [ns]': self._run.begun,
             'messages refused': self._refusals.count,
