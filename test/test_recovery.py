@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,37 +100,47 @@ def endless_task(directory: Path) -> Path:
     return path
 
 
-UNDISTURBED = pytest.mark.parametrize(
-    'moving', [{'patience': PATIENCE}], indirect=True
-)  # nothing is to stop the robot
-
-
-@pytest.fixture
-def moving(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Graph]:
+@contextmanager
+def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
     """A graph in command mode whose arm moves; afterwards nothing may have jumped, and no node have
     failed.
 
-    Its parameter: what is set in the sim besides.
+    sim: what is set in the sim besides.
     """
     with graph(Witness) as (witness, start):
         counts: dict[str, int] = {}
+        processes: dict[str, NodeProcess] = {}
         own = OWN | {
-            'sim': {**OWN['sim'], **getattr(request, 'param', {})},
-            'planner': {**OWN['planner'], 'task': str(endless_task(tmp_path))},
+            'sim': {**OWN['sim'], **sim},
+            'planner': {**OWN['planner'], 'task': str(endless_task(directory))},
         }
 
         def start_one(name: str) -> NodeProcess:
             counts[name] = counts.get(name, 0) + 1
             log = name if counts[name] == 1 else f'{name}_{counts[name]}'
-            return start(name, tmp_path / f'{log}.log', **ALL, **own[name])
+            return start(name, directory / f'{log}.log', **ALL, **own[name])
 
-        processes = {name: start_one(name) for name in OWN}
+        processes.update({name: start_one(name) for name in OWN})
         witness.await_command_mode()
         witness.await_motion()
         await_that(lambda: bool(witness.commands), 'answers')
-        yield Graph(witness, processes, start_one, tmp_path)
+        yield Graph(witness, processes, start_one, directory)
         witness.assert_all_was_well()
-    assert not any('Traceback' in path.read_text() for path in tmp_path.glob('*.log'))
+    assert not any('Traceback' in path.read_text() for path in directory.glob('*.log'))
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Iterator[Graph]:
+    """A graph of the test's own, whose robot is as strict as a real one."""
+    with moving_graph(tmp_path) as graph_of_its_own:
+        yield graph_of_its_own
+
+
+@pytest.fixture(scope='module')
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """A graph that tests share: nothing that they do stops its robot, which waits for answers."""
+    with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
+        yield shared
 
 
 def goes_on(witness: Witness) -> bool:
@@ -173,15 +184,14 @@ def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(moving: Gra
     assert goes_on(witness)
 
 
-@UNDISTURBED
-def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(moving: Graph) -> None:
-    witness = moving.witness
-    moving.kill('planner')
+def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(undisturbed: Graph) -> None:
+    witness = undisturbed.witness
+    undisturbed.kill('planner')
     assert witness.await_standstill(witness.at) < STANDSTILL
-    moving.assert_undisturbed()
-    moving.start('planner')
+    undisturbed.assert_undisturbed()
+    undisturbed.processes['planner'] = undisturbed.start('planner')
     assert goes_on(witness)
-    moving.assert_undisturbed()
+    undisturbed.assert_undisturbed()
 
 
 def test_a_controller_that_was_killed_is_succeeded_by_another_one(moving: Graph) -> None:
@@ -307,17 +317,16 @@ def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_comman
         assert not any(witness.reasons)
 
 
-@UNDISTURBED
-def test_a_controller_that_stalls_for_half_a_second_is_waited_for(moving: Graph) -> None:
-    witness = moving.witness
-    controller = moving.processes['controller'].pid
+def test_a_controller_that_stalls_for_half_a_second_is_waited_for(undisturbed: Graph) -> None:
+    witness = undisturbed.witness
+    controller = undisturbed.processes['controller'].pid
     first = len(witness.states)
     os.kill(controller, signal.SIGSTOP)
     time.sleep(0.5)
     os.kill(controller, signal.SIGCONT)
     stalled_at = witness.at
     await_that(lambda: witness.at > stalled_at + 10**9, 'the robot to go on')
-    moving.assert_undisturbed()
+    undisturbed.assert_undisturbed()
     stamps = np.array([stamp for stamp, _ in witness.states[first:]])
     assert set(np.diff(stamps)) == {round(1e9 / RATE)}
     witness.assert_all_was_well()
@@ -344,9 +353,10 @@ BAD = (
 )
 
 
-@UNDISTURBED
-def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving: Graph) -> None:
-    witness = moving.witness
+def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(
+    undisturbed: Graph,
+) -> None:
+    witness = undisturbed.witness
     random = np.random.default_rng(0)
     refused = 0
     sets = 10_000 if NIGHTLY else 1000
@@ -364,22 +374,21 @@ def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(moving
             result = witness.set_controller(**BAD[random.integers(len(BAD))])
             assert not result.successful and result.reason
     assert 0.4 * sets < refused < 0.6 * sets
-    moving.assert_undisturbed()
+    undisturbed.assert_undisturbed()
     laws: list = []
     witness.create_subscription(String, 'controller/law', laws.append, 1)
     await_that(lambda: bool(laws), 'the law')
     assert laws[-1].data == good['law']
 
 
-@UNDISTURBED
-def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(moving: Graph) -> None:
+def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(undisturbed: Graph) -> None:
     until = time.monotonic() + (60.0 if NIGHTLY else 3.0)
     switches = 0
     while time.monotonic() < until:
-        assert moving.witness.set_controller(law=GENTLE[switches % len(GENTLE)]).successful
+        assert undisturbed.witness.set_controller(law=GENTLE[switches % len(GENTLE)]).successful
         switches += 1
     assert switches > 100
-    moving.assert_undisturbed()
+    undisturbed.assert_undisturbed()
 
 
 def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_limits() -> None:
