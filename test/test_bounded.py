@@ -14,6 +14,7 @@ MANY = 100_000 if NIGHTLY else 300
 EXACT = 1e-9  # what is asked of shares and optimality residuals; rounding leaves 1e-12
 PRECISE = {'primal_feasibility_tolerance': 1e-10, 'dual_feasibility_tolerance': 1e-10}
 WEIGHTS = pytest.mark.parametrize('power', [None, 1, 2], ids=['identity', 'M', 'M M'])
+STRETCHES = pytest.mark.parametrize('stretch', [1.0, 10.0])
 
 
 def weight(power: int | None, n: int, random: np.random.Generator) -> np.ndarray | None:
@@ -27,28 +28,24 @@ def weight(power: int | None, n: int, random: np.random.Generator) -> np.ndarray
 
 
 class Problem:
-    """One of sns_ik's distribution: dx made from a velocity in the box, times a scale."""
+    """One of sns_ik's distribution: dx made from a velocity in the box, times a scale.
 
-    def __init__(self, seed: int, power: int | None = None, m: int = 3, n: int = 7) -> None:
-        random = np.random.default_rng((seed, m, n))
-        self.J = random.uniform(-2.0, 2.0, (m, n))
-        self.box = random.uniform(-5.0, -0.5, n), random.uniform(0.5, 5.0, n)
-        self.W = weight(power, n, random)
-        self.scale = random.uniform(0.2, 1.2)
+    At most times all of it can be executed; a `stretch` of 10 makes the share less than one.
+    """
+
+    def __init__(self, seed: int, power: int | None = None, stretch: float = 1.0) -> None:
+        random = np.random.default_rng(seed)
+        self.J = random.uniform(-2.0, 2.0, (3, 7))
+        self.box = random.uniform(-5.0, -0.5, 7), random.uniform(0.5, 5.0, 7)
+        self.scale = stretch * random.uniform(0.2, 1.2)
         self.dx = self.J @ random.uniform(*self.box) * self.scale
         self.task = self.J, self.dx
-        self.b = random.normal(size=n)
+        self.b = random.normal(size=7)
+        self.W = weight(power, 7, random)
         self.dq_free = resolve(self.J, self.dx, self.b, self.W)
 
     def bounded(self) -> Bounded:
-        return bound(self.dq_free, self.W, [(self.J, self.dx)], self.box)
-
-
-def outside(seed: int, power: int | None) -> Bounded:
-    """The answer to a problem whose closed form breaks the box, whatever the weight."""
-    problem = Problem(seed, power)
-    problem.dq_free = problem.dq_free * 100.0
-    return problem.bounded()
+        return bound(self.dq_free, self.W, [self.task], self.box)
 
 
 def largest_share(J, dx, box, C=None, low=None, high=None) -> float:
@@ -83,6 +80,25 @@ def unexplained(gradient, equalities, active) -> float:
     return residual
 
 
+def gap_to_the_largest_share(problem: Problem, bounded: Bounded) -> float:
+    """What the largest share can be more than the one found, by weak duality.
+
+    For any multipliers the linear programme's optimum is at most the share plus what the
+    multipliers leave of its gradient, times the way there, plus what they weigh of slack.
+    """
+    lower = np.append(problem.box[0], 0.0)
+    upper = np.append(problem.box[1], 1.0)
+    z = np.append(bounded.dq, bounded.s)
+    task = np.column_stack((problem.J, -problem.dx))
+    unit = np.eye(len(z))
+    at_upper = upper - z < EXACT
+    at_lower = z - lower < EXACT
+    rows = np.vstack((task, -task, unit[at_upper], -unit[at_lower]))
+    slack = np.concatenate((np.zeros(2 * len(task)), (upper - z)[at_upper], (z - lower)[at_lower]))
+    multipliers, rest = nnls(rows.T, unit[-1])
+    return rest * np.linalg.norm(upper - lower) + multipliers @ slack
+
+
 def active_rows(dq, box, near=1e-9) -> np.ndarray:
     """Unit rows of the joints at an end of the box, pointing out of it."""
     lower, upper = box
@@ -110,9 +126,18 @@ def test_a_velocity_that_keeps_every_limit_comes_back_untouched():
 # --- the first task -------------------------------------------------------------------------------
 
 
-def test_the_share_is_the_largest():
+@STRETCHES
+def test_the_share_is_the_largest(stretch):
     for seed in range(MANY):
-        problem = Problem(seed)
+        problem = Problem(seed, None, stretch)
+        bounded = problem.bounded()
+        assert gap_to_the_largest_share(problem, bounded) < EXACT, seed
+
+
+@STRETCHES
+def test_the_share_is_the_one_of_linear_programming(stretch):
+    for seed in range(MANY // 10):
+        problem = Problem(seed, None, stretch)
         share = largest_share(problem.J, problem.dx, problem.box)
         assert problem.bounded().s == pytest.approx(share, abs=EXACT), seed
 
@@ -120,7 +145,8 @@ def test_the_share_is_the_largest():
 @pytest.mark.parametrize('power', [1, 2], ids=['M', 'M M'])
 def test_the_share_is_the_same_for_every_weight(power):
     for seed in range(MANY):
-        assert outside(seed, power).s == pytest.approx(outside(seed, None).s, abs=EXACT), seed
+        of_identity = Problem(seed, None, 10.0).bounded()
+        assert Problem(seed, power, 10.0).bounded().s == pytest.approx(of_identity.s, abs=EXACT)
 
 
 def test_a_velocity_made_within_the_box_is_executed_in_full():
@@ -132,16 +158,17 @@ def test_a_velocity_made_within_the_box_is_executed_in_full():
 @WEIGHTS
 def test_the_share_keeps_the_direction(power):
     for seed in range(MANY):
-        problem = Problem(seed, power)
+        problem = Problem(seed, power, 10.0)
         bounded = problem.bounded()
         assert problem.J @ bounded.dq == pytest.approx(bounded.s * problem.dx, abs=EXACT), seed
         assert not bounded.relaxed and bounded.reason == '', seed
 
 
 @WEIGHTS
-def test_the_law_is_best_on_what_the_task_leaves(power):
+@STRETCHES
+def test_the_law_is_best_on_what_the_task_leaves(power, stretch):
     for seed in range(MANY):
-        problem = Problem(seed, power)
+        problem = Problem(seed, power, stretch)
         dq = problem.bounded().dq
         active = active_rows(dq, problem.box)
         assert_least_for_law(dq, problem.b, problem.W, problem.J, active)
