@@ -74,9 +74,8 @@ class Limited:
     def resolve(self, answer: Answer, aim: Aim, state: RobotState, T: float) -> Resolved:
         """The wanted velocity where it keeps the limits, otherwise what comes nearest to it."""
         bounds = self._limits.at(state, T)
-        W = None if answer.W is None else np.asarray(answer.W)
         levels = [scaled(aim.J, answer.executed, aim.scale), *answer.lower]
-        bounded = self._bound(answer.dq, W, levels, bounds.box, bounds.rows)
+        bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows)
         acting = bounds.limiting(bounded)
         if acting is None:
             return Resolved(bounded.dq, bounded.s, '')

@@ -1,7 +1,6 @@
 """Several limits kept together: one box and the other rows, in order of priority."""
 
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -81,13 +80,13 @@ class Limits:
         """What they say at a state, for a sampling time T [s]."""
         boxes = [limit.box(state, T) for limit in self._boxes]
         rows = [limit.rows(state, T) for limit in self._rows]
-        lower, upper = map(np.ndarray.copy, _unbounded(len(state.q)))
         kept = True
-        for least, most in boxes:
+        if boxes:
+            lower = boxes[0][0].copy()
+            upper = boxes[0][1].copy()
+        else:
+            lower = np.full(len(state.q), -np.inf)
+            upper = -lower
+        for least, most in boxes[1:]:
             kept = narrow(lower, upper, least, most) and kept
         return Bounds((lower, upper), rows, kept, self._boxes, boxes, self._rows)
-
-
-@lru_cache
-def _unbounded(n: int) -> Box:
-    return np.full(n, -np.inf), np.full(n, np.inf)
