@@ -78,6 +78,15 @@ def test_few_file_descriptors_are_enough_or_told_in_one_line(tmp_path, command, 
     assert status == 0 or 'Too many open files' in said
 
 
+@needs_ros
+@pytest.mark.parametrize('files', [8, 12, 16])
+def test_few_file_descriptors_for_nodes_are_told_and_end_with_a_line(tmp_path, files):
+    status, said = shell(f'ulimit -n {files}; exec {REDRES} demo --lockstep', tmp_path)
+    assert status == 1
+    assert 'Traceback' not in said
+    assert said.splitlines()[-1].startswith('redres demo: ')  # DDS may have had its say before
+
+
 def test_a_window_system_that_is_not_there_does_not_matter(tmp_path):
     status, said = shell(f'{REDRES} compare --period 0.01', tmp_path, MPLBACKEND='nonsense')
     assert (status, said) == (0, '')
@@ -163,9 +172,9 @@ def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, o
 @pytest.mark.parametrize(
     ('name', 'parameter', 'words'),
     [
-        ('sim', 'start:=[]', 'start has no value; allowed: an array of numbers'),
-        ('sim', 'processors:=[]', 'processors has no value; allowed: an array of whole numbers'),
-        ('controller', 'processors:=[]', 'processors has no value'),
+        ('sim', 'start:=[]', 'start is nothing; allowed: an array of numbers'),
+        ('sim', 'processors:=[]', 'processors is nothing; allowed: an array of whole numbers'),
+        ('controller', 'processors:=[]', 'processors is nothing'),
         ('sim', 'use_sim_time:=5', "'use_sim_time' to '5'"),
         ('controller', 'use_sim_time:=x', "'use_sim_time' to 'x'"),
         ('planner', 'task:=' + 'x' * 300, "unknown task 'xxx"),

@@ -120,6 +120,16 @@ def start(arguments: list[str] | None = None) -> None:
         ) from None
 
 
+def _made(make: Callable[[], N]) -> N:
+    """A node. Raises StartError where DDS has not got what it needs, as enough open files."""
+    try:
+        return make()
+    except RuntimeError as error:
+        if isinstance(error, RCLError):
+            raise
+        raise StartError(f'ROS 2 makes no node: {" ".join(str(error).split())}') from None
+
+
 @contextmanager
 def spun(make: Callable[[], N]) -> Iterator[N]:
     """Start ROS and yield a node that is spun in a thread; for programs that listen and ask.
@@ -128,7 +138,7 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
     """
     start()
     try:
-        node = make()
+        node = _made(make)
         stopped = threading.Event()
         spinner = Spinner([node], stopped)
         try:
@@ -176,7 +186,7 @@ def run_nodes(
     _end_with_parent(stopped)
     try:
         start(arguments)
-        _spin([make() for make in makes], stopped, one_thread)
+        _spin([_made(make) for make in makes], stopped, one_thread)
     except (RedresError, RCLError, ParameterException) as error:
         if isinstance(error, RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
