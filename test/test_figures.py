@@ -65,7 +65,7 @@ every_figure = pytest.mark.parametrize('number', FIGURES)
 
 
 def test_every_figure_of_the_paper_but_the_block_diagram_is_there():
-    assert list(FIGURES) == list(range(2, 17))
+    assert set(range(2, 17)) <= set(FIGURES)
 
 
 @every_figure
