@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from fri_helpers import Door
 
+from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.plant import IdealPlant
 from redres_ros.fri.profile import FCI, State
@@ -17,6 +18,7 @@ from redres_ros.fri.robot import FriRobot
 from redres_ros.fri.session import Session, SessionSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation import closed_loop
 
 T = 0.001  # [s]
 LIMITS = JointLimits.of(find_arm('fr3'))
@@ -195,3 +197,16 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
     client.say(expected[6])
     assert client.session.state is State.MOVE
     assert client.session.reason == ''
+
+
+@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
+def test_a_task_of_the_arm_keeps_clear_of_every_reflex(law):
+    model = RobotModel.named('fr3')
+    limits = ('position', 'velocity', 'acceleration')
+    controller = Controller(model, make_law(law), T, limits=limits, limit_scale=0.8)
+    recording = closed_loop.run(controller, load_task(find_arm('fr3').task))
+    assert recording.finished
+    client = commanding()
+    for q in np.column_stack([recording[f'q{joint}'] for joint in range(1, 8)]):
+        client.say(q)
+    assert (client.session.state, client.session.reason) == (State.MOVE, '')
