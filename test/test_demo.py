@@ -261,6 +261,29 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
 
 
 @pytest.mark.realtime
+def test_sigterm_ends_the_demo_quietly_at_any_time(tmp_path: Path) -> None:
+    for name, patience in (('under_way', 0.0), ('later', 6.0)):
+        out = tmp_path / name
+        process = subprocess.Popen(
+            [*command(out), '--composed', '--lockstep', '--task', 'side_to_side'],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        tape = out / 'composed.tape'
+        until = time.monotonic() + 60.0
+        while time.monotonic() < until and not (tape.exists() and tape.stat().st_size > 20_000):
+            time.sleep(0.05)
+        children = descendants(process.pid)
+        time.sleep(patience)
+        process.terminate()
+        _, errors = process.communicate(timeout=60.0)
+        assert process.returncode in (0, 143)  # 0: it was over before
+        assert errors == ''
+        assert not [pid for pid in children if is_running(pid)]
+
+
+@pytest.mark.realtime
 def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
     process = subprocess.Popen(
         command(tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

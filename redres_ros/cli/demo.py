@@ -2,8 +2,11 @@
 
 import argparse
 import math
+import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,11 +114,30 @@ def _demo(options: argparse.Namespace) -> int:
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )
-        outcome = demo.run(progress)
-    _write(outcome, demo, options.out)
+        ending = demo.run(progress)
+    with _ending_at_once():
+        outcome = demo.outcome(ending)
+        _write(outcome, demo, options.out)
     if outcome.interrupted:
         return 130
     return 0 if outcome.succeeded else 1
+
+
+@contextmanager
+def _ending_at_once() -> Iterator[None]:
+    """Have signals end the process, in place of exceptions.
+
+    No other process is left to be ended, and libraries make another error of an exception that
+    comes over them.
+    """
+    handlers = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        handlers[number] = signal.signal(number, lambda number, _: os._exit(128 + number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def _check_known_to_nodes(motion: 'Motion') -> None:

@@ -62,6 +62,17 @@ class DemoOptions:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended.
+
+    endurance: where the task was repeated to the end; interrupted: by Ctrl-C.
+    """
+
+    endurance: Endurance | None
+    interrupted: bool
+
+
 class Demo:
     """One run of the three nodes in the ROS domain that the environment names.
 
@@ -104,11 +115,14 @@ class Demo:
             title += f', k_d = {law.damping:g} 1/s, λ = {law.forgetting(self._T):g}'
         return title
 
-    def run(self, progress: Callable[[float], None]) -> Outcome:
-        """From starting the processes to ending them; Ctrl-C ends it early, with what was reached.
+    def run(self, progress: Callable[[float], None]) -> Ending:
+        """From starting the processes to ending them; Ctrl-C ends it early.
 
         Args:
             progress: is told the share done.
+
+        Returns:
+            How it ended; outcome() tells what came of it.
 
         Raises:
             DemoError, GraphError, CallError: a node does not run, answer, or take a command.
@@ -124,7 +138,7 @@ class Demo:
                     endurance = self._repeat(onlooker, progress)
         except KeyboardInterrupt:
             interrupted = True
-        return self._outcome(endurance, interrupted)
+        return Ending(endurance, interrupted)
 
     @contextmanager
     def _processes(self) -> Iterator[None]:
@@ -143,11 +157,13 @@ class Demo:
                 self._nodes.append(NodeProcess(name, log, own, tape=self._tape(name)))
             yield
         finally:
-            # A second Ctrl-C must not leave a process behind.
-            handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+            # A second signal must not leave a process behind.
+            numbers = (signal.SIGINT, signal.SIGTERM)
+            handlers = [signal.signal(number, signal.SIG_IGN) for number in numbers]
             for node in self._nodes:
                 node.end()
-            signal.signal(signal.SIGINT, handler)
+            for number, handler in zip(numbers, handlers, strict=True):
+                signal.signal(number, handler)
 
     def _parameters(self) -> dict[str, dict[str, Any]]:
         """Of each node, by its name."""
@@ -251,7 +267,8 @@ class Demo:
                 f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
             )
 
-    def _outcome(self, endurance: Endurance | None, interrupted: bool) -> Outcome:
+    def outcome(self, ending: Ending) -> Outcome:
+        """What came of the run that ended so, from the tapes, which are removed."""
         tapes = [self._tape(node.name) for node in self._nodes]
         log = read_log(tapes, self.model.joint_names)
         pose = self.options.parameters.get('task_space') == 'pose'
@@ -276,6 +293,6 @@ class Demo:
             session=log.session,
             planner_missed=len(set(stamps) - log.desired.keys()),
             switches=log.switches(),
-            endurance=endurance,
-            interrupted=interrupted,
+            endurance=ending.endurance,
+            interrupted=ending.interrupted,
         )

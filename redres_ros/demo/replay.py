@@ -145,10 +145,15 @@ def read_log(paths: Iterable[Path], joint_names: tuple[str, ...]) -> Log:
     }
     log: dict[str, dict[int, Any]] = {topic: {} for topic in converters}
     session = []
+    newest: dict[str, tuple[bytes, Any]] = {}  # data and value: many words are said every cycle
     for path in paths:
         for stamp, entry in stamped(read_tape(path)):
             if entry.topic in converters:
-                log[entry.topic][stamp] = converters[entry.topic](entry.message)
+                data, value = newest.get(entry.topic, (b'', None))
+                if entry.data != data:
+                    value = converters[entry.topic](entry.message)
+                    newest[entry.topic] = (entry.data, value)
+                log[entry.topic][stamp] = value
             elif entry.topic == 'sim/session_state':
                 session.append(entry.message.data)
     return Log(
