@@ -1,0 +1,89 @@
+"""A robot behind ros2_control: its joint_state_broadcaster and forward_position_controller.
+
+Its stamps are this computer's clock, with jitter; its message lists a gripper too; its commands are
+numbers without a stamp. The arm goes exactly where it is told. Start it with:
+
+    python examples/behind_ros2_control.py --seconds 20
+
+and beside it, with the same rate:
+
+    redres_controller --ros-args -p forward_commands:=true -p rate:=100.0
+    redres_planner --ros-args -p autostart:=true -p rate:=100.0
+"""
+
+import argparse
+import contextlib
+import random
+import time
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from redres_ros import RobotModel, load_task
+
+GRIPPER = ('gripper_left_joint', 'gripper_right_joint')
+JITTER = 0.4  # of a period, to either side
+
+
+class Robot(Node):
+    """States out at a rate, by a schedule; the newest command in."""
+
+    def __init__(self, rate: float) -> None:
+        super().__init__('ros2_control_robot')
+        task = load_task('rectangle')
+        self.period = 1.0 / rate
+        self.q = task.start
+        self.names = [GRIPPER[0], *RobotModel.named(task.robot).joint_names, GRIPPER[1]]
+        self.states = 0  # sent since the first command came
+        self.commands = 0
+        self.way: list[np.ndarray] = []  # positions asked for, one for each command
+        self.random = random.Random(0)
+        self.publisher = self.create_publisher(JointState, 'joint_states', 10)
+        self.create_subscription(
+            Float64MultiArray, 'forward_position_controller/commands', self.on_command, 10
+        )
+
+    def on_command(self, message: Float64MultiArray) -> None:
+        """The arm is where it is told to be."""
+        self.q = np.array(message.data)
+        self.way.append(self.q)
+        self.commands += 1
+
+    def publish_state(self) -> None:
+        """A state, stamped a little too early or too late."""
+        message = JointState(name=self.names)
+        message.position = [0.02, *self.q.tolist(), 0.02]
+        jitter = self.random.uniform(-JITTER, JITTER) * self.period
+        stamp = self.get_clock().now() + rclpy.duration.Duration(seconds=jitter)
+        message.header.stamp = stamp.to_msg()
+        self.publisher.publish(message)
+        self.states += self.commands > 0
+
+
+def run(robot: Robot, seconds: float) -> None:
+    """One cycle after the other; after being held up, in no burst."""
+    begin = time.monotonic()
+    due = begin
+    while due < begin + seconds:
+        robot.publish_state()
+        due = max(due + robot.period, time.monotonic())
+        while time.monotonic() < due:
+            rclpy.spin_once(robot, timeout_sec=max(due - time.monotonic(), 0.0))
+
+
+parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+parser.add_argument('--seconds', type=float, default=20.0)
+parser.add_argument('--rate', type=float, default=100.0, help='cycles per second')
+options = parser.parse_args()
+
+rclpy.init()
+robot = Robot(options.rate)
+with contextlib.suppress(KeyboardInterrupt):
+    run(robot, options.seconds)
+print(f'answered {100.0 * robot.commands / max(robot.states, 1):.1f} % of {robot.states} states')
+if robot.way:
+    moved = float(np.abs(robot.way[-1] - robot.way[0]).max())
+    print(f'one joint has moved by {moved:.3f} rad')
