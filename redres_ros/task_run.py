@@ -1,6 +1,7 @@
 """A task from its first state to its last point, through holds, stops and new robots."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -9,7 +10,10 @@ import numpy as np
 from redres_ros.cycles import NANOSECONDS, Cycles
 from redres_ros.pacing import Pacing
 from redres_ros.planner import Planner, Reference
+from redres_ros.rotation import rotation_vector
+from redres_ros.waypoints import WaypointTask
 
+_SHORTEST = 0.5  # [s] that a way takes at least
 _ASTRAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
 
 
@@ -32,6 +36,35 @@ class Step(NamedTuple):
     stamp: int
     dx: np.ndarray
     reference: Reference | None
+
+
+def way_to(
+    task: WaypointTask,
+    x: np.ndarray,
+    R: np.ndarray,
+    x_end: np.ndarray,
+    R_end: np.ndarray,
+    speed: float,
+) -> WaypointTask:
+    """A straight way from rest to rest.
+
+    Args:
+        task: Has the gains and tolerances.
+        x: Where it begins, (3,) [m].
+        R: Orientation there, (3, 3).
+        x_end: Where it ends, (3,) [m].
+        R_end: Orientation there, (3, 3).
+        speed: At most, of the tip [m/s], and of the turn ten times as many [rad/s].
+    """
+    distance = float(np.linalg.norm(x_end - x))
+    angle = float(np.linalg.norm(rotation_vector(R_end.dot(R.T))))
+    peak = 15.0 / 8.0  # of Eq. (36), over the mean
+    return replace(
+        task,
+        waypoints=np.array((x, x_end)),
+        orientations=np.array((R, R_end)),
+        segment_time=max(peak * max(distance, angle / 10.0) / speed, _SHORTEST),
+    )
 
 
 class TaskRun:
@@ -69,9 +102,13 @@ class TaskRun:
     def start(self) -> None:
         """Begin as soon as the controller follows; a run that is under way goes on."""
         if self.state in (RunState.IDLE, RunState.FINISHED):
-            self._planner = None
-            self._asks = True
-            self.state = RunState.WAITING
+            self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Begin from where the arm is, also in the middle of a run."""
+        self._planner = None
+        self._asks = True
+        self.state = RunState.WAITING
 
     def stop(self) -> None:
         """Ask for nothing any more."""

@@ -17,7 +17,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from graph_helpers import NAMES, PERIOD, START, Probe, await_that, log_lines, nodes
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -30,6 +30,7 @@ from redres_ros.demo.client import CallError, call, set_parameters
 from redres_ros.demo.processes import own_domain
 from redres_ros.following import Following, FollowingSettings
 from redres_ros.laws import LAWS, make_law
+from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
 
@@ -379,6 +380,35 @@ def test_hold_begins_at_once_in_the_middle_of_a_blend(tmp_path: Path) -> None:
             q_ref, dq = probe.ask(q_ref)
             speeds.append(np.linalg.norm(dq))
         assert speeds[-1] < speeds[0]
+
+
+def test_a_target_pose_is_approached_in_a_straight_line_and_a_bad_one_refused(
+    tmp_path: Path,
+) -> None:
+    model = RobotModel.named('lwr4_paper')
+    x, _ = model.tip(START)
+    way = np.array((0.0, -0.1, 0.05))  # [m]
+    with nodes(tmp_path, planner={'lockstep': True}) as (probe, _):
+        targets = probe.create_publisher(PoseStamped, 'target_pose', 1)
+        await_that(lambda: targets.get_subscription_count() == 1, 'a listener to target_pose')
+        twists = probe.listen(TwistStamped, 'cartesian_velocity')
+        target = to_pose(0, 'nose', x + way, np.eye(3))
+        targets.publish(target)
+        await_that(
+            lambda: any('nose' in line for line in log_lines(tmp_path, 'planner')), 'the refusal'
+        )
+        target.header.frame_id = ''
+        targets.publish(target)
+
+        def speed() -> float:
+            probe.send(probe.state(START))
+            time.sleep(PERIOD / 1e9)
+            linear = twists[-1].twist.linear if twists else TwistStamped().twist.linear
+            along = np.array((linear.x, linear.y, linear.z))
+            assert np.linalg.norm(np.cross(along, way)) < 1e-6
+            return float(along @ way)
+
+        await_that(lambda: speed() > 0.0, 'a velocity towards the target', every=0.0)
 
 
 def test_a_planner_does_not_begin_anew_on_a_state_out_of_order(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
 from redres_ros.fri.robot_clock import NANOSECONDS
 from redres_ros.robot_model import RobotModel, quaternion
+from redres_ros.rotation import from_quaternion
 
 _REMEMBERED = 100  # sets of joint names: of as many devices as may share a topic
 
@@ -182,6 +183,30 @@ class Axes:
         except UnknownNameError as error:
             raise FrameError(f'cartesian_velocity: {error}') from None
         return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
+
+
+def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) [m] and orientation (3, 3) of a pose.
+
+    Args:
+        message: A quaternion of any length counts by its direction.
+        frames: Those that it may be in.
+
+    Raises:
+        FrameError: Another frame.
+        ArrayError: NaN, infinity, or a quaternion of length 0.
+    """
+    if message.header.frame_id not in frames:
+        allowed = ', '.join(map(repr, frames))
+        raise FrameError(f'target_pose is in {message.header.frame_id!r}; allowed: {allowed}')
+    position = message.pose.position
+    turn = message.pose.orientation
+    x = np.array((position.x, position.y, position.z))
+    direction = np.array((turn.x, turn.y, turn.z, turn.w))
+    size = float(np.linalg.norm(direction))
+    if not (np.isfinite(x).all() and 0.0 < size < np.inf):
+        raise ArrayError(f'target_pose is {x.tolist()}, {direction.tolist()}; expected a pose')
+    return x, from_quaternion(direction)
 
 
 def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped:

@@ -15,7 +15,14 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.conversions import JointOrder, to_nanoseconds, to_pose, to_time, to_twist
+from redres_ros.nodes.conversions import (
+    JointOrder,
+    from_pose,
+    to_nanoseconds,
+    to_pose,
+    to_time,
+    to_twist,
+)
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import declare, declare_robot
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
@@ -24,7 +31,7 @@ from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference
-from redres_ros.task_run import RunState, Step, TaskRun
+from redres_ros.task_run import RunState, Step, TaskRun, way_to
 from redres_ros.waypoints import load_task, task_for
 
 
@@ -43,6 +50,7 @@ class PlannerParameters:
         False, 'begin as soon as the robot takes commands instead of waiting for planner/start'
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
+    target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
     lockstep: bool = param(
         False, 'begin with the first state: the controller waits for each cartesian_velocity'
@@ -66,6 +74,7 @@ class PlannerNode(Node):
         T = 1.0 / self._settings.rate
         pacing = Pacing(T, self._settings.lockstep)
         self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space)
+        self._target: tuple[np.ndarray, np.ndarray] | None = None  # instead of the task
         self._stop_reason = ''
         self._told_state = RunState.IDLE
         self._told_begun = 0
@@ -87,11 +96,15 @@ class PlannerNode(Node):
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
         self.create_subscription(String, 'sim/stop_reason', self._on_stop_reason, LATCHED)
+        self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
         self.create_service(Trigger, 'planner/start', self._on_start)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
 
     def _make_planner(self, x: np.ndarray, R: np.ndarray) -> Planner:
-        return Planner(self._task, x, R, feedback_limit=self._settings.feedback_limit)
+        task = self._task
+        if self._target is not None:
+            task = way_to(task, x, R, *self._target, self._settings.target_speed)
+        return Planner(task, x, R, feedback_limit=self._settings.feedback_limit)
 
     def _on_state(self, message: JointState) -> None:
         if not self._joints.concerns(message):
@@ -122,6 +135,16 @@ class PlannerNode(Node):
         publish('task_error', lambda: float(np.linalg.norm(reference.error)))
         publish('segment', lambda: reference.segment)
 
+    def _on_target(self, message: PoseStamped) -> None:
+        try:
+            self._target = from_pose(message, (self._frame, ''))
+        except RedresError as error:
+            self._refusals.refuse('target_pose', error)
+            return
+        self._refusals.accept('target_pose')
+        self._run.begin_anew()
+        self._tell()
+
     def _on_scaling(self, message: Float64) -> None:
         self._run.hear(message.data)
 
@@ -143,6 +166,7 @@ class PlannerNode(Node):
         if self._run.state is RunState.MOVING:
             response.message = f'{task}: is under way already; planner/stop ends it'
         else:
+            self._target = None
             self._run.start()
             response.message = f'{task}: begins as soon as the robot takes commands'
         self._tell()
