@@ -5,13 +5,13 @@ out, once a cycle.
 from collections.abc import Iterable
 from dataclasses import replace
 from numbers import Integral
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
 from redres_ros.errors import DivergedError, RangeError, UnknownNameError
 from redres_ros.laws import Law
-from redres_ros.motion import STANDING, Aim, Blend, Following
+from redres_ros.motion import STANDING, Aim, Blend, LawMotion
 from redres_ros.preferences import Preference, make_preference
 from redres_ros.resolution import Weight, project
 from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
@@ -125,7 +125,7 @@ class Controller:
         self._scale = self.task.row_scale(model)
         self._nothing_lost = np.zeros(self.m)
         self._nothing_lost.flags.writeable = False  # every command shares it
-        self._asked = Following(law, _preferences(preferences), _tasks(secondary_tasks))
+        self._asked = LawMotion(law, _preferences(preferences), _tasks(secondary_tasks))
         self._begun = self._asked  # with targets that were left open filled in
         self._resolver: Resolver = UNLIMITED
         self._moving = True
@@ -238,7 +238,7 @@ class Controller:
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
             RangeError: For missed. The controller is as it was before.
-            DivergedError: A joint would have to go faster than SPEED_LIMIT. Where dx is the reason,
+            DivergedError: The joints would have to go faster than SPEED_LIMIT. Where dx is the reason,
                 the controller is as it was before. Where its own memory is, it has forgotten it.
         """
         if missed and not (isinstance(missed, Integral) and 0 < missed <= MOST_MISSED):
@@ -254,8 +254,10 @@ class Controller:
         answer, after = blend.answer(state, aim, self.T)
         start = self._integrated(q, missed)
         resolver = self._resolver.advanced(self.T, self.switch_time)
-        dq, s, limiting = resolver.resolve(answer, aim, self._at(start, state), self.T)
-        self._check_speed(dq, blend, state, aim)
+        answer = resolver.resolve(answer, aim, state, start, self.T)
+        dq = answer.dq
+        if dq.dot(dq) > SPEED_LIMIT**2:
+            self._refuse(dq, blend, state, aim)
         q_ref = start + self.T * dq  # footnote 1
         self._q_ref = q_ref
         self._dq_prev = dq
@@ -264,7 +266,17 @@ class Controller:
         self._begun = begun
         self._is_open = False
         lost = self._nothing_lost if answer.lost is None else answer.lost
-        return Command(dq.copy(), q_ref.copy(), state, self.T, aim.J, answer.W, s, limiting, lost)
+        return Command(
+            dq.copy(),
+            q_ref.copy(),
+            state,
+            self.T,
+            aim.J,
+            answer.W,
+            answer.s,
+            answer.limiting,
+            lost,
+        )
 
     def _integrated(self, q: np.ndarray, missed: int) -> np.ndarray:
         """The position from which the reference goes on, (n,) [rad]."""
@@ -274,22 +286,15 @@ class Controller:
             return self._q_ref + self.T * missed * self._dq_prev
         return self._q_ref
 
-    def _at(self, q: np.ndarray, state: RobotState) -> RobotState:
-        """The state at the reference that is integrated; the same one where the arm is there."""
-        if self._resolver is UNLIMITED or q is state.q or (q == state.q).all():
-            return state
-        return self.model.unchecked_state(q, self._dq_prev)
-
-    def _check_speed(self, dq: np.ndarray, blend: Blend, state: RobotState, aim: Aim) -> None:
+    def _refuse(self, dq: np.ndarray, blend: Blend, state: RobotState, aim: Aim) -> NoReturn:
         """Raise DivergedError for a speed beyond any arm; forget a memory that asks for it."""
-        speed = max(map(abs, dq.tolist()))
-        if speed <= SPEED_LIMIT:
-            return
+        speed = float(np.linalg.norm(dq))
         without_dx, _ = blend.answer(state, aim._replace(dx=np.zeros(self.m)), self.T)
-        is_own = max(map(abs, without_dx.dq.tolist())) > SPEED_LIMIT
-        if is_own:
+        reason = 'dx'
+        if np.linalg.norm(without_dx.dq) > SPEED_LIMIT:
+            reason = 'its own motion'
             self.reset()
-        raise DivergedError(speed, SPEED_LIMIT, 'its own motion' if is_own else 'dx')
+        raise DivergedError(speed, SPEED_LIMIT, reason)
 
 
 def _task(task: str | Task) -> Task:

@@ -53,14 +53,14 @@ class ArrayError(RedresError):
 
 
 class DivergedError(RedresError):
-    """A joint speed beyond any arm's, which is not commanded."""
+    """A speed of the joints beyond any arm's, which is not commanded."""
 
     def __init__(self, speed: float, limit: float, reason: str) -> None:
         self.speed = speed
         self.limit = limit
         self.reason = reason
         super().__init__(
-            f'a joint would have to go at {speed:.3g} rad/s; allowed: up to {limit:g}; '
+            f'the joints would have to go at {speed:.3g} rad/s; allowed: up to {limit:g}; '
             f'the reason is {reason}'
         )
 

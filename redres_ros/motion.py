@@ -31,7 +31,8 @@ class Answer(NamedTuple):
 
     dq: (n,) [rad/s]. executed: (m,), the part of dx that dq is meant to execute. lost: (m,), the
     part that a singularity does not let through; None if there is none. W: the metric. lower: J and
-    dx of the lower tasks, as dq executes them.
+    dx of the lower tasks, as dq executes them. s: the share of it that limits allow. limiting:
+    'joint: limit' that acts most, or ''.
     """
 
     dq: np.ndarray
@@ -39,6 +40,8 @@ class Answer(NamedTuple):
     lost: np.ndarray | None
     W: Weight
     lower: Sequence[Level]
+    s: float = 1.0
+    limiting: str = ''
 
 
 class Motion(Protocol):
@@ -49,14 +52,14 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True)
-class Following:
+class LawMotion:
     """The first task is followed, by a law with preferences, and lower tasks in order."""
 
     law: Law
     preferences: tuple[Preference, ...] = ()
     lower_tasks: tuple[Task, ...] = ()
 
-    def begun(self, state: RobotState) -> 'Following':
+    def begun(self, state: RobotState) -> 'LawMotion':
         """The same; targets that were left open are what they are at this state."""
         return replace(
             self,
@@ -184,13 +187,12 @@ def _way_out(state: RobotState, aim: Aim) -> np.ndarray | float:
     if dJ is None:
         return 0.0
     J, dx = scaled(aim.J, aim.dx, aim.scale)
-    if aim.scale is None:
-        reach = state.model.reach
-    else:
+    if aim.scale is not None:
         dJ = aim.scale[:, None] * dJ
-        reach = 1.0
-    z = way_out(J, dJ, dx, state.dq_prev, reach)
-    return 0.0 if z is None else z
+    z = way_out(J, dJ, dx, state.dq_prev)
+    if z is None:
+        return 0.0
+    return z if aim.scale is not None else z / state.model.reach
 
 
 def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -15,14 +15,6 @@ if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit
 
 
-class Resolved(NamedTuple):
-    """dq (n,) [rad/s] with J dq = s dx; limiting: 'joint: limit' that acts most, or ''."""
-
-    dq: np.ndarray
-    s: float
-    limiting: str
-
-
 class Resolver(Protocol):
     """Makes the command of what a motion would do."""
 
@@ -33,8 +25,10 @@ class Resolver(Protocol):
     def advanced(self, T: float, switch_time: float) -> 'Resolver':
         """One cycle on."""
 
-    def resolve(self, answer: Answer, aim: Aim, state: RobotState, T: float) -> Resolved:
-        """The velocity to command; state: at the reference that is integrated."""
+    def resolve(
+        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Answer:
+        """The answer to give; start: (n,) [rad], the reference that is integrated."""
 
 
 class Unlimited:
@@ -46,9 +40,11 @@ class Unlimited:
         """Itself."""
         return self
 
-    def resolve(self, answer: Answer, aim: Aim, state: RobotState, T: float) -> Resolved:
-        """The wanted velocity."""
-        return Resolved(answer.dq, 1.0, '')
+    def resolve(
+        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Answer:
+        """The wanted one."""
+        return answer
 
 
 UNLIMITED = Unlimited()
@@ -60,9 +56,11 @@ class Limited:
     def __init__(self, limits: 'Limits', joint_names: tuple[str, ...]) -> None:
         # compiled: loaded only where limits are wanted
         from redres_ros.bounded import bound
+        from redres_ros.limits import limit_name
         from redres_ros.limits.joint import AccelerationLimit
 
         self._bound = bound
+        self._limit_name = limit_name
         self._limits = limits
         self._joint_names = joint_names
         self.bounds_acceleration = any(isinstance(limit, AccelerationLimit) for limit in limits)
@@ -71,21 +69,23 @@ class Limited:
         """Itself."""
         return self
 
-    def resolve(self, answer: Answer, aim: Aim, state: RobotState, T: float) -> Resolved:
-        """The wanted velocity where it keeps the limits, otherwise what comes nearest to it."""
+    def resolve(
+        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Answer:
+        """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
+        if start is not state.q and not (start == state.q).all():
+            state = state.model.unchecked_state(start, state.dq_prev)
         bounds = self._limits.at(state, T)
         levels = [scaled(aim.J, answer.executed, aim.scale), *answer.lower]
         bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows)
+        if bounded.dq is answer.dq:
+            return answer
         acting = bounds.limiting(bounded)
-        if acting is None:
-            return Resolved(bounded.dq, bounded.s, '')
-        limit, index = acting
-        return Resolved(bounded.dq, bounded.s, self._told(limit, index))
-
-    def _told(self, limit: 'Limit', index: int) -> str:
-        from redres_ros.limits import limit_name
-
-        return f'{self._joint_names[index]}: {limit_name(limit)}'
+        limiting = ''
+        if acting is not None:
+            limit, index = acting
+            limiting = f'{self._joint_names[index]}: {self._limit_name(limit)}'
+        return answer._replace(dq=bounded.dq, s=bounded.s, limiting=limiting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +104,18 @@ class Changeover:
             return self.new
         return replace(self, share=self.share + step)
 
-    def resolve(self, answer: Answer, aim: Aim, state: RobotState, T: float) -> Resolved:
+    def resolve(
+        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Answer:
         """The mixture of both, which executes the mixture of their shares of dx."""
-        old = self.old.resolve(answer, aim, state, T)
-        new = self.new.resolve(answer, aim, state, T)
+        old = self.old.resolve(answer, aim, state, start, T)
+        new = self.new.resolve(answer, aim, state, start, T)
         part, _ = quintic(self.share)
-        dq = (1.0 - part) * old.dq + part * new.dq
-        s = (1.0 - part) * old.s + part * new.s
-        return Resolved(dq, s, new.limiting or old.limiting)
+        return answer._replace(
+            dq=(1.0 - part) * old.dq + part * new.dq,
+            s=(1.0 - part) * old.s + part * new.s,
+            limiting=new.limiting or old.limiting,
+        )
 
 
 def make_resolver(

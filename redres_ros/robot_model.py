@@ -37,7 +37,7 @@ class RobotState:
     @cached_property
     def J(self) -> np.ndarray:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        return self.model._tip_jacobian(self.q)
+        return self.model._jacobian(self.q, self.model._tip)
 
     @property
     def x(self) -> np.ndarray:
@@ -202,9 +202,6 @@ class RobotModel:
         return pin.computeFrameJacobian(  # a copy
             self._model, self._data, q, frame, pin.LOCAL_WORLD_ALIGNED
         )
-
-    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
-        return self._jacobian(q, self._tip)
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return pin.crba(self._model, self._data, q)  # a copy

@@ -20,16 +20,15 @@ _NOTHING = 1e-9  # of dx, is not asked for; of H, is no way
 
 
 def way_out(
-    J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, dq_prev: np.ndarray, reach: float
+    J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, dq_prev: np.ndarray
 ) -> np.ndarray | None:
-    """A slow self-motion (n,) [rad/s] that leads out of a singularity; None where there is none.
+    """A self-motion (n,) that leads out of a singularity, as fast as what is asked for; or None.
 
     Args:
         J: (m, n) Jacobian of the task, with comparable rows.
         dJ: (n, m, n) its derivatives by each joint.
         dx: (m,) what is asked for.
         dq_prev: (n,) [rad/s] the last command; the motion goes on in its sense.
-        reach: By which a unit of dx becomes a turn [rad/s]; in metres for rows of metres.
     """
     U, s, Vt = np.linalg.svd(J)
     e = SINGULAR_RATIO * s[0]
@@ -49,4 +48,4 @@ def way_out(
         return None
     z: np.ndarray = Z.dot(directions[:, -1])
     sense = z.dot(dq_prev) or z[np.argmax(np.abs(z))]
-    return np.copysign(size / reach, sense) * z
+    return np.copysign(size, sense) * z

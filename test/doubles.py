@@ -24,7 +24,9 @@ class FloatingArm:
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 
-    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+    _tip = 0
+
+    def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
         return np.zeros((6, self.n))
 
     def _free_acceleration(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
