@@ -399,6 +399,7 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
     [
         (('--robot', str(ARMS['iiwa7'].urdf)), 'unknown robot of the demo '),
         (('--robot', 'iiwa7', '--tip', 'lbr_link_7'), 'with --tip the demo needs a --task'),
+        (('--prefer', 'posture', '--posture.target', '0'), '--posture.target cannot be told'),
         (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
         (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),
         (('--switch', 'minimum_velocity'), '--switch minimum_velocity; expected LAW@SECONDS'),

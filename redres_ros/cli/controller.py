@@ -151,8 +151,15 @@ def node_parameters(options: argparse.Namespace, motion: 'Motion') -> dict[str, 
     Args:
         options: With what is added to the law.
         motion: The arm and its task.
+
+    Raises:
+        OptionError: A target that is open by default: ROS has no parameters for such ones.
     """
-    told: dict[str, Any] = {gain.key: value for gain, value in given_gains(options).items()}
+    told: dict[str, Any] = {}
+    for gain, value in given_gains(options).items():
+        if gain.default == ():
+            raise OptionError(f'--{gain.key} cannot be told to nodes, which take the start for it')
+        told[gain.key] = value
     preferences = []
     for preference in options.prefer or ():
         name, equals, own = preference.partition('=')
