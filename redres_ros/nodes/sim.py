@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -120,7 +121,9 @@ class SimNode(Node):
         self._diagnostics = Diagnostics(self, self._description.robot, self._health)
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
-        self.create_timer(0.1, self._count_commanders)
+        # By the steady clock: under use_sim_time the node's own may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(0.1, self._count_commanders, clock=steady)
         on_live_change(
             self, lambda changes: self._plant.check(self._with(changes)), self._set_faults
         )
