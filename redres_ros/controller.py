@@ -213,7 +213,7 @@ class Controller:
         self._moving = True
 
     def reset(self) -> None:
-        """Forget the last command: the next update starts at the measured position, standing still."""
+        """Forget the last command: the next update starts at the measured position, at rest."""
         self._q_ref: np.ndarray | None = None
         self._dq_prev = np.zeros(self.model.n)
         self._blend = Blend(STANDING, STANDING, np.zeros(self.model.n), 1.0)

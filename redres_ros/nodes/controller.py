@@ -70,7 +70,7 @@ class ControllerParameters:
 
 
 class ControllerNode(Node):
-    """Answers each state of the robot in the callback that brings it; it has no clock of its own."""
+    """Answers each state of the robot in the callback that brings it; has no clock of its own."""
 
     def __init__(self) -> None:
         super().__init__('controller')

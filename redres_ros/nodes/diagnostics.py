@@ -3,7 +3,7 @@ once a second.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ class Health(NamedTuple):
 
     level: bytes
     summary: str
-    figures: dict[str, object]
+    figures: Mapping[str, object]
 
 
 class Diagnostics:

@@ -1,8 +1,8 @@
-"""Dataclass fields as ROS parameters: name, default, description and range are those of the field."""
+"""Dataclass fields as ROS parameters: name, default, description and range are the field's."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -20,7 +20,10 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, find_arm
 from redres_ros.robots.arm import DYNAMICS
 
-P = TypeVar('P')
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+P = TypeVar('P', bound='DataclassInstance')
 
 _PAPER = ARMS['lwr4_paper']
 
@@ -188,11 +191,13 @@ def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:
     )
     if parameter.choices:
         descriptor.additional_constraints = 'one of: ' + ', '.join(parameter.choices)
-    if parameter.lower is not None and isinstance(default, float):
+    if parameter.lower is None or parameter.upper is None:
+        return descriptor
+    if isinstance(default, float):
         lower = float(parameter.lower)
         upper = float(parameter.upper)
         descriptor.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
-    elif parameter.lower is not None and isinstance(default, int):
+    elif isinstance(default, int):
         lower = int(parameter.lower)
         upper = int(parameter.upper)
         descriptor.integer_range = [IntegerRange(from_value=lower, to_value=upper, step=1)]
@@ -211,4 +216,5 @@ def _allowed(default: Any, parameter: Parameter) -> str:
         tuple: 'an array of whole numbers' if whole else 'an array of numbers with decimal points',
     }
     limits = '' if parameter.lower is None else f' from {parameter.lower:g} to {parameter.upper:g}'
-    return f'{kinds[type(default)]}{limits}, for example {list(default) if isinstance(default, tuple) else default!r}'
+    example = list(default) if isinstance(default, tuple) else default
+    return f'{kinds[type(default)]}{limits}, for example {example!r}'

@@ -49,14 +49,14 @@ def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarr
         raise RangeError('t', t[0] if t[0] < 0.0 else t[-1], 0.0, T_end, 's')
     segment_of = np.minimum(t // T_AB, task.segments - 1).astype(int)  # (N,)
     y = _start(scheme, model, task)
-    rows = []  # (2n,), N of it
+    rows: list[np.ndarray] = []  # (2n,), N of it
     for segment in range(segment_of[-1] + 1):
         span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
         flow = _flow(scheme, model, task, segment)
         solution = solve_ivp(
             flow, span, y, method='DOP853', rtol=RTOL, atol=ATOL, dense_output=True
         )
-        if not solution.success:
+        if solution.sol is None or not solution.success:
             raise DivergenceError(
                 f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}'
             )

@@ -169,8 +169,8 @@ SCHEMES: dict[str, type[Scheme]] = {
     'minimum_weighted_torque': MinimumWeightedTorque,
     'dynamically_consistent': DynamicallyConsistent,
     'minimum_torque': MinimumTorque,
-    # by the law that a scheme becomes; the other laws are of first order, and no scheme of the paper
-    # becomes one of them
+    # Each scheme has the name of the velocity law that is made from it. Laws of first order have
+    # none.
 }
 
 

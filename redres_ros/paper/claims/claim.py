@@ -27,7 +27,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """section: of the paper, or an equation; says: the claim in our words; measure: what finds out."""
+    """section: of the paper, or an equation; says: the claim in our words; measure: finds out."""
 
     section: str
     says: str

@@ -1,4 +1,4 @@
-"""Claims of Section 6: experiments, here with the simulated arm behind the fake robot controller."""
+"""Claims of Section 6: experiments, here with the simulated arm behind the fake robot."""
 
 import numpy as np
 
@@ -75,7 +75,8 @@ def reverse_order(runs: Runs) -> Finding:
     back = runs.experiment_35
     return Finding(
         'position limit' in there.stop_reason and back.recording.finished,
-        f'as in the other runs: {there.recording.ending}; in reverse order: {back.recording.ending}',
+        f'as in the other runs: {there.recording.ending}; '
+        f'in reverse order: {back.recording.ending}',
         'the paper does not give the start of the reversed task; ours is where law (23) ends',
     )
 
@@ -87,7 +88,8 @@ def _practically(one: Experiment, two: Experiment) -> Finding:
     return Finding(
         apart < _PRACTICAL * speed,
         f'measured velocities at most {apart:.1e} rad/s apart, the largest being {speed:.2f} rad/s',
-        'closer than in the paper: the fake robot takes every sample in time and measures without noise',
+        'closer than in the paper: the fake robot takes every sample in time '
+        'and measures without noise',
     )
 
 

@@ -19,14 +19,15 @@ from redres_ros.simulation.closed_loop import run
 
 
 def drift(runs: Runs) -> Finding:
-    """Null-space velocity where the tip is at rest between two segments, without and with damping."""
+    """Null-space velocity where the tip rests between two segments, without and with damping."""
     tick = round(runs.task.segment_time / SIMULATION_T) - 1
     without, damped = (
         float(run['null_velocity_norm'][tick]) for run in (runs.ideal_undamped, runs.ideal_damped)
     )
     return Finding(
         without > 10.0 * damped,
-        f'with the tip at rest after {runs.task.segment_time:g} s the joints float at {without:.3g} rad/s, '
+        f'with the tip at rest after {runs.task.segment_time:g} s the joints float at '
+        f'{without:.3g} rad/s, '
         f'with damping at {damped:.2g} rad/s',
     )
 
@@ -41,9 +42,11 @@ def peaks(runs: Runs) -> Finding:
     slower = _peak(runs, 0.0) / _peak(runs, EXPERIMENT_DAMPING)
     return Finding(
         min(ratio, slower) > 10.0,
-        f'{without:.1f} rad/s^2 at {at:.2f} s against {damped:.2f} rad/s^2: {ratio:.0f} times at 1 ms; '
+        f'{without:.1f} rad/s^2 at {at:.2f} s against {damped:.2f} rad/s^2: '
+        f'{ratio:.0f} times at 1 ms; '
         f'{slower:.0f} times at 2 ms',
-        'the paper says 40; held means by more than ten times, since the undamped motion depends on every '
+        'the paper says 40; held means by more than ten times, '
+        'since the undamped motion depends on every '
         'detail of the arm, and the paper does not give its link lengths',
     )
 
@@ -140,7 +143,8 @@ def _equivalence(runs: Runs, law: str, damping: float) -> Finding:
 NUMERICAL = (
     Claim(
         '3.2',
-        'Without damping the joints float on the self-motion manifold; null-space damping removes that',
+        'Without damping the joints float on the self-motion manifold; '
+        'null-space damping removes that',
         drift,
     ),
     Claim(

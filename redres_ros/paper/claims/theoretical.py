@@ -179,8 +179,8 @@ def proportional(runs: Runs) -> Finding:
     orders = {name: found.q_order for name, found in runs.convergences.items()}
     return Finding(
         all(0.9 <= order <= 1.1 for order in orders.values()),
-        'the error of q against the continuous scheme falls as T^p over the first segment, with p = '
-        + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
+        'the error of q against the continuous scheme falls as T^p over the first segment, '
+        'with p = ' + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
     )
 
 
@@ -200,7 +200,8 @@ THEORETICAL = (
     ),
     Claim(
         '2.2',
-        'The approximations (8) to (10) are consistent: the sampled laws tend to the continuous schemes',
+        'The approximations (8) to (10) are consistent: '
+        'the sampled laws tend to the continuous schemes',
         proportional,
     ),
     Claim(
@@ -223,7 +224,8 @@ THEORETICAL = (
     ),
     Claim(
         'B',
-        'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; beyond: diverges',
+        'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; '
+        'beyond: diverges',
         regimes,
     ),
     Claim('7', 'The velocity laws cost no more computation than the second-order schemes', cost),

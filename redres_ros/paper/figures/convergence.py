@@ -6,7 +6,7 @@ from redres_ros.paper.figures.runs import SIMULATION_DAMPING, Runs
 
 
 def figure_convergence(runs: Runs) -> Figure:
-    """Largest error over the first segment against the sampling time, both on logarithmic scales."""
+    """Largest error over the first segment against the sampling time, on logarithmic scales."""
     figure = Figure(figsize=(8.0, 6.0), layout='constrained')
     ax = figure.add_subplot()
     for law, found in runs.convergences.items():

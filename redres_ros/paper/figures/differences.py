@@ -17,7 +17,10 @@ _DIFFERENCE = r'$\Vert\dot q_{\mathrm{I}}-\dot q_{\mathrm{II}}\Vert$'
 
 def figure_5(runs: Runs) -> Figure:
     """Simulation: law (23) against scheme (22)."""
-    title = r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 10 1/s, T = 1 ms'
+    title = (
+        r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), '
+        r'$k_d$ = 10 1/s, T = 1 ms'
+    )
     return _simulations(f'Figure 5. Simulation: {title}', runs.ideal_damped, runs.ideal_22)
 
 
@@ -31,7 +34,10 @@ def figure_8(runs: Runs) -> Figure:
 
 def figure_13(runs: Runs) -> Figure:
     """Experiment: law (23) against scheme (22)."""
-    title = r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), $k_d$ = 5 1/s, T = 2 ms'
+    title = (
+        r'velocity law (23), $\lambda$ = 0.99, and acceleration scheme (22), '
+        r'$k_d$ = 5 1/s, T = 2 ms'
+    )
     return _experiments(
         f'Figure 13. Experiment: {title}', runs.experiment_damped_unblended, runs.experiment_22
     )
@@ -39,7 +45,10 @@ def figure_13(runs: Runs) -> Figure:
 
 def figure_16(runs: Runs) -> Figure:
     """Experiment: law (35) against scheme (29)."""
-    title = 'velocity law (35) and torque scheme (29) with damping (34), points in reverse order, T = 2 ms'
+    title = (
+        'velocity law (35) and torque scheme (29) with damping (34), '
+        'points in reverse order, T = 2 ms'
+    )
     return _experiments(
         f'Figure 16. Experiment: {title}', runs.experiment_35_unblended, runs.experiment_29
     )

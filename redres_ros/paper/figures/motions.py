@@ -58,7 +58,7 @@ def figure_14(runs: Runs) -> Figure:
 def _draw(title: str, recording: Recording, model: RobotModel, task: WaypointTask) -> Figure:
     figure = Figure(figsize=(13.0, 7.0), layout='constrained')
     figure.suptitle(f'{title}\n{recording.ending}')
-    left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.35))
+    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.0, 1.35)))
     ax = left.add_subplot(projection='3d')
     draw_paths(ax, recording, model, task)
     ax.view_init(elev=-ELEVATION, azim=AZIMUTH - 180.0)  # as the camera sees it

@@ -41,7 +41,10 @@ def figure_10(runs: Runs) -> Figure:
 
 def figure_12(runs: Runs) -> Figure:
     """Law (23): acceleration and velocity."""
-    title = r'Figure 12. Experiment: least acceleration, law (23), $k_d$ = 5 1/s ($\lambda$ = 0.99), T = 2 ms'
+    title = (
+        r'Figure 12. Experiment: least acceleration, law (23), '
+        r'$k_d$ = 5 1/s ($\lambda$ = 0.99), T = 2 ms'
+    )
     tried = runs.experiment_damped
     return _experiment(title, tried, _kinematic(tried.motion), runs.task)
 
@@ -103,7 +106,7 @@ def _experiment(title: str, tried: Experiment, curves: Curves, task: WaypointTas
 
 
 def _panels(title: str, count: int, task: WaypointTask) -> tuple[Figure, list[Axes]]:
-    """Panels above each other with the time as their common axis, and a mark where a segment ends."""
+    """Panels above each other with one time axis, and a mark where a segment ends."""
     figure = Figure(figsize=(10.0, 2.0 + 2.2 * count), layout='constrained')
     panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
     panels[0].set_title(title)

@@ -1,5 +1,7 @@
 """Figure 2: what redundancy resolution does, in the plane of two joint velocities."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -37,7 +39,8 @@ def figure_2(runs: Runs) -> Figure:
         ylabel=r'velocity of joint 2, $\dot q_2$ [rad/s]',
         xlim=(-0.8, 3.0),
         ylim=(-1.0, 2.4),
-        title='Figure 2. Of all joint velocities that execute the task, the one nearest to $\\dot q_N$:\n'
+        title='Figure 2. Of all joint velocities that execute the task, '
+        'the one nearest to $\\dot q_N$:\n'
         'solution (2) for a robot with two joints and a task of one dimension',
     )
     ax.set_aspect('equal')
@@ -45,7 +48,7 @@ def figure_2(runs: Runs) -> Figure:
     return figure
 
 
-def _line(ax: Axes, point: np.ndarray, label: str, **style: object) -> None:
+def _line(ax: Axes, point: np.ndarray, label: str, **style: Any) -> None:
     """The line through a point on which J dq stays the same."""
     direction = np.array((-J[0, 1], J[0, 0])) / np.linalg.norm(J)
     ax.plot(
@@ -63,7 +66,7 @@ def _circle(ax: Axes, centre: np.ndarray, radius: float, label: str) -> None:
 
 def _arrow(ax: Axes, end: np.ndarray, label: str, color: str, beside: tuple[float, float]) -> None:
     """A vector from the origin with its name beside the tip."""
-    style = {
+    style: dict[str, Any] = {
         'arrowstyle': '-|>',
         'color': color,
         'lw': 2.2,
@@ -71,5 +74,6 @@ def _arrow(ax: Axes, end: np.ndarray, label: str, color: str, beside: tuple[floa
         'shrinkB': 0.0,
         'mutation_scale': 18,
     }
-    ax.annotate('', end, (0.0, 0.0), arrowprops=style)
-    ax.text(*(end + beside), label, color=color, fontsize='large')
+    x, y = end
+    ax.annotate('', (x, y), (0.0, 0.0), arrowprops=style)
+    ax.text(x + beside[0], y + beside[1], label, color=color, fontsize='large')

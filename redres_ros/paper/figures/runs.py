@@ -1,4 +1,4 @@
-"""The simulations and experiments of the paper, each run when it is first asked for and then kept."""
+"""The simulations and experiments of the paper: run when first asked for, and then kept."""
 
 from functools import cached_property
 
