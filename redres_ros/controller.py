@@ -238,7 +238,7 @@ class Controller:
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
             RangeError: For missed. The controller is as it was before.
-            DivergedError: The joints would have to go faster than SPEED_LIMIT. Where dx is the reason,
+            DivergedError: The joints would exceed SPEED_LIMIT. Where dx is the reason,
                 the controller is as it was before. Where its own memory is, it has forgotten it.
         """
         if missed and not (isinstance(missed, Integral) and 0 < missed <= MOST_MISSED):
