@@ -29,7 +29,10 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
 from redres_ros.waypoints import WaypointTask
 
-START_PATIENCE = 30.0  # [s] from starting the processes to command mode, and to the first motion
+# [s] from starting the processes to command mode, and to the first motion. The first start after an
+# installation compiles what keeps the limits; on a busy machine that takes most of a minute.
+START_PATIENCE = 120.0
+LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes bear where nobody keeps time
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 # [s] that an ordinary machine may stall; the fake arm's clock then stands still
 CLOCK_PATIENCE = 5.0
@@ -178,7 +181,7 @@ class Demo:
         sim: dict[str, Any] = {'start': tuple(self.task.start.tolist())}
         if options.lockstep:
             # Nobody keeps time, and the first state waits for the planner.
-            shared['state_timeout'] = START_PATIENCE / 10.0
+            shared['state_timeout'] = LOCKSTEP_SILENCE
             sim['monitor_time'] = 0.0
         else:
             # The robot waits for its answer, which waits for the planner.
