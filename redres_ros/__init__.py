@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from redres_ros.controller import Command, Controller
     from redres_ros.errors import RedresError
     from redres_ros.laws import LAWS, Law, make_law
+    from redres_ros.limits import LIMITS, make_limits
     from redres_ros.planner import Planner
     from redres_ros.preferences import (
         PREFERENCES,
@@ -40,6 +41,8 @@ _HOMES = {
     'TASKS': 'tasks',
     'Task': 'tasks',
     'make_task': 'tasks',
+    'LIMITS': 'limits',
+    'make_limits': 'limits',
     'PREFERENCES': 'preferences',
     'ElbowHeight': 'preferences',
     'JointCentering': 'preferences',
@@ -53,6 +56,7 @@ _HOMES = {
 
 __all__ = [
     'LAWS',
+    'LIMITS',
     'PREFERENCES',
     'TASKS',
     'Command',
@@ -71,6 +75,7 @@ __all__ = [
     'WaypointTask',
     'load_task',
     'make_law',
+    'make_limits',
     'make_preference',
     'make_task',
     'resolve',
