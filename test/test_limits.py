@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from redres_ros import RobotModel
 from redres_ros.bounded import bound
@@ -158,6 +159,30 @@ def test_long_motions_keep_every_combination_of_box_limits(names, model, states)
             after = state.q + T * bounded.dq
             assert (after <= model.q_max - margin + 1e-12).all()
             assert (after >= model.q_min + margin - 1e-12).all()
+
+
+@pytest.mark.parametrize('torque_scale', [0.3, 1.0])
+def test_long_motions_exceed_torques_only_where_the_box_leaves_no_other(
+    torque_scale, model, states
+):
+    limits = make_limits((*BOXES, 'torque'), model, torque_scale=torque_scale)
+    start = model.state(states[0].q, np.zeros(model.n))
+    random = np.random.default_rng(5)
+    for state, bounds, bounded in follow(model, limits, 500, random, start):
+        lower, upper = bounds.box
+        assert (bounded.dq >= lower).all() and (bounded.dq <= upper).all() and bounded.solved
+        tau = state.M @ (bounded.dq - state.dq_prev) / T + state.n  # Eq. (6)
+        excess = np.maximum(np.abs(tau) - torque_scale * model.tau_max, 0.0)
+        assert bounded.excess == pytest.approx(np.linalg.norm(excess), abs=1e-6)
+        if bounded.excess > 1e-6:
+            least = lsq_linear(state.M / T, excess_free_target(state, tau, excess), bounds.box)
+            assert np.linalg.norm(excess) <= np.sqrt(2.0 * least.cost) + 1e-6
+
+
+def excess_free_target(state, tau, excess) -> np.ndarray:
+    """What M dq / T is where this torque loses its excess."""
+    wanted = tau - np.sign(tau) * excess
+    return wanted - state.n + state.M @ state.dq_prev / T
 
 
 def test_a_joint_outside_its_range_comes_back_within_its_acceleration(model):
