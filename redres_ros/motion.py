@@ -16,6 +16,8 @@ from redres_ros.robot_model import RobotState
 from redres_ros.singularity import way_out
 from redres_ros.tasks import Task
 
+_LOST = 1e-9  # of dx; less is rounding
+
 
 class Aim(NamedTuple):
     """The first task at one tick: J (m, n), dx (m,); scale (m,) makes rows of J comparable."""
@@ -81,8 +83,10 @@ class LawMotion:
             lower = [(J, J.dot(dq)) for J, _ in levels[1:]]
         if not damped:
             return Answer(dq, aim.dx, None, W, lower)
-        dq = dq + _way_out(state, aim)
         executed = aim.J.dot(dq)
+        if np.linalg.norm(aim.dx - executed) > _LOST * np.linalg.norm(aim.dx):
+            dq = dq + _way_out(state, aim)
+            executed = aim.J.dot(dq)
         return Answer(dq, executed, aim.dx - executed, W, lower)
 
     def _preferred(self, state: RobotState) -> np.ndarray | None:

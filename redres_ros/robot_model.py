@@ -11,6 +11,15 @@ import pinocchio as pin
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 
+# w.dot(_CROSS), as (3, 3), is the matrix K with K v = w x v
+_CROSS = np.array(
+    (
+        (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0),
+        (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+)
+
 
 class RobotState:
     """Everything a law, a task or a preference may ask, at one (q, dq_prev).
@@ -237,14 +246,13 @@ def jacobian_derivatives(J: np.ndarray) -> np.ndarray:
     With v_j and w_j the linear and angular columns: joint i turns or shifts all that comes after
     it, so dw_j/dq_i = w_i x w_j and dv_j/dq_i = w_i x v_j for i <= j, and w_j x v_i for i > j.
     """
-    v = J[:3].T  # (n, 3)
-    w = J[3:].T
-    n = len(v)
-    inner = np.tri(n, dtype=bool).T[:, :, None]  # (i, j): i <= j
-    w_v = np.cross(w[:, None], v[None])  # (i, j, 3): w_i x v_j
-    dv = np.where(inner, w_v, w_v.transpose(1, 0, 2))
-    dw = np.where(inner, np.cross(w[:, None], w[None]), 0.0)
-    return np.concatenate((dv, dw), axis=2).transpose(0, 2, 1)
+    n = J.shape[1]
+    turns = J[3:].T.dot(_CROSS).reshape(n, 3, 3)  # w_i x as a matrix
+    dv = turns @ J[:3]  # (i, 3, j): w_i x v_j
+    dw = turns @ J[3:]
+    inner = np.tri(n, dtype=bool).T[:, None, :]  # (i, 1, j): i <= j
+    dv = np.where(inner, dv, dv.transpose(2, 1, 0))
+    return np.concatenate((dv, np.where(inner, dw, 0.0)), axis=1)
 
 
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
