@@ -71,7 +71,7 @@ def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
 
 
 def test_every_example_has_a_test() -> None:
-    tested = re.findall(r"run\('(\w+)'\)", Path(__file__).read_text(encoding='utf-8'))
+    tested = re.findall(r"run\('(\w+)'", Path(__file__).read_text(encoding='utf-8'))
     assert sorted(tested) == sorted(path.stem for path in EXAMPLES.glob('*.py'))
 
 
