@@ -136,13 +136,6 @@ def moving(tmp_path: Path) -> Iterator[Graph]:
         yield graph_of_its_own
 
 
-@pytest.fixture(scope='module')
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """A graph that tests share: nothing that they do stops its robot, which waits for answers."""
-    with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
-        yield shared
-
-
 def goes_on(witness: Witness) -> bool:
     """The arm moves in command mode again."""
     witness.await_motion()
@@ -182,16 +175,6 @@ def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(moving: Gra
     set_parameters(witness, 'sim', {'command_loss': 0.0})
     assert witness.reset() < RECOVERY
     assert goes_on(witness)
-
-
-def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(undisturbed: Graph) -> None:
-    witness = undisturbed.witness
-    undisturbed.kill('planner')
-    assert witness.await_standstill(witness.at) < STANDSTILL
-    undisturbed.assert_undisturbed()
-    undisturbed.processes['planner'] = undisturbed.start('planner')
-    assert goes_on(witness)
-    undisturbed.assert_undisturbed()
 
 
 def test_a_controller_that_was_killed_is_succeeded_by_another_one(moving: Graph) -> None:
@@ -317,21 +300,6 @@ def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_comman
         assert not any(witness.reasons)
 
 
-def test_a_controller_that_stalls_for_half_a_second_is_waited_for(undisturbed: Graph) -> None:
-    witness = undisturbed.witness
-    controller = undisturbed.processes['controller'].pid
-    first = len(witness.states)
-    os.kill(controller, signal.SIGSTOP)
-    time.sleep(0.5)
-    os.kill(controller, signal.SIGCONT)
-    stalled_at = witness.at
-    await_that(lambda: witness.at > stalled_at + 10**9, 'the robot to go on')
-    undisturbed.assert_undisturbed()
-    stamps = np.array([stamp for stamp, _ in witness.states[first:]])
-    assert set(np.diff(stamps)) == {round(1e9 / RATE)}
-    witness.assert_all_was_well()
-
-
 # --- users that misbehave -------------------------------------------------------------------------
 
 GENTLE = (
@@ -353,44 +321,6 @@ BAD = (
 )
 
 
-def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(
-    undisturbed: Graph,
-) -> None:
-    witness = undisturbed.witness
-    random = np.random.default_rng(0)
-    refused = 0
-    sets = 10_000 if NIGHTLY else 1000
-    for _ in range(sets):
-        if random.random() < 0.5:
-            good = {
-                'law': GENTLE[random.integers(len(GENTLE))],
-                'damping': float(random.uniform(5.0, 20.0)),
-                'switch_time': float(random.uniform(0.2, 1.0)),
-                'command_timeout': float(random.uniform(0.2, 1.0)),
-            }
-            assert witness.set_controller(**good).successful
-        else:
-            refused += 1
-            result = witness.set_controller(**BAD[random.integers(len(BAD))])
-            assert not result.successful and result.reason
-    assert 0.4 * sets < refused < 0.6 * sets
-    undisturbed.assert_undisturbed()
-    laws: list = []
-    witness.create_subscription(String, 'controller/law', laws.append, 1)
-    await_that(lambda: bool(laws), 'the law')
-    assert laws[-1].data == good['law']
-
-
-def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(undisturbed: Graph) -> None:
-    until = time.monotonic() + (60.0 if NIGHTLY else 3.0)
-    switches = 0
-    while time.monotonic() < until:
-        assert undisturbed.witness.set_controller(law=GENTLE[switches % len(GENTLE)]).successful
-        switches += 1
-    assert switches > 100
-    undisturbed.assert_undisturbed()
-
-
 def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_limits() -> None:
     model = RobotModel.named('lwr4_paper', dynamics='identified')
     T = 0.002
@@ -409,3 +339,81 @@ def test_a_law_switched_in_every_tick_for_a_minute_keeps_to_the_task_and_the_lim
         assert (np.abs(command.dq - dq_prev) / T < limits.acceleration).all()
         q = command.q_ref
         dq_prev = command.dq
+
+
+# --- what the robot bears -------------------------------------------------------------------------
+
+
+class TestUndisturbed:
+    """What does not stop a robot that waits for answers. These tests share one graph."""
+
+    @pytest.fixture(scope='class')
+    def undisturbed(self, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+        """The arm moves, and goes on moving."""
+        with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
+            yield shared
+
+    def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(
+        self, undisturbed: Graph
+    ) -> None:
+        witness = undisturbed.witness
+        undisturbed.kill('planner')
+        assert witness.await_standstill(witness.at) < STANDSTILL
+        undisturbed.assert_undisturbed()
+        undisturbed.processes['planner'] = undisturbed.start('planner')
+        assert goes_on(witness)
+        undisturbed.assert_undisturbed()
+
+    def test_a_controller_that_stalls_for_half_a_second_is_waited_for(
+        self, undisturbed: Graph
+    ) -> None:
+        witness = undisturbed.witness
+        controller = undisturbed.processes['controller'].pid
+        first = len(witness.states)
+        os.kill(controller, signal.SIGSTOP)
+        time.sleep(0.5)
+        os.kill(controller, signal.SIGCONT)
+        stalled_at = witness.at
+        await_that(lambda: witness.at > stalled_at + 10**9, 'the robot to go on')
+        undisturbed.assert_undisturbed()
+        stamps = np.array([stamp for stamp, _ in witness.states[first:]])
+        assert set(np.diff(stamps)) == {round(1e9 / RATE)}
+        witness.assert_all_was_well()
+
+    def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(
+        self, undisturbed: Graph
+    ) -> None:
+        witness = undisturbed.witness
+        random = np.random.default_rng(0)
+        refused = 0
+        sets = 10_000 if NIGHTLY else 1000
+        for _ in range(sets):
+            if random.random() < 0.5:
+                good = {
+                    'law': GENTLE[random.integers(len(GENTLE))],
+                    'damping': float(random.uniform(5.0, 20.0)),
+                    'switch_time': float(random.uniform(0.2, 1.0)),
+                    'command_timeout': float(random.uniform(0.2, 1.0)),
+                }
+                assert witness.set_controller(**good).successful
+            else:
+                refused += 1
+                result = witness.set_controller(**BAD[random.integers(len(BAD))])
+                assert not result.successful and result.reason
+        assert 0.4 * sets < refused < 0.6 * sets
+        undisturbed.assert_undisturbed()
+        laws: list = []
+        witness.create_subscription(String, 'controller/law', laws.append, 1)
+        await_that(lambda: bool(laws), 'the law')
+        assert laws[-1].data == good['law']
+
+    def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(
+        self, undisturbed: Graph
+    ) -> None:
+        until = time.monotonic() + (60.0 if NIGHTLY else 3.0)
+        switches = 0
+        while time.monotonic() < until:
+            assert undisturbed.witness.set_controller(law=GENTLE[switches % len(GENTLE)]).successful
+            switches += 1
+        assert switches > 100
+        undisturbed.assert_undisturbed()
