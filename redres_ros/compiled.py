@@ -1,6 +1,8 @@
 """Compiling numerical functions: once, when their module is loaded, and never in the loop."""
 
+import logging
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numba
@@ -18,11 +20,20 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         # As in numpy, 1/0 is infinite.
         try:
-            return numba.njit(signature, cache=True, error_model='numpy', nogil=True)(function)
+            made = numba.njit(signature, cache=True, error_model='numpy', nogil=True)(function)
         except RuntimeError:  # numba found no folder for its cache
-            return numba.njit(signature, error_model='numpy', nogil=True)(function)
+            made = numba.njit(signature, error_model='numpy', nogil=True)(function)
+        if signature and not made.stats.cache_hits:
+            _tell()
+        return made
 
     return decorate
+
+
+@lru_cache
+def _tell() -> None:
+    """Say, once in a process, why it takes so long."""
+    logging.getLogger(__name__).warning('compiling the limits, which takes some seconds once ...')
 
 
 def vector(dtype: Any = types.float64) -> Any:

@@ -6,6 +6,12 @@ import pytest
 from redres_ros import RobotModel, RobotState, WaypointTask, load_task
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Have the limits compiled before tests that wait for a node, and by one process alone."""
+    if not hasattr(config, 'workerinput'):
+        import redres_ros.limits  # noqa: F401
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What runs against the clock is slow, too."""
     for item in items:
