@@ -432,3 +432,18 @@ def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(a
     references = np.vstack((references, brake(follower)[1:]))
     assert (np.abs(references) <= LIMITS.upper).all()
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
+
+
+# --- a client with the same limits ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize('beyond', [4e-15, -4e-15], ids=['beyond', 'within'])
+def test_the_last_digits_of_a_position_do_not_stop_the_arm(beyond):
+    margin = GuardSettings().position_margin
+    assert Guard(LIMITS, T).violation(LIMITS.upper - margin + beyond, ZERO) == ''
+    assert Guard(LIMITS, T).violation(LIMITS.lower + margin - beyond, ZERO) == ''
+
+
+def test_the_last_digits_of_a_velocity_do_not_stop_the_arm():
+    guard = Guard(LIMITS, T, GuardSettings(velocity_stops=True, acceleration_scale=100.0))
+    assert guard.violation(ZERO, LIMITS.velocity * (1.0 + 1e-12)) == ''

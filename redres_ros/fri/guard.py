@@ -10,6 +10,9 @@ from redres_ros.fri.reflex import KUKA_NAMES, Reflex
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots.joint_limits import JointLimits
 
+# [rad], [rad/s]: a client that keeps to the same limits may be beyond them by its last digits
+_ROUNDING = 1e-10
+
 
 @dataclass(frozen=True)
 class GuardSettings:
@@ -111,7 +114,8 @@ class Guard:
     def _position_violation(self, position: np.ndarray) -> str:
         lower = self._lower
         upper = self._upper
-        j = _first_false((lower <= position) & (position <= upper))
+        allowed = (lower - _ROUNDING <= position) & (position <= upper + _ROUNDING)
+        j = _first_false(allowed)
         if j is None:
             return ''
         return self._reason(
@@ -122,7 +126,9 @@ class Guard:
 
     def _velocity_violation(self, velocity: np.ndarray) -> str:
         allowed = self.limits.velocity
-        j = _first_false(np.abs(velocity) <= allowed) if self._velocity_stops else None
+        if not self._velocity_stops:
+            return ''
+        j = _first_false(np.abs(velocity) <= allowed + _ROUNDING)
         if j is None:
             return ''
         return self._reason(
