@@ -5,6 +5,7 @@ import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
 from redres_ros.errors import ArrayError, DivergedError, UnknownNameError
+from redres_ros.limits.joint import VelocityLimit
 from redres_ros.planner import Planner
 
 T = 0.002  # [s]
@@ -222,6 +223,13 @@ def test_limits_that_cannot_be_used_leave_those_in_force(model, task):
 def test_an_unknown_limit_is_refused_at_construction(model):
     with pytest.raises(UnknownNameError, match="unknown limit 'patience'; allowed: acceleration"):
         controller_of(model, limits=('patience',))
+
+
+@pytest.mark.parametrize('robot', ['planar4r', 'iiwa7'])
+def test_a_limit_of_another_arm_is_refused(model, robot):
+    other = VelocityLimit(RobotModel.named(robot))
+    with pytest.raises(ArrayError, match='limit velocity is of the joints'):
+        controller_of(model, limits=(other,))
 
 
 # --- recovery -------------------------------------------------------------------------------------

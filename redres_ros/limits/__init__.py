@@ -5,7 +5,7 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
-from redres_ros.errors import UnknownNameError
+from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
@@ -43,7 +43,7 @@ def make_limits(
     Raises:
         UnknownNameError: for a limit or a gain that does not exist.
         RangeError: for a gain or a scale outside its range.
-        ArrayError: for figures that the arm lacks.
+        ArrayError: for figures that the arm lacks, and for a limit of another arm.
     """
     for gain in gains:
         if gain not in gain_names():
@@ -52,6 +52,7 @@ def make_limits(
     made = []
     for name in names:
         if isinstance(name, Limit):
+            _check_arm(name, model)
             made.append(name)
             continue
         if name not in LIMITS:
@@ -66,6 +67,15 @@ def make_limits(
                 values[field_name] = gains[gain]
         made.append(cls(model, **values))
     return Limits(made)
+
+
+def _check_arm(limit: Limit, model: RobotModel) -> None:
+    """Raise ArrayError for a limit of other joints: its arrays would not fit."""
+    if limit.model.joint_names != model.joint_names:
+        raise ArrayError(
+            f'limit {limit_name(limit)} is of the joints {", ".join(limit.model.joint_names)}; '
+            f'expected {", ".join(model.joint_names)}'
+        )
 
 
 def gain_names() -> tuple[str, ...]:
