@@ -259,9 +259,9 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or
     infinity.
     """
-    if type(values) is not np.ndarray or values.dtype != np.float64:
-        _check_real(values, size, name)
     try:
+        if type(values) is not np.ndarray or values.dtype != np.float64:
+            _check_real(values, size, name)
         vector = np.array(values, np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ArrayError(f'{name} is {quoted(values)}; expected {size} numbers') from None

@@ -481,8 +481,9 @@ def test_missed_cycles_may_be_any_kind_of_whole_number(model, task, missed):
         (lambda q: q.astype('datetime64[s]'), '7 real numbers'),
         (lambda q: [10**400, *q[1:]], '7 numbers'),
         (lambda q: None, 'has shape'),
+        (lambda q: [[1.0], [1.0, 2.0]], '7 numbers'),
     ],
-    ids=['masked', 'complex', 'text', 'truth', 'dates', 'too large', 'nothing'],
+    ids=['masked', 'complex', 'text', 'truth', 'dates', 'too large', 'nothing', 'ragged'],
 )
 def test_positions_that_are_no_real_numbers_are_refused(model, task, change, words):
     with pytest.raises(ArrayError, match=words) as caught:
