@@ -106,7 +106,8 @@ class Controller:
 
         Raises:
             RangeError: For T, switch_time, a scale or the law's damping.
-            UnknownNameError: For a name that is in no table.
+            UnknownNameError: For a name that is in no table, and for a frame or a joint of a
+                secondary task that the arm has not got.
             ArrayError: For limits that the arm has no figures for.
         """
         if not 1e-5 <= T <= 1.0:
@@ -126,6 +127,7 @@ class Controller:
         self._nothing_lost = np.zeros(self.m)
         self._nothing_lost.flags.writeable = False  # every command shares it
         self._asked = LawMotion(law, _preferences(preferences), _tasks(secondary_tasks))
+        self._asked.check(model)
         self._begun = self._asked  # with targets that were left open filled in
         self._resolver: Resolver = UNLIMITED
         self._moving = True
@@ -163,18 +165,28 @@ class Controller:
         self._begun = replace(self._begun, law=law)
 
     def set_preferences(self, preferences: Iterable[str | Preference]) -> None:
-        """Go over to other preferences; names or objects, as at construction."""
+        """Go over to other preferences; names or objects, as at construction.
+
+        Raises RedresError for one that does not fit the arm; those in force then stay.
+        """
         made = _preferences(preferences)
         if made != self._asked.preferences:
-            self._asked = replace(self._asked, preferences=made)
+            asked = replace(self._asked, preferences=made)
+            asked.check(self.model)
+            self._asked = asked
             self._begun = replace(self._begun, preferences=made)
             self._is_open = True
 
     def set_secondary_tasks(self, tasks: Iterable[str | Task]) -> None:
-        """Go over to other tasks below the first one; names or objects, as at construction."""
+        """Go over to other tasks below the first one; names or objects, as at construction.
+
+        Raises RedresError for one that does not fit the arm; those in force then stay.
+        """
         made = _tasks(tasks)
         if made != self._asked.lower_tasks:
-            self._asked = replace(self._asked, lower_tasks=made)
+            asked = replace(self._asked, lower_tasks=made)
+            asked.check(self.model)
+            self._asked = asked
             self._begun = replace(self._begun, lower_tasks=made)
             self._is_open = True
 

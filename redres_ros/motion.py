@@ -12,7 +12,7 @@ from redres_ros.laws import Law
 from redres_ros.planner import quintic
 from redres_ros.preferences import Preference
 from redres_ros.resolution import Level, Weight, resolve_in_order, resolve_one
-from redres_ros.robot_model import RobotState
+from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import way_out
 from redres_ros.tasks import Task
 
@@ -68,6 +68,13 @@ class LawMotion:
             preferences=tuple(preference.begun(state) for preference in self.preferences),
             lower_tasks=tuple(task.begun(state) for task in self.lower_tasks),
         )
+
+    def check(self, model: RobotModel) -> None:
+        """Raise what a preference or a task raises that does not fit the arm, as for the name of a
+        frame that it has not got.
+        """
+        q = np.zeros(model.n)
+        self.begun(model.unchecked_state(q, q))
 
     def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
         """Eq. (A.13), for several tasks Eq. (20)."""

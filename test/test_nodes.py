@@ -499,6 +499,7 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
             ({'limits': ['none', 'position']}, ('none', 'expected names')),
             ({'limit_scale': 2}, ('2', '1')),
             ({'orientation.gain': -1.0}, ('-1', '0')),
+            ({'orientation.frame': 'knee'}, ('knee', 'link_4')),
         ):
             with pytest.raises(CallError) as refusal:
                 set_parameters(probe, 'controller', values)

@@ -225,6 +225,18 @@ def test_an_unknown_task_is_refused_with_those_that_exist(model):
         Controller(model, make_law('minimum_velocity'), T, task='dance')
 
 
+@pytest.mark.parametrize(
+    'lower', [Position(frame='knee'), Joint(joint='knee')], ids=['frame', 'joint']
+)
+def test_a_task_of_what_the_arm_has_not_got_is_refused_before_it_is_in_force(model, task, lower):
+    controller = Controller(model, make_law('minimum_velocity'), T)
+    with pytest.raises(UnknownNameError, match="'knee'; allowed: "):
+        controller.set_secondary_tasks((lower,))
+    controller.update(task.start, np.zeros(3))
+    with pytest.raises(UnknownNameError, match="'knee'; allowed: "):
+        Controller(model, make_law('minimum_velocity'), T, secondary_tasks=(lower,))
+
+
 def test_an_unknown_joint_is_refused_with_those_that_exist(states):
     with pytest.raises(UnknownNameError, match="unknown joint 'knee'; allowed: lwr_a1_joint"):
         Joint(joint='knee').jacobian(states[0])

@@ -10,6 +10,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import LIMITS, Limit, make_limits
+from redres_ros.motion import LawMotion
 from redres_ros.nodes.parameters import declare, declare_one
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
 from redres_ros.preferences import PREFERENCES, Preference, make_preference
@@ -89,7 +90,8 @@ class MotionParameters:
         """What is asked for after some changes of parameters, others among them do not matter.
 
         Raises:
-            RedresError: A value that is not allowed, or limits that the arm has no figures for.
+            RedresError: A value that is not allowed, limits that the arm has no figures for, or a
+                frame or joint that it has not got.
         """
         settings = self._changed_settings(changes)
         gains = self._changed_gains(changes)
@@ -108,6 +110,7 @@ class MotionParameters:
         tasks = tuple(
             make_task(name, **_own(TASKS, name, gains)) for name in _names(settings.secondary_tasks)
         )
+        LawMotion(law, preferences, tasks).check(self._model)
         return Wanted(law, tuple(limits), preferences, tasks)
 
     def apply(self, changes: Mapping[str, Any], controller: Controller) -> None:
