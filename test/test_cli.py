@@ -147,6 +147,8 @@ REFUSED = [
     (('--limits', ''), "unknown limit ''; allowed: "),
     (('--limit-scale', '0', '--limits', 'velocity'), 'scale is 0.0; allowed: 0.001 to 1'),
     (('--limit-scale', 'nan', '--limits', 'velocity'), 'scale is nan; allowed: '),
+    (('--limit-scale', '0.5'), '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
+    (('--torque-scale', 'nan'), '--torque-scale nan acts on limits; in use: none'),
     (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: elbow_height, "),
     (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, as '),
     (('--prefer', 'posture=-1'), 'gain is -1.0; allowed: 0 to '),
@@ -179,6 +181,22 @@ def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, ca
     assert captured.out == ''
     assert captured.err.startswith(f'redres simulate: {message}')
     assert captured.err.count('\n') == 1
+
+
+def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
+    joint = '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/></joint>'
+    links = '<link name="a"/><link name="b"/>'
+    path = tmp_path / 'circle.urdf'
+    joints = joint.format('there', 'a', 'b') + joint.format('back', 'b', 'a')
+    path.write_text(f'<robot name="circle">{links}{joints}</robot>')
+    assert main(['simulate', '--robot', str(path)]) == 1
+    assert 'its joints form a circle' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('duration', ['nan', '-1', 'inf'])
+def test_a_time_to_watch_that_cannot_be_is_refused(duration, capsys):
+    assert main(['watch', '--duration', duration]) == 1
+    assert capsys.readouterr().err.startswith(f'redres watch: duration is {float(duration)}; ')
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,7 @@ def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limi
     """The limits that are to be kept. Raises RedresError for a name or a figure that is wrong."""
     names = limit_names(options)
     if not names:
+        _check_scales(options)
         return ()
     from redres_ros.limits import make_limits
 
@@ -97,6 +98,14 @@ def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limi
             gains=gains,
         )
     )
+
+
+def _check_scales(options: argparse.Namespace) -> None:
+    """Refuse a scale where no limits are in use."""
+    scales = {'--limit-scale': options.limit_scale, '--torque-scale': options.torque_scale}
+    for option, scale in scales.items():
+        if scale != 1.0:
+            raise OptionError(f'{option} {scale:g} acts on limits; in use: none, see --limits')
 
 
 def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':

@@ -93,6 +93,8 @@ def _last_link(path: Path) -> str:
     urdf = Urdf.read(path)
     parents = {joint.parent for joint in urdf.joints}
     ends = [link for link in urdf.links if link not in parents]
+    if not ends:
+        raise OptionError(f'{path} has no last link: its joints form a circle')
     if len(ends) != 1:
         raise OptionError(f'{path} ends in {", ".join(ends)}; say which one with --tip FRAME')
     return ends[0]

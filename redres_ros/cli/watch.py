@@ -4,6 +4,9 @@ import argparse
 from typing import Any
 
 from redres_ros.cli.options import add_domain
+from redres_ros.errors import RangeError
+
+_LONGEST = 1e6  # [s]
 
 
 def add(commands: Any) -> None:
@@ -23,6 +26,8 @@ def _watch(options: argparse.Namespace) -> int:
     from redres_ros.demo.watch import Watch, watch
     from redres_ros.nodes.runtime import spun
 
+    if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:
+        raise RangeError('duration', options.duration, 0.0, _LONGEST, 's')
     with joined_domain(options.domain), spun(Watch) as node:
         watch(node, threading.Event(), options.duration)
         return 0 if node.heard else 1
