@@ -411,6 +411,20 @@ def test_a_target_pose_is_approached_in_a_straight_line_and_a_bad_one_refused(
         await_that(lambda: speed() > 0.0, 'a velocity towards the target', every=0.0)
 
 
+def test_a_target_pose_that_is_hours_away_is_refused(tmp_path: Path) -> None:
+    with nodes(tmp_path, planner={'lockstep': True}) as (probe, _):
+        targets = probe.create_publisher(PoseStamped, 'target_pose', 1)
+        await_that(lambda: targets.get_subscription_count() == 1, 'a listener to target_pose')
+        target = to_pose(0, '', np.array((1e9, 0.0, 0.0)), np.eye(3))
+
+        def refused() -> bool:
+            probe.send(probe.state(START))
+            targets.publish(target)
+            return any('target_pose refused' in line for line in log_lines(tmp_path, 'planner'))
+
+        await_that(refused, 'the refusal')
+
+
 def test_a_planner_does_not_begin_anew_on_a_state_out_of_order(tmp_path: Path) -> None:
     with nodes(tmp_path, planner={'lockstep': True, 'autostart': True}) as (probe, _):
         twists = probe.listen(TwistStamped, 'cartesian_velocity')

@@ -74,6 +74,7 @@ class PlannerNode(Node):
         T = 1.0 / self._settings.rate
         pacing = Pacing(T, self._settings.lockstep)
         self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space)
+        self._tip: tuple[np.ndarray, np.ndarray] | None = None  # at the newest state
         self._target: tuple[np.ndarray, np.ndarray] | None = None  # instead of the task
         self._stop_reason = ''
         self._told_state = RunState.IDLE
@@ -113,6 +114,7 @@ class PlannerNode(Node):
         stamp = to_nanoseconds(message.header.stamp)
         try:
             x, R = self._model.tip(self._joints.positions(message))
+            self._tip = (x, R)
             step = self._run.enter_state(stamp, x, R, time.monotonic())
         except RedresError as error:
             self._refusals.refuse('joint_states', error)
@@ -137,13 +139,20 @@ class PlannerNode(Node):
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
-            self._target = from_pose(message, (self._frame, ''))
+            target = from_pose(message, (self._frame, ''))
+            self._check_way(target)
         except RedresError as error:
             self._refusals.refuse('target_pose', error)
             return
         self._refusals.accept('target_pose')
+        self._target = target
         self._run.begin_anew()
         self._tell()
+
+    def _check_way(self, target: tuple[np.ndarray, np.ndarray]) -> None:
+        """Raise RangeError for a target that is too far away; every state would be refused then."""
+        if self._tip is not None:
+            way_to(self._task, *self._tip, *target, self._settings.target_speed)
 
     def _on_scaling(self, message: Float64) -> None:
         self._run.hear(message.data)
