@@ -73,7 +73,7 @@ class TwistAgeError(RedresError):
     """A task velocity whose stamp is too far from the robot's clock."""
 
 
-class Answer(NamedTuple):
+class Reply(NamedTuple):
     """What the controller answers to a state.
 
     stamp: of the state [ns]; scaling: share of the task velocity that is carried out, 0 while the
@@ -124,11 +124,11 @@ class Following:
         self._controller = controller
         self._cycles = Cycles(round(NANOSECONDS * controller.T))
         self._session = _Session(self.settings.lockstep)
-        self._twist_arrival = _Arrival()
+        self._twist_arrival = _TwistArrival()
         self._expecting = self.settings.lockstep  # that task velocities go on to come
         self._waiting: _State | None = None
         self.q: np.ndarray | None = None  # of the newest state, (n,) [rad]
-        self._answer: Answer | None = None  # to the newest state that was answered
+        self._answer: Reply | None = None  # to the newest state that was answered
         self._answered_cycle = 0
 
     @property
@@ -140,7 +140,7 @@ class Following:
         """Take in the robot's word on its session; a robot that says nothing takes commands."""
         self._session.enter(word)
 
-    def enter_state(self, stamp: int, q: np.ndarray, now: float) -> Answer | None:
+    def enter_state(self, stamp: int, q: np.ndarray, now: float) -> Reply | None:
         """The answer to a state; None if it waits for its task velocity.
 
         Args:
@@ -163,7 +163,7 @@ class Following:
         self._waiting = _State(stamp, self._cycles.number, q, now)
         return self.answer_if_due(now)
 
-    def enter_twist(self, stamp: int, dx: np.ndarray, now: float) -> Answer | None:
+    def enter_twist(self, stamp: int, dx: np.ndarray, now: float) -> Reply | None:
         """The answer to the state that waited for this task velocity, if there is one.
 
         Args:
@@ -182,12 +182,12 @@ class Following:
         cycle = self._cycles.cycle(stamp) if stamp else self._cycles.number
         self._check_age(cycle)
         of_a_state = stamp > 0 and self._cycles.is_of_a_state(stamp)
-        self._twist_arrival = _Arrival(self._cycles.number, math.inf if of_a_state else now)
+        self._twist_arrival = _TwistArrival(self._cycles.number, math.inf if of_a_state else now)
         self._expecting = self._expecting or of_a_state
         self.playout.put(cycle, dx)
         return self.answer_if_due(now)
 
-    def answer_if_due(self, now: float) -> Answer | None:
+    def answer_if_due(self, now: float) -> Reply | None:
         """The answer to the state that waits, once it need not wait any longer."""
         state = self._waiting
         if state is None or self._must_wait(state, now):
@@ -207,7 +207,7 @@ class Following:
         self.playout.clear()
         self._answered_cycle = 0
 
-    def _same_again(self, q: np.ndarray, now: float) -> Answer | None:
+    def _same_again(self, q: np.ndarray, now: float) -> Reply | None:
         """A robot that waits for its answer asks again, and gets the same one."""
         if not (self.q is not None and np.array_equal(q, self.q)):
             raise ClockError(
@@ -223,7 +223,7 @@ class Following:
         patience = self.settings.twist_patience
         return self._expecting and not self.held and now - state.arrived < patience
 
-    def _update(self, state: _State, now: float) -> Answer:
+    def _update(self, state: _State, now: float) -> Reply:
         controller = self._controller
         missed = max(state.cycle - self._answered_cycle - 1, 0) if self._answered_cycle else 0
         commanding = self._session.commanding_at(state.stamp)
@@ -243,7 +243,7 @@ class Following:
             self.playout.clear()  # the arm has come to rest
         follows = commanding and not self.held and not stale
         scaling = command.s if follows else 0.0
-        return Answer(state.stamp, command, scaling, restarted)
+        return Reply(state.stamp, command, scaling, restarted)
 
     def _reason_to_restart(self, state: _State, missed: int) -> str:
         """Why the arm is not where the last command would have it; empty if it may well be."""
@@ -288,7 +288,7 @@ class Following:
             )
 
 
-class _Arrival(NamedTuple):
+class _TwistArrival(NamedTuple):
     """When a task velocity came: the cycle, and the time [s]; infinite if that does not matter."""
 
     cycle: int = 0

@@ -28,7 +28,7 @@ class Aim(NamedTuple):
     scale: np.ndarray | None
 
 
-class Answer(NamedTuple):
+class Proposal(NamedTuple):
     """What a motion would do at one tick.
 
     dq: (n,) [rad/s]. executed: (m,), the part of dx that dq is meant to execute. lost: (m,), the
@@ -49,7 +49,7 @@ class Answer(NamedTuple):
 class Motion(Protocol):
     """Something that moves the arm."""
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
         """What it would do at this state."""
 
 
@@ -76,7 +76,7 @@ class LawMotion:
         q = np.zeros(model.n)
         self.begun(model.unchecked_state(q, q))
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
         """Eq. (A.13), for several tasks Eq. (20)."""
         b = self.law.bias_with(state, T, self._preferred(state))
         W = self.law.weight(state)
@@ -89,12 +89,12 @@ class LawMotion:
             dq, damped = resolve_in_order(levels, b, W)
             lower = [(J, J.dot(dq)) for J, _ in levels[1:]]
         if not damped:
-            return Answer(dq, aim.dx, None, W, lower)
+            return Proposal(dq, aim.dx, None, W, lower)
         executed = aim.J.dot(dq)
         if np.linalg.norm(aim.dx - executed) > _LOST * np.linalg.norm(aim.dx):
             dq = dq + _way_out(state, aim)
             executed = aim.J.dot(dq)
-        return Answer(dq, executed, aim.dx - executed, W, lower)
+        return Proposal(dq, executed, aim.dx - executed, W, lower)
 
     def _preferred(self, state: RobotState) -> np.ndarray | None:
         """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None without any."""
@@ -107,9 +107,9 @@ class LawMotion:
 class Standing:
     """The arm stands still, and the task is left."""
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
         """No velocity."""
-        return Answer(np.zeros(len(state.q)), np.zeros(len(aim.dx)), None, None, ())
+        return Proposal(np.zeros(len(state.q)), np.zeros(len(aim.dx)), None, None, ())
 
 
 STANDING = Standing()
@@ -121,9 +121,9 @@ class Coasting:
 
     dq: np.ndarray
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Answer:
+    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
         """That velocity."""
-        return Answer(self.dq, aim.J.dot(self.dq), None, None, ())
+        return Proposal(self.dq, aim.J.dot(self.dq), None, None, ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class Blend:
         step = T / switch_time if switch_time > 0.0 else 1.0
         return replace(blend, share=min(blend.share + step, 1.0))
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> tuple[Answer, 'Blend']:
+    def answer(self, state: RobotState, aim: Aim, T: float) -> tuple[Proposal, 'Blend']:
         """dq = (1 - s) dq_old + s dq_new, and the blend after this tick.
 
         Where both execute the task, J dq = dx, so does every mixture.
@@ -178,7 +178,7 @@ class Blend:
         old = self.old.answer(state.with_velocity(self.dq_old), aim, T)
         s, _ = quintic(self.share)
         dq = (1.0 - s) * old.dq + s * new.dq
-        mixed = Answer(
+        mixed = Proposal(
             dq,
             (1.0 - s) * old.executed + s * new.executed,
             _mixed_loss(old.lost, new.lost, s),

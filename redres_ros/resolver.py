@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from redres_ros.motion import Aim, Answer, scaled
+from redres_ros.motion import Aim, Proposal, scaled
 from redres_ros.planner import quintic
 from redres_ros.robot_model import RobotModel, RobotState
 
@@ -26,8 +26,8 @@ class Resolver(Protocol):
         """One cycle on."""
 
     def resolve(
-        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Answer:
+        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Proposal:
         """The answer to give; start: (n,) [rad], the reference that is integrated."""
 
 
@@ -41,8 +41,8 @@ class Unlimited:
         return self
 
     def resolve(
-        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Answer:
+        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Proposal:
         """The wanted one."""
         return answer
 
@@ -70,8 +70,8 @@ class Limited:
         return self
 
     def resolve(
-        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Answer:
+        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Proposal:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
         if start is not state.q and not (start == state.q).all():
             state = state.model.unchecked_state(start, state.dq_prev)
@@ -105,8 +105,8 @@ class Changeover:
         return replace(self, share=self.share + step)
 
     def resolve(
-        self, answer: Answer, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Answer:
+        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
+    ) -> Proposal:
         """The mixture of both, which executes the mixture of their shares of dx."""
         old = self.old.resolve(answer, aim, state, start, T)
         new = self.new.resolve(answer, aim, state, start, T)

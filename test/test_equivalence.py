@@ -20,7 +20,7 @@ from redres_ros.paper.equivalence import (
     difference,
     yardstick,
 )
-from redres_ros.paper.second_order import SCHEMES, MinimumAcceleration, make_scheme
+from redres_ros.paper.second_order import SCHEMES, MinimumAccelerationScheme, make_scheme
 
 pytestmark = pytest.mark.slow
 
@@ -112,7 +112,7 @@ def test_the_yardstick_of_a_law_is_the_scheme_of_its_name():
 
 
 def test_least_velocity_is_measured_with_least_acceleration_that_forgets_in_one_tick():
-    assert yardstick('minimum_velocity', 10.0, 0.001) == MinimumAcceleration(1000.0)
+    assert yardstick('minimum_velocity', 10.0, 0.001) == MinimumAccelerationScheme(1000.0)
 
 
 def test_least_kinetic_energy_has_no_yardstick(side):

@@ -18,7 +18,7 @@ from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.figures import FIGURES, Runs, draw_all, motions
 from redres_ros.paper.figures.differences import difference
 from redres_ros.paper.figures.norms import torque_norm
-from redres_ros.paper.savgol import Motion
+from redres_ros.paper.savgol import MeasuredMotion
 from redres_ros.robots import Arm, find_arm
 from redres_ros.waypoints import WaypointTask
 
@@ -192,7 +192,7 @@ def test_differences_are_taken_as_long_as_there_are_both():
 def test_an_arm_at_rest_needs_the_torque_of_gravity(runs):
     model = runs.experiment_model
     q = runs.task.start
-    rest = Motion(np.zeros(1), q[None], np.zeros((1, 7)), np.zeros((1, 7)))
+    rest = MeasuredMotion(np.zeros(1), q[None], np.zeros((1, 7)), np.zeros((1, 7)))
     assert torque_norm(rest, model) == pytest.approx(
         [np.linalg.norm(model.state(q, np.zeros(7)).n)]
     )
@@ -203,7 +203,7 @@ def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
     q = runs.task.start
     ddq = np.arange(1.0, 8.0)
     state = model.state(q, np.zeros(7))
-    moved = Motion(np.zeros(1), q[None], np.zeros((1, 7)), ddq[None])
+    moved = MeasuredMotion(np.zeros(1), q[None], np.zeros((1, 7)), ddq[None])
     assert torque_norm(moved, model) == pytest.approx([np.linalg.norm(state.M @ ddq + state.n)])
 
 

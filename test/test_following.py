@@ -8,9 +8,9 @@ import pytest
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.cycles import ClockError
 from redres_ros.following import (
-    Answer,
     Following,
     FollowingSettings,
+    Reply,
     TwistAgeError,
     TwistSpeedError,
 )
@@ -53,18 +53,18 @@ class Robot:
     def now(self) -> float:
         return self.cycle * T
 
-    def ask(self, stamp: int | None = None) -> Answer | None:
+    def ask(self, stamp: int | None = None) -> Reply | None:
         """The answer to the next state."""
         self.cycle += 1
         at = self.stamp if stamp is None else stamp
         return self.take(self.following.enter_state(at, self.q, self.now))
 
-    def steer(self, dx: np.ndarray, stamp: int | None = None) -> Answer | None:
+    def steer(self, dx: np.ndarray, stamp: int | None = None) -> Reply | None:
         """Give a task velocity, of the newest state unless told otherwise."""
         at = self.stamp if stamp is None else stamp
         return self.take(self.following.enter_twist(at, dx, self.now + 3e-4))
 
-    def take(self, answer: Answer | None) -> Answer | None:
+    def take(self, answer: Reply | None) -> Reply | None:
         if answer is not None:
             self.q = answer.command.q_ref
             self.references.append(self.q)
@@ -94,7 +94,7 @@ def at_speed(**settings: float) -> Robot:
     return robot
 
 
-def speed(answer: Answer | None) -> float:
+def speed(answer: Reply | None) -> float:
     assert answer is not None
     return float(np.linalg.norm(answer.command.dq))
 

@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 
 from imports import IMPORTS, PACKAGE, ROS, WITH_ROS, Import, files_with, room
@@ -135,3 +136,13 @@ def test_no_file_but_the_table_names_a_law():
                 if isinstance(child, ast.Constant)
             }
             assert not words & set(redres_ros.LAWS), path
+
+
+def test_a_class_has_a_name_of_its_own():
+    names = Counter(
+        node.name
+        for path in PACKAGE.rglob('*.py')
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in names.items() if count > 1] == []

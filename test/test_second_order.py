@@ -14,7 +14,7 @@ from redres_ros import LAWS, Controller, RobotModel, RobotState, make_law, resol
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.paper.second_order import (
     SCHEMES,
-    MinimumAcceleration,
+    MinimumAccelerationScheme,
     SecondOrderController,
     TorqueScheme,
     make_scheme,
@@ -232,7 +232,7 @@ def test_full_damping_turns_least_acceleration_into_least_velocity(model, ticks)
 
 
 @dataclass(frozen=True)
-class SpringScheme(MinimumAcceleration):
+class SpringScheme(MinimumAccelerationScheme):
     """Eq. (18) with damping and a joint-space spring: ddq_N = -k_d dq - k_s q."""
 
     k_s: float = param(4.0, 'spring gain [1/s^2]', 0.0, 1e3)

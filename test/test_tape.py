@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32, String
 
 from redres_ros.controller import Controller
-from redres_ros.demo.cycles import Cycles, count_cycles
-from redres_ros.demo.outcome import Motion, Outcome
+from redres_ros.demo.cycles import CycleCounts, count_cycles
+from redres_ros.demo.outcome import MotionFigures, Outcome
 from redres_ros.demo.replay import Log, read_log, replay
 from redres_ros.demo.tape import Entry, Tape, read_tape, stamp_of, stamped
 from redres_ros.laws import make_law
@@ -124,7 +124,7 @@ def test_every_cycle_is_counted_as_one_of_four() -> None:
         (6.0, 9.0),  # the clock waited
         (9.5, 10.0),  # in time
     )
-    assert count_cycles(tape, T, (0, 4 * PERIOD)) == Cycles(
+    assert count_cycles(tape, T, (0, 4 * PERIOD)) == CycleCounts(
         in_time=2, waited_for=1, late=1, missed=1, stood_still=pytest.approx(0.0015)
     )
 
@@ -137,7 +137,7 @@ def test_cycles_before_and_after_the_task_do_not_count() -> None:
 
 def test_in_lock_step_there_is_no_clock_to_be_late_for() -> None:
     cycles = count_cycles(exchange((0.0, 50.0), (60.0, 61.0)), np.inf, (0, PERIOD))
-    assert cycles == Cycles(in_time=2, waited_for=0, late=0, missed=0, stood_still=0.0)
+    assert cycles == CycleCounts(in_time=2, waited_for=0, late=0, missed=0, stood_still=0.0)
 
 
 # --- the log --------------------------------------------------------------------------------------
@@ -223,7 +223,7 @@ def test_the_figures_of_a_motion_are_those_of_its_rows(
     rows_and_tape: tuple[Recording, Path, RobotModel],
 ) -> None:
     recording, _, _ = rows_and_tape
-    motion = Motion.of(recording, 0.1)
+    motion = MotionFigures.of(recording, 0.1)
     assert motion.error[0] == recording['task_error'].max()
     assert motion.seconds == pytest.approx(199 * T)
     dq = recording.vectors('dq1')

@@ -8,16 +8,16 @@ import time
 import pytest
 from rich.console import Console
 
-from redres_ros.demo.watch_page import STALE, Health, Heard, page
+from redres_ros.demo.watch_page import STALE, Heard, NodeHealth, page
 
 FULL = {
-    'sim': Heard(Health('in command', True), 100.0),
+    'sim': Heard(NodeHealth('in command', True), 100.0),
     'sim/session_state': Heard('CMD', 90.0),
     'sim/stop_reason': Heard('', 90.0),
-    'planner': Heard(Health('moving', True), 100.0),
+    'planner': Heard(NodeHealth('moving', True), 100.0),
     'planner/state': Heard('moving', 95.0),
     'planner/task_error': Heard(0.00025, 100.0),
-    'controller': Heard(Health('commanding', True), 100.0),
+    'controller': Heard(NodeHealth('commanding', True), 100.0),
     'controller/law': Heard('minimum_torque', 100.0),
     'controller/tip_pose': Heard((0.1, -0.2, 0.3), 100.0),
     'controller/joint_torque_norm': Heard(42.5, 100.0),
@@ -69,7 +69,7 @@ def test_after_the_graph_has_gone_everything_is_marked_as_old() -> None:
 
 
 def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
-    heard = {**FULL, 'sim': Heard(Health('in command', True), 100.0)}
+    heard = {**FULL, 'sim': Heard(NodeHealth('in command', True), 100.0)}
     for source in [source for source in heard if source.startswith('controller')]:
         heard[source] = Heard(heard[source].value, 100.0 - 2.0 * STALE)
     text = text_of(heard, 100.5)

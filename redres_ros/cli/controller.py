@@ -8,7 +8,7 @@ from redres_ros.cli.options import NONE, OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
 if TYPE_CHECKING:
-    from redres_ros.cli.task import Motion
+    from redres_ros.cli.task import WantedMotion
     from redres_ros.controller import Controller
     from redres_ros.laws import Law
     from redres_ros.limits import Limit
@@ -44,7 +44,7 @@ def find_law(
 
 def make_controller(
     options: argparse.Namespace,
-    motion: 'Motion',
+    motion: 'WantedMotion',
     law: 'Law',
     T: float,
     *,
@@ -154,7 +154,7 @@ def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
     return used | {('task', name) for name in options.secondary or ()}
 
 
-def node_parameters(options: argparse.Namespace, motion: 'Motion') -> dict[str, Any]:
+def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict[str, Any]:
     """What the nodes have to be told beside the law, its damping, the robot and its dynamics.
 
     Args:

@@ -15,7 +15,7 @@ from redres_ros.cli.options import OptionError, add_motion
 from redres_ros.errors import RangeError, UnknownNameError
 
 if TYPE_CHECKING:
-    from redres_ros.cli.task import Motion
+    from redres_ros.cli.task import WantedMotion
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
 
@@ -140,7 +140,7 @@ def _ending_at_once() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _check_known_to_nodes(motion: 'Motion') -> None:
+def _check_known_to_nodes(motion: 'WantedMotion') -> None:
     """Refuse an arm or a task that the nodes cannot find by its name. Raises UnknownNameError."""
     from redres_ros.robots import ARMS
 

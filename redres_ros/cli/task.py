@@ -16,7 +16,7 @@ _URDF = ('.urdf', '.xacro')  # endings by which a file is told from a name
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
 
-class Motion(NamedTuple):
+class WantedMotion(NamedTuple):
     """What is to be done, and by which arm.
 
     Args:
@@ -42,7 +42,7 @@ class Motion(NamedTuple):
         return f'{task}, {self.task.robot}, {arm.dynamics} dynamics'
 
 
-def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Motion:
+def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> WantedMotion:
     """The task and the arm.
 
     Args:
@@ -73,7 +73,7 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Moti
         task = replace(task, robot=options.robot)
     if options.robot or options.tip:
         _check_start(task, model)
-    return Motion(name, task, model)
+    return WantedMotion(name, task, model)
 
 
 def _find_arm(options: argparse.Namespace, robot: str) -> 'Arm':

@@ -10,7 +10,7 @@ _HELD_UP = 1.5  # cycles from one state to the next: the robot's clock stood sti
 
 
 @dataclass(frozen=True)
-class Cycles:
+class CycleCounts:
     """How the states of the robot were answered; every state is one of these.
 
     in_time: within the cycle; waited_for: later, but the next state was not out, because the
@@ -30,7 +30,7 @@ class Cycles:
         return self.in_time + self.waited_for + self.late + self.missed
 
 
-def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int]) -> Cycles:
+def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int]) -> CycleCounts:
     """Count them.
 
     Args:
@@ -57,7 +57,7 @@ def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int
             stood_still += cycle - period
         latency = (answered[stamp] - sent[stamp]) / 1e9 if stamp in answered else None
         counts[_kind(latency, period, cycle)] += 1
-    return Cycles(**counts, stood_still=stood_still)
+    return CycleCounts(**counts, stood_still=stood_still)
 
 
 def _kind(latency: float | None, period: float, cycle: float) -> str:

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from redres_ros.demo.client import call, set_parameters
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.onlooker import PLANNER, REASON, SESSION, Onlooker
-from redres_ros.demo.outcome import Endurance, Motion, Outcome
+from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome
 from redres_ros.demo.processes import NodeProcess, remember_files
 from redres_ros.demo.replay import FINISHED, read_log, replay
 from redres_ros.demo.tape import read_tape
@@ -282,7 +282,7 @@ class Demo:
         if len(recording.data):
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
-            motion = Motion.of(recording, error)
+            motion = MotionFigures.of(recording, error)
             period = np.inf if self.options.lockstep else self._T
             # The first process has the robot in it.
             cycles = count_cycles(read_tape(tapes[0]), period, (stamps[0], stamps[-1]))

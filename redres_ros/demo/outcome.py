@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from redres_ros.demo.cycles import Cycles
+from redres_ros.demo.cycles import CycleCounts
 from redres_ros.errors import FileError
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import facts
@@ -40,7 +40,7 @@ class Endurance:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionFigures:
     """A recording in a few figures; a peak is (value, time [s]).
 
     error, final_error: of the task [m], the latter when the run ended; acceleration [rad/s^2],
@@ -61,7 +61,7 @@ class Motion:
     still: float
 
     @classmethod
-    def of(cls, recording: Recording, final_error: float) -> 'Motion':
+    def of(cls, recording: Recording, final_error: float) -> 'MotionFigures':
         """Of a recording of at least one tick."""
         t = recording['t']
         moves = recording['joint_velocity_norm'] > STILL
@@ -92,8 +92,8 @@ class Outcome:
     """
 
     recording: Recording
-    motion: Motion | None
-    cycles: Cycles | None
+    motion: MotionFigures | None
+    cycles: CycleCounts | None
     stop_reason: str
     session: tuple[str, ...]
     planner_missed: int = 0
@@ -158,7 +158,7 @@ class Outcome:
             raise FileError(f'cannot write {path}: {error.strerror}') from None
 
 
-def _motion_rows(motion: Motion) -> list[tuple[str, ...]]:
+def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
     error, at = motion.error
     rows: list[tuple[str, ...]] = [
         ('motion',),
@@ -176,7 +176,7 @@ def _motion_rows(motion: Motion) -> list[tuple[str, ...]]:
     ]
 
 
-def _cycle_rows(cycles: Cycles) -> list[tuple[str, ...]]:
+def _cycle_rows(cycles: CycleCounts) -> list[tuple[str, ...]]:
     kinds = {
         'answered in time': cycles.in_time,
         'answered while the clock stood': cycles.waited_for,

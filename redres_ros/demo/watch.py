@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
-from redres_ros.demo.watch_page import NODES, Health, Heard, page
+from redres_ros.demo.watch_page import NODES, Heard, NodeHealth, page
 from redres_ros.nodes.qos import LATCHED, NEWEST
 
 _REFRESH = 5.0  # [Hz]
@@ -68,7 +68,7 @@ class Watch(Node):
         for status in message.status:
             node = status.name.removeprefix(prefix)
             if node in NODES:
-                self._keep(node, Health(status.message, status.level == DiagnosticStatus.OK))
+                self._keep(node, NodeHealth(status.message, status.level == DiagnosticStatus.OK))
 
     def _keep(self, source: str, value: object) -> None:
         self._heard[source] = Heard(value, time.monotonic())

@@ -57,7 +57,7 @@ class Heard:
     at: float
 
 
-class Health(NamedTuple):
+class NodeHealth(NamedTuple):
     """What a node says of itself, and whether all is well."""
 
     text: str
@@ -68,7 +68,7 @@ def page(heard: Mapping[str, Heard], now: float, domain: int) -> RenderableType:
     """The whole page.
 
     Args:
-        heard: The newest of each topic; the Health of a node is under the node's name.
+        heard: The newest of each topic; the NodeHealth of a node is under the node's name.
         now: The instant at which it is shown [s].
         domain: The ROS domain.
     """
@@ -127,10 +127,10 @@ def _panels(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
         yield Panel(table, title=Text(title), title_align='left', box=box.ROUNDED, style=style)
 
 
-def _health(heard: Mapping[str, Heard], node: str) -> Health:
+def _health(heard: Mapping[str, Heard], node: str) -> NodeHealth:
     """What the node said last; before it says anything, that it is there."""
     value = heard[node].value if node in heard else None
-    return value if isinstance(value, Health) else Health('is there', True)
+    return value if isinstance(value, NodeHealth) else NodeHealth('is there', True)
 
 
 def _value(heard: Mapping[str, Heard], row: Row, is_stale: bool, now: float) -> Text:

@@ -17,7 +17,7 @@ from redres_ros.fri.timing import WINDOW
 _CONTEST = 1.0  # [s] for which publishers count as rivals after a state was answered twice
 
 
-class _Arrival(NamedTuple):
+class _ArrivedCommand(NamedTuple):
     """What a client sent, as it came."""
 
     stamp: int  # [ns] of the state that it answers
@@ -63,8 +63,8 @@ class Inbox:
         self._clock = clock
         self._session = session
         self._timed = timed
-        self._arrivals: deque[_Arrival] = deque()
-        self._under_way: Channel[_Arrival] = Channel(f'{seed} commands', link)
+        self._arrivals: deque[_ArrivedCommand] = deque()
+        self._under_way: Channel[_ArrivedCommand] = Channel(f'{seed} commands', link)
         self._contested_at = -math.inf  # [s] when a state was last answered again
         self._answered = -1  # tick of the newest valid answer
 
@@ -87,7 +87,7 @@ class Inbox:
         """
         again = stamp <= self.newest
         self.newest = stamp
-        self._arrivals.append(_Arrival(stamp, names, positions, time.monotonic(), again))
+        self._arrivals.append(_ArrivedCommand(stamp, names, positions, time.monotonic(), again))
 
     def take(self, tick: int) -> list[Answer]:
         """The valid answers that have come since the last call, in the order of the ticks answered.
@@ -117,7 +117,7 @@ class Inbox:
                 answers.append(answer)
         return answers
 
-    def _judge(self, arrival: _Arrival, now: int) -> Answer:
+    def _judge(self, arrival: _ArrivedCommand, now: int) -> Answer:
         """The answer that an arrival is at a tick. Raises AnswerError."""
         self._check_publishers()
         tick = self._answered_tick(arrival.stamp, now)
@@ -152,7 +152,7 @@ class Inbox:
             )
         return tick
 
-    def _positions(self, arrival: _Arrival) -> np.ndarray:
+    def _positions(self, arrival: _ArrivedCommand) -> np.ndarray:
         """Commanded positions in the order of the arm's joints, (n,) [rad]. Raises AnswerError."""
         names = arrival.names
         if sorted(names) != sorted(self._joint_names):

@@ -8,7 +8,7 @@ import numpy as np
 from redres_ros.bounded import Box
 from redres_ros.errors import ArrayError
 from redres_ros.limits.braking import stopping_box
-from redres_ros.limits.limit import BoxLimit, State
+from redres_ros.limits.limit import BoxLimit, ReferenceState
 from redres_ros.parameter import param
 
 
@@ -43,7 +43,7 @@ class AccelerationLimit(_Braking):
 
     order = 0
 
-    def box(self, state: State, T: float) -> Box:
+    def box(self, state: ReferenceState, T: float) -> Box:
         reach = T * self.A  # (n,)
         return state.dq_prev - reach, state.dq_prev + reach
 
@@ -63,7 +63,7 @@ class VelocityLimit(BoxLimit):
     def _box(self) -> Box:
         return -self.V, self.V
 
-    def box(self, state: State, T: float) -> Box:
+    def box(self, state: ReferenceState, T: float) -> Box:
         return self._box
 
 
@@ -108,5 +108,5 @@ class PositionLimit(_Braking):
         """(n,) [rad], the margin taken off."""
         return self.model.q_max - self.margin
 
-    def box(self, state: State, T: float) -> Box:
+    def box(self, state: ReferenceState, T: float) -> Box:
         return stopping_box(state.q, self.q_min, self.q_max, self.A, T)

@@ -11,7 +11,7 @@ from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotModel
 
 
-class State(Protocol):
+class ReferenceState(Protocol):
     """What a limit may ask: the reference that is integrated, the last command, the dynamics."""
 
     @property
@@ -57,7 +57,7 @@ class BoxLimit(Limit):
     """A limit whose rows bound one joint each."""
 
     @abstractmethod
-    def box(self, state: State, T: float) -> Box:
+    def box(self, state: ReferenceState, T: float) -> Box:
         """lower and upper of dq, both (n,) [rad/s], for a sampling time T [s]."""
 
 
@@ -65,5 +65,5 @@ class RowLimit(Limit):
     """A limit whose rows tie joints together."""
 
     @abstractmethod
-    def rows(self, state: State, T: float) -> Rows:
+    def rows(self, state: ReferenceState, T: float) -> Rows:
         """C (r, n), low (r,) and high (r,) with low <= C dq <= high, for a sampling time T [s]."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.bounded import Bounded, Box, Rows
 from redres_ros.limits.braking import TOUCHING, narrow
-from redres_ros.limits.limit import BoxLimit, Limit, RowLimit, State
+from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 
 UPPER = 1  # the place of the upper bound in a box
 
@@ -76,7 +76,7 @@ class Limits:
     def __len__(self) -> int:
         return len(self._boxes) + len(self._rows)
 
-    def at(self, state: State, T: float) -> Bounds:
+    def at(self, state: ReferenceState, T: float) -> Bounds:
         """What they say at a state, for a sampling time T [s]."""
         boxes = [limit.box(state, T) for limit in self._boxes]
         rows = [limit.rows(state, T) for limit in self._rows]

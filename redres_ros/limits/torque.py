@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.bounded import Rows
 from redres_ros.errors import ArrayError
-from redres_ros.limits.limit import RowLimit, State
+from redres_ros.limits.limit import ReferenceState, RowLimit
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class TorqueLimit(RowLimit):
         """The torque that is allowed, (n,) [Nm]."""
         return self.scale * self.model.tau_max
 
-    def rows(self, state: State, T: float) -> Rows:
+    def rows(self, state: ReferenceState, T: float) -> Rows:
         C = state.M / T  # (n, n)
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
         return C, -self.tau_max - rest, self.tau_max - rest

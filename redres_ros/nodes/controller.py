@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool
 
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
-from redres_ros.following import Answer, Following, FollowingSettings
+from redres_ros.following import Following, FollowingSettings, Reply
 from redres_ros.laws import law_name
 from redres_ros.nodes.conversions import (
     Axes,
@@ -27,7 +27,7 @@ from redres_ros.nodes.conversions import (
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.motion_parameters import MotionParameters
-from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
+from redres_ros.nodes.parameters import ListenerParameters, declare, declare_robot, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
@@ -48,13 +48,9 @@ _NUMBERS = (
 
 
 @dataclass(frozen=True)
-class ControllerParameters:
+class ControllerParameters(ListenerParameters):
     """Parameters of the node beside those of the arm, the law and what stands between ticks."""
 
-    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
-    base_frame: str = param(
-        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
-    )
     switch_time: float = param(
         0.2,
         'time over which a change of law, starting and stopping are blended [s]',
@@ -65,7 +61,6 @@ class ControllerParameters:
     integrate_from: str = param(
         'command', 'what a reference is integrated from', choices=INTEGRATE_FROM
     )
-    state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
 
 
@@ -125,7 +120,7 @@ class ControllerNode(Node):
             self._watchdog.feed()
             self._answer('joint_states', self._enter_state, message)
 
-    def _enter_state(self, message: JointState) -> Answer | None:
+    def _enter_state(self, message: JointState) -> Reply | None:
         q = self._joints.positions(message)
         stamp = to_nanoseconds(message.header.stamp)
         return self._following.enter_state(stamp, q, time.monotonic())
@@ -133,7 +128,7 @@ class ControllerNode(Node):
     def _on_twist(self, message: TwistStamped) -> None:
         self._answer('cartesian_velocity', self._enter_twist, message)
 
-    def _enter_twist(self, message: TwistStamped) -> Answer | None:
+    def _enter_twist(self, message: TwistStamped) -> Reply | None:
         dx = from_twist(message)
         if self._following.q is not None:
             dx = self._axes.to_base(dx, message.header.frame_id, self._following.q)
@@ -143,7 +138,7 @@ class ControllerNode(Node):
     def _on_look(self) -> None:
         self._answer('joint_states', self._following.answer_if_due, time.monotonic())
 
-    def _answer(self, source: str, enter: Callable[[Any], Answer | None], given: Any) -> None:
+    def _answer(self, source: str, enter: Callable[[Any], Reply | None], given: Any) -> None:
         """Publish what is answered to what was given, or tell why it was refused."""
         try:
             answer = enter(given)
@@ -154,7 +149,7 @@ class ControllerNode(Node):
         if answer is not None:
             self._publish(answer)
 
-    def _publish(self, answer: Answer) -> None:
+    def _publish(self, answer: Reply) -> None:
         scaling_changed = answer.scaling != self._scaling
         if scaling_changed:  # the planner is to know before the state after this one
             self._publish_scaling(answer)
@@ -172,11 +167,11 @@ class ControllerNode(Node):
                 throttle_duration_sec=_TELL_AGAIN,
             )
 
-    def _publish_scaling(self, answer: Answer) -> None:
+    def _publish_scaling(self, answer: Reply) -> None:
         self._scaling = answer.scaling
         self._telemetry.publish('task_scaling', lambda: answer.scaling)
 
-    def _publish_telemetry(self, answer: Answer) -> None:
+    def _publish_telemetry(self, answer: Reply) -> None:
         if not self._telemetry.heard:
             return
         norm = np.linalg.norm

@@ -131,6 +131,23 @@ def _as_type(given: RosParameter, wanted: RosParameter.Type) -> RosParameter:
 
 
 @dataclass(frozen=True)
+class LoopParameters:
+    """Parameters of every node in the loop."""
+
+    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
+
+
+@dataclass(frozen=True)
+class ListenerParameters(LoopParameters):
+    """Parameters of every node that listens to the robot."""
+
+    base_frame: str = param(
+        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
+    )
+    state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
+
+
+@dataclass(frozen=True)
 class RobotParameters:
     """Which arm, with what tool, standing where."""
 

@@ -24,7 +24,7 @@ from redres_ros.nodes.conversions import (
     to_twist,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
-from redres_ros.nodes.parameters import declare, declare_robot
+from redres_ros.nodes.parameters import ListenerParameters, declare, declare_robot
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
@@ -36,22 +36,17 @@ from redres_ros.waypoints import load_task, task_for
 
 
 @dataclass(frozen=True)
-class PlannerParameters:
+class PlannerParameters(ListenerParameters):
     """Parameters of the node beside those of the arm."""
 
-    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
     task: str = param(
         '', "name of a task in config/tasks, or a path ending in .yaml; empty: the arm's own"
-    )
-    base_frame: str = param(
-        '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
     )
     autostart: bool = param(
         False, 'begin as soon as the robot takes commands instead of waiting for planner/start'
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
-    state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
     lockstep: bool = param(
         False, 'begin with the first state: the controller waits for each cartesian_velocity'
     )

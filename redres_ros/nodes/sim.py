@@ -25,7 +25,7 @@ from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
-from redres_ros.nodes.parameters import declare, declare_robot, on_live_change
+from redres_ros.nodes.parameters import LoopParameters, declare, declare_robot, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
@@ -43,10 +43,9 @@ _ASK_AGAIN = 0.05  # [s] after which a state that is not answered is sent again:
 
 
 @dataclass(frozen=True)
-class SimParameters:
+class SimParameters(LoopParameters):
     """Parameters of the node beside those of the arm, its physics, the session and the guard."""
 
-    rate: float = param(500.0, 'cycles per second [Hz]', 10.0, 2000.0)
     plant: str = param(
         'mujoco',
         'mujoco: physics behind position servos; ideal: goes exactly where it is told',

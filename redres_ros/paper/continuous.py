@@ -24,7 +24,7 @@ class DivergenceError(RedresError):
 
 
 @dataclass(frozen=True)
-class Motion:
+class ContinuousMotion:
     """t: (N,) [s]; q: (N, n) [rad]; dq: (N, n) [rad/s]."""
 
     t: np.ndarray
@@ -32,7 +32,9 @@ class Motion:
     dq: np.ndarray
 
 
-def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarray) -> Motion:
+def integrate(
+    scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarray
+) -> ContinuousMotion:
     """The task as a scheme executes it with dJ dq and ddx known exactly, at ascending times t (N,)
     [s] up to its end.
 
@@ -63,7 +65,7 @@ def integrate(scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarr
         *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
         rows += within
     q, dq = np.split(np.array(rows), 2, axis=1)
-    return Motion(t.copy(), q, dq)
+    return ContinuousMotion(t.copy(), q, dq)
 
 
 def _start(scheme: Scheme, model: RobotModel, task: WaypointTask) -> np.ndarray:

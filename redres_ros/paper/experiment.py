@@ -12,7 +12,7 @@ from redres_ros.fri.guard import Guard
 from redres_ros.fri.plant import MujocoPlant
 from redres_ros.fri.robot import Answer, FriRobot
 from redres_ros.fri.session import Session
-from redres_ros.paper.savgol import Motion, differentiate
+from redres_ros.paper.savgol import MeasuredMotion, differentiate
 from redres_ros.planner import Planner, Reference
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -39,7 +39,7 @@ class Experiment:
     q: np.ndarray
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> MeasuredMotion:
         """The motion that the measured positions show."""
         return differentiate(self.q, self.recording.T)
 

@@ -15,7 +15,7 @@ LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 
 
 @dataclass(frozen=True)
-class Motion:
+class MeasuredMotion:
     """t: (N,) [s]; q, dq, ddq: (N, n) [rad], [rad/s], [rad/s^2]."""
 
     t: np.ndarray
@@ -24,7 +24,7 @@ class Motion:
     ddq: np.ndarray
 
 
-def differentiate(q: np.ndarray, T: float) -> Motion:
+def differentiate(q: np.ndarray, T: float) -> MeasuredMotion:
     """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on, but for the first
     and last W/2.
 
@@ -42,4 +42,4 @@ def differentiate(q: np.ndarray, T: float) -> Motion:
         savgol_filter(q, WINDOW + 1, DEGREE, deriv=order, delta=T, axis=0)[inner]
         for order in (1, 2)
     )
-    return Motion(T * np.arange(len(q))[inner], q[inner], dq, ddq)
+    return MeasuredMotion(T * np.arange(len(q))[inner], q[inner], dq, ddq)

@@ -57,7 +57,7 @@ class Scheme(ABC):
 
 
 @dataclass(frozen=True)
-class MinimumAcceleration(Scheme):
+class MinimumAccelerationScheme(Scheme):
     """Least joint acceleration: Eq. (22), which is Eq. (16) for damping = 0 and Eq. (18) for
     another ddq_N.
     """
@@ -95,7 +95,7 @@ class TorqueScheme(Scheme):
 
 
 @dataclass(frozen=True)
-class MinimumWeightedTorque(TorqueScheme):
+class MinimumWeightedTorqueScheme(TorqueScheme):
     """Least torque in the norm of M^-2: Eq. (25), with damping as ddq_N in the null space, as in
     Eq. (18).
     """
@@ -117,7 +117,7 @@ class MinimumWeightedTorque(TorqueScheme):
 
 
 @dataclass(frozen=True)
-class DynamicallyConsistent(TorqueScheme):
+class DynamicallyConsistentScheme(TorqueScheme):
     """Least torque in the norm of M^-1: Eq. (29) with tau_N of Eq. (34)."""
 
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
@@ -138,7 +138,7 @@ class DynamicallyConsistent(TorqueScheme):
 
 
 @dataclass(frozen=True)
-class MinimumTorque(TorqueScheme):
+class MinimumTorqueScheme(TorqueScheme):
     """Least torque in the plain norm: Eq. (7), and tau_N of Eq. (34) in the null space of J M^-1,
     (A.13) with y = tau.
 
@@ -165,10 +165,10 @@ class MinimumTorque(TorqueScheme):
 
 
 SCHEMES: dict[str, type[Scheme]] = {
-    'minimum_acceleration': MinimumAcceleration,
-    'minimum_weighted_torque': MinimumWeightedTorque,
-    'dynamically_consistent': DynamicallyConsistent,
-    'minimum_torque': MinimumTorque,
+    'minimum_acceleration': MinimumAccelerationScheme,
+    'minimum_weighted_torque': MinimumWeightedTorqueScheme,
+    'dynamically_consistent': DynamicallyConsistentScheme,
+    'minimum_torque': MinimumTorqueScheme,
     # Each scheme has the name of the velocity law that is made from it. Laws of first order have
     # none.
 }

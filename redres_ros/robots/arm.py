@@ -9,7 +9,7 @@ from redres_ros.robots.chain import chain_to, settle_chain
 from redres_ros.robots.hold import hold_the_rest
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
 from redres_ros.robots.kinematics import Kinematics
-from redres_ros.robots.urdf import Joint, Urdf, child, source_name
+from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 DYNAMICS = ('identified', 'cylinders')
 OF_EACH_JOINT = ('rotor_inertia', 'acceleration_limit', 'start')  # fields of an arm
@@ -137,5 +137,5 @@ class _Prepared(NamedTuple):
     """A URDF ready for use, its joints from the root link to the tip, and remarks on it."""
 
     urdf: Urdf
-    chain: tuple[Joint, ...]
+    chain: tuple[UrdfJoint, ...]
     remarks: list[str]

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
-from redres_ros.robots.urdf import Joint, Urdf, child, words
+from redres_ros.robots.urdf import Urdf, UrdfJoint, child, words
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 CONTINUOUS_RANGE = 2000.0 * math.pi  # [rad] to either side, for a joint that turns without end
 UNLIMITED_EFFORT = 1e9  # [N m] or [N], for a joint whose URDF gives none
 
 
-def chain_to(urdf: Urdf, tip_frame: str) -> tuple[Joint, ...]:
+def chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
     """The joints from the root link to the tip, fixed ones included.
 
     Args:
@@ -23,12 +23,12 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[Joint, ...]:
         FileError: The links are no tree.
     """
     urdf.check_link(tip_frame)
-    above: dict[str, Joint] = {}
+    above: dict[str, UrdfJoint] = {}
     for joint in urdf.joints:
         other = above.setdefault(joint.child, joint)
         if other is not joint:
             raise urdf.error(f'link {joint.child} hangs on two joints, {other.name}, {joint.name}')
-    chain: list[Joint] = []
+    chain: list[UrdfJoint] = []
     link = tip_frame
     while link in above:
         joint = above[link]
@@ -41,7 +41,7 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[Joint, ...]:
     return tuple(reversed(chain))
 
 
-def settle_chain(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
+def settle_chain(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     """Check the joints of a chain, and write out what Pinocchio and MuJoCo would read differently.
 
     Axes get the length 1. A joint that turns without end becomes a revolute one with a range that
@@ -75,7 +75,7 @@ def settle_chain(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
     return remarks
 
 
-def _check_mimic(urdf: Urdf, joint: Joint) -> None:
+def _check_mimic(urdf: Urdf, joint: UrdfJoint) -> None:
     mimic = joint.element.find('mimic')
     if mimic is not None:
         raise urdf.error(
@@ -84,7 +84,7 @@ def _check_mimic(urdf: Urdf, joint: Joint) -> None:
         )
 
 
-def axis_of(urdf: Urdf, joint: Joint) -> np.ndarray:
+def axis_of(urdf: Urdf, joint: UrdfJoint) -> np.ndarray:
     """The joint's axis, a unit vector (3,) in its own frame. Raises FileError."""
     given = urdf.numbers(joint.element.find('axis'), 'xyz', '1 0 0', f'joint {joint.name}')
     length = float(np.linalg.norm(given))
@@ -93,7 +93,7 @@ def axis_of(urdf: Urdf, joint: Joint) -> np.ndarray:
     return given / length
 
 
-def _settle_limits(urdf: Urdf, joint: Joint) -> list[str]:
+def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
     owner = f'joint {joint.name}'
     limit = child(joint.element, 'limit')
     if joint.type == 'continuous':
@@ -114,7 +114,7 @@ def _settle_limits(urdf: Urdf, joint: Joint) -> list[str]:
     return [f'{owner} has no effort limit and counts as unlimited']
 
 
-def limits_of(urdf: Urdf, joint: Joint) -> tuple[float, float]:
+def limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
     """Lower and upper position limit [rad] or [m], 0 where the URDF has none. Raises FileError."""
     limit = joint.element.find('limit')
     lower = urdf.number(limit, 'lower', '0', f'joint {joint.name}')

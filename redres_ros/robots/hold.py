@@ -1,12 +1,12 @@
 """What hangs on an arm beside the chain to its tip, such as a gripper: held still."""
 
 from redres_ros.robots.chain import axis_of, limits_of
-from redres_ros.robots.urdf import Joint, Urdf, motion_of, set_placement
+from redres_ros.robots.urdf import Urdf, UrdfJoint, motion_of, set_placement
 
 _OF_MOVING_JOINTS = ('axis', 'limit', 'dynamics', 'mimic', 'safety_controller', 'calibration')
 
 
-def hold_the_rest(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
+def hold_the_rest(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     """Turn every joint that does not lead to the tip into a fixed one.
 
     It is held at zero or, where zero is outside its range, in the middle; one that mimics another
@@ -34,7 +34,7 @@ def hold_the_rest(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
 
 
 def _held_at(
-    urdf: Urdf, joint: Joint, resting: dict[str, Joint], followers: tuple[str, ...]
+    urdf: Urdf, joint: UrdfJoint, resting: dict[str, UrdfJoint], followers: tuple[str, ...]
 ) -> float:
     """Where a joint is held; `followers` are those that mimic it, one by way of the other."""
     mimic = joint.element.find('mimic')
@@ -53,14 +53,14 @@ def _held_at(
     return multiplier * position + urdf.number(mimic, 'offset', '0', owner)
 
 
-def _rest_position(urdf: Urdf, joint: Joint) -> float:
+def _rest_position(urdf: Urdf, joint: UrdfJoint) -> float:
     if joint.type not in ('revolute', 'prismatic'):
         return 0.0
     lower, upper = limits_of(urdf, joint)
     return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2.0
 
 
-def _fix(urdf: Urdf, joint: Joint, position: float) -> None:
+def _fix(urdf: Urdf, joint: UrdfJoint, position: float) -> None:
     if position:
         H = urdf.placement(joint.element, f'joint {joint.name}')
         is_prismatic = joint.type == 'prismatic'

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from redres_ros.robots.urdf import Joint, Urdf, child
+from redres_ros.robots.urdf import Urdf, UrdfJoint, child
 
 CYLINDER_MASS = 1.0  # [kg]
 CYLINDER_RADIUS = 0.06  # [m]
@@ -17,7 +17,7 @@ _SMALLEST = 1e-14  # [kg m^2], of a principal moment
 _TENSOR = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
 
-def make_cylinders(urdf: Urdf, chain: tuple[Joint, ...]) -> None:
+def make_cylinders(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> None:
     """Make each moving link a solid cylinder, from its joint along z to the next (Section 5.2).
 
     Args:
@@ -32,7 +32,7 @@ def make_cylinders(urdf: Urdf, chain: tuple[Joint, ...]) -> None:
         _set_cylinder(urdf, joint.child, _way_along_z(urdf, chain, joint.child))
 
 
-def _way_along_z(urdf: Urdf, chain: tuple[Joint, ...], link: str) -> float:
+def _way_along_z(urdf: Urdf, chain: tuple[UrdfJoint, ...], link: str) -> float:
     """From a link's frame along z, through fixed joints, to the next moving one or the end [m]."""
     following = next((j for j in (*chain, *urdf.joints) if j.parent == link), None)
     if following is None:
@@ -53,7 +53,7 @@ def _set_cylinder(urdf: Urdf, link: str, offset: float) -> None:
     _set_moments(inertial, across, across, along)
 
 
-def fill_in_inertias(urdf: Urdf, chain: tuple[Joint, ...]) -> list[str]:
+def fill_in_inertias(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     """Give every moving part a mass and an inertia, without which nobody could simulate it.
 
     A part is a link that a joint of the chain moves, with all that is fixed to it. Missing figures

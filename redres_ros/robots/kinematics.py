@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.robots.chain import axis_of, limits_of
-from redres_ros.robots.urdf import Joint, Urdf, motion_of
+from redres_ros.robots.urdf import Urdf, UrdfJoint, motion_of
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Kinematics:
     tip: np.ndarray
 
     @classmethod
-    def of(cls, urdf: Urdf, chain: tuple[Joint, ...]) -> 'Kinematics':
+    def of(cls, urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> 'Kinematics':
         """Of a chain as `settle_chain` leaves it."""
         joints: list[MovingJoint] = []
         H = np.eye(4)

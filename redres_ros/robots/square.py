@@ -18,7 +18,7 @@ _SHARE = 0.3  # of the limits on velocity and acceleration that the joints may u
 _SHORTEST = 1.0  # [s], of a side
 
 
-class Square(NamedTuple):
+class SquareTask(NamedTuple):
     """Five points of the tip (5, 3) [m], from a corner round to it again, and the time a side [s].
 
     The time is long enough for every joint to stay far below its limits.
@@ -30,7 +30,7 @@ class Square(NamedTuple):
 
 def square_before_tip(
     kinematics: Kinematics, start: np.ndarray, acceleration: np.ndarray
-) -> Square | None:
+) -> SquareTask | None:
     """A square from the tip's place at the start that the arm can go round.
 
     It stands before the arm if that can be: its sides are along y and z. Else they are along x and
@@ -54,7 +54,7 @@ def square_before_tip(
                 waypoints = _corners(x, axes, side * inward[list(axes)] * signs)
                 way = _way_of_joints(kinematics, start, waypoints)
                 if way is not None:
-                    return Square(waypoints, _segment_time(kinematics, way, acceleration))
+                    return SquareTask(waypoints, _segment_time(kinematics, way, acceleration))
         side /= 2.0
     return None
 

@@ -13,7 +13,7 @@ from redres_ros.errors import FileError, UnknownNameError
 
 
 @dataclass(frozen=True)
-class Joint:
+class UrdfJoint:
     """A joint's element, its name, and the links that it connects."""
 
     element: ET.Element
@@ -73,7 +73,7 @@ class Urdf:
             raise UnknownNameError('frame', name, self.links)
 
     @cached_property
-    def joints(self) -> tuple[Joint, ...]:
+    def joints(self) -> tuple[UrdfJoint, ...]:
         """The joints as they are listed. Raises FileError for one without links or a name twice."""
         joints = tuple(self._joint(element) for element in self.robot.findall('joint'))
         names = [joint.name for joint in joints]
@@ -82,7 +82,7 @@ class Urdf:
                 raise self.error(f'there are {names.count(name)} joints {name!r}; expected one')
         return joints
 
-    def _joint(self, element: ET.Element) -> Joint:
+    def _joint(self, element: ET.Element) -> UrdfJoint:
         name = element.get('name', '')
         ends = []
         for end in ('parent', 'child'):
@@ -91,7 +91,7 @@ class Urdf:
             if link not in self.links:
                 raise self.error(f'joint {name!r} has the {end} link {link!r}, which is not there')
             ends.append(link)
-        return Joint(element, name, *ends)
+        return UrdfJoint(element, name, *ends)
 
     def numbers(
         self, element: ET.Element | None, attribute: str, default: str, owner: str

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.figures.runs import Runs
-from redres_ros.paper.savgol import Motion
+from redres_ros.paper.savgol import MeasuredMotion
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import NORMS, draw_norm
 from redres_ros.simulation.recording import Recording
@@ -60,7 +60,7 @@ def figure_15(runs: Runs) -> Figure:
     )
 
 
-def torque_norm(motion: Motion, model: RobotModel) -> np.ndarray:
+def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
     """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm]."""
     states = (model.state(q, dq) for q, dq in zip(motion.q, motion.dq, strict=True))
     return np.array(
@@ -71,7 +71,7 @@ def torque_norm(motion: Motion, model: RobotModel) -> np.ndarray:
     )
 
 
-def _kinematic(motion: Motion) -> Curves:
+def _kinematic(motion: MeasuredMotion) -> Curves:
     return {'joint_acceleration_norm': _norm(motion.ddq), 'joint_velocity_norm': _norm(motion.dq)}
 
 
