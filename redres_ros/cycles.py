@@ -12,6 +12,7 @@ _DOUBT = 0.2  # of a period by which a state must be later than half of one to b
 _RATE_RANGE = 0.01  # of a period by which that distance may differ from the nominal one
 _EARLIEST = -1.5  # periods; states that come earlier than this come at another rate
 _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
+_SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _DRIFT = 0.01  # [s/s] by which the robot's clock may drift against this computer's
 _REMEMBERED = 512  # states whose cycle is known by their very stamp
 
@@ -40,7 +41,9 @@ class Cycles:
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
         self._rate = 0.0  # [ns] by which a cycle of the stamps is longer than a period
+        self._arrived = 0.0  # when the newest state came [s]
         self._behind = 0  # stamp of a state that came out of order [ns]
+        self._apart = 0  # stamp of a state that may be of a new clock [ns]
         self._least_delay = 0.0  # [s] from a stamp to the arrival, on two clocks
         self._numbers: dict[int, int] = {}
         self._stamps: deque[int] = deque()
@@ -59,15 +62,17 @@ class Cycles:
             raise ClockError('the state has no stamp; expected the time of its measurement')
         elapsed = stamp - self.newest
         delay = arrived - stamp / NANOSECONDS
-        if self.newest == 0 or abs(elapsed) > _NEW_CLOCK:
-            return self._begin(stamp, delay, 0)
+        if self.newest == 0:
+            return self._begin(stamp, arrived, 0)
+        if abs(elapsed) > _NEW_CLOCK:
+            return self._begin_anew(stamp, arrived)
         if elapsed <= 0:
-            return self._begin_behind(stamp, delay)
+            return self._begin_behind(stamp, arrived)
         cycles = self._count(elapsed, delay)
         if cycles == 0:
-            return self._begin(stamp, delay, 1)
+            return self._begin(stamp, arrived, 1)
         self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
-        return self._go_on(stamp, cycles)
+        return self._go_on(stamp, arrived, cycles)
 
     def cycle(self, stamp: int) -> int:
         """The cycle of a stamp [ns]: that of the state which bears it, else the nearest."""
@@ -100,31 +105,48 @@ class Cycles:
         self._rate = min(max(self._rate + _RATE_GAIN * residual, -allowed), allowed)
         return cycles
 
-    def _begin_behind(self, stamp: int, delay: float) -> int:
+    def _begin_anew(self, stamp: int, arrived: float) -> int:
+        """A robot that was started again: it was silent before, or says so twice.
+
+        A single state with such a stamp, as from a recording that is played, is none.
+        """
+        since = stamp - self._apart
+        if arrived - self._arrived > _SILENCE or 0 <= since < 2 * self.period:
+            return self._begin(stamp, arrived, 0)
+        self._apart = stamp
+        apart = (stamp - self.newest) / NANOSECONDS
+        raise ClockError(
+            f'stamped {apart:.3g} s from the newest one; expected a step of at most '
+            f'{_NEW_CLOCK / NANOSECONDS:g} s, or a second state like it'
+        )
+
+    def _begin_behind(self, stamp: int, arrived: float) -> int:
         """A clock that was set back goes on from there; a state that came too late does not."""
         since = stamp - self._behind
         if 0 < since < 2 * self.period:
-            return self._begin(stamp, delay, 1)
+            return self._begin(stamp, arrived, 1)
         self._behind = stamp
         late = (self.newest - stamp) / 1e6
         raise ClockError(f'stamped {late:.3g} ms before the newest one; expected a later stamp')
 
-    def _begin(self, stamp: int, delay: float, cycles: int) -> int:
+    def _begin(self, stamp: int, arrived: float, cycles: int) -> int:
         """Count from this stamp on, knowing nothing of those before."""
         self._late = 0.0
         self._rate = 0.0
         self._counted = 0
-        self._least_delay = delay
+        self._least_delay = arrived - stamp / NANOSECONDS
         self._numbers.clear()
         self._stamps.clear()
-        self._go_on(stamp, max(cycles, 1))
+        self._go_on(stamp, arrived, max(cycles, 1))
         return cycles
 
-    def _go_on(self, stamp: int, cycles: int) -> int:
+    def _go_on(self, stamp: int, arrived: float, cycles: int) -> int:
         self.number += cycles
         self._counted += 1
         self.newest = stamp
+        self._arrived = arrived
         self._behind = 0
+        self._apart = 0
         self._numbers[stamp] = self.number
         self._stamps.append(stamp)
         if len(self._stamps) > _REMEMBERED:

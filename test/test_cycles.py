@@ -99,6 +99,28 @@ def test_a_robot_that_starts_again_has_a_new_clock() -> None:
     assert cycles.enter(10**9 + T, 20.002) == 1
 
 
+def test_a_new_clock_without_a_silence_before_it_takes_a_second_state() -> None:
+    cycles = Cycles(T)
+    for k in range(10):
+        cycles.enter(EPOCH + k * T, k * 0.002)
+    old = EPOCH - 10 * 10**9
+    with pytest.raises(ClockError, match='a second state like it'):
+        cycles.enter(old, 0.020)
+    assert cycles.enter(old + T, 0.022) == 0
+
+
+def test_single_states_of_long_ago_among_the_robots_own_change_nothing() -> None:
+    cycles = Cycles(T)
+    refused = 0
+    for k in range(100):
+        assert cycles.enter(EPOCH + k * T, k * 0.002) == (k > 0)
+        with pytest.raises(ClockError):
+            cycles.enter(EPOCH + k * T - 10 * 10**9, k * 0.002 + 0.001)
+        refused += 1
+    assert refused == 100
+    assert cycles.number == 100
+
+
 def test_states_at_twice_the_rate_are_refused_with_both_figures() -> None:
     cycles = Cycles(T)
     refused = []

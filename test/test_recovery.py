@@ -230,6 +230,8 @@ def test_a_clock_that_jumps_makes_the_controller_begin_anew_from_where_the_arm_i
         q = START
         for jump in (10.0, -10.0, 0.5):  # [s]
             q = cruise(probe, q)
+            if abs(jump) > 1.0:
+                time.sleep(0.6)  # a robot that starts again is silent before
             probe.stamp += round(jump * 1e9)
             q_ref, dq = probe.ask(q)
             np.testing.assert_allclose(
