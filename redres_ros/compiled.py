@@ -1,6 +1,6 @@
 """Compiling numerical functions: once, when their module is loaded, and never in the loop."""
 
-import logging
+import sys
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -32,8 +32,9 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @lru_cache
 def _tell() -> None:
-    """Say, once in a process, why it takes so long."""
-    logging.getLogger(__name__).warning('compiling the limits, which takes some seconds once ...')
+    """Say, once in a process and to a person, why it takes so long."""
+    if sys.stderr.isatty():
+        print('compiling the limits, which takes some seconds once ...', file=sys.stderr)
 
 
 def vector(dtype: Any = types.float64) -> Any:
