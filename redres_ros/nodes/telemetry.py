@@ -20,7 +20,7 @@ class Telemetry:
             name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH)
             for name, kind in types.items()
         }
-        self._heard: list[str] = []
+        self._look()  # a tape listens from the first message on
         node.create_timer(LOOK_PERIOD, self._look)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
@@ -34,7 +34,7 @@ class Telemetry:
         return bool(self._heard)
 
     def _look(self) -> None:
-        self._heard = [
+        self._heard: list[str] = [
             name
             for name, publisher in self._publishers.items()
             if publisher.get_subscription_count()
