@@ -89,7 +89,9 @@ def task_for(arm: Arm, name: str) -> WaypointTask:
     if arm.start and arm.acceleration_limit:
         square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
     if square is None:
-        raise FileError(f'{name} has no task of its own, and no square that it could go round')
+        raise FileError(
+            f'{name} has no task of its own, and no square that it could go round; name a task'
+        )
     return WaypointTask(name, start, square.waypoints, segment_time=square.segment_time)
 
 

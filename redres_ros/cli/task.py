@@ -55,7 +55,7 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
         OptionError: A task and a robot that do not go together.
     """
     from redres_ros.robot_model import RobotModel
-    from redres_ros.waypoints import load_task
+    from redres_ros.waypoints import load_task, task_for
 
     own = options.robot and not options.task
     if own:
@@ -67,7 +67,7 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
         task = load_task(name)
         arm = _find_arm(options, options.robot or task.robot)
     else:
-        task = _square(arm, options.robot)
+        task = task_for(replace(arm, task=''), options.robot)  # its own may be of another tip
     model = RobotModel(arm)
     if options.robot:
         task = replace(task, robot=options.robot)
@@ -98,20 +98,6 @@ def _last_link(path: Path) -> str:
     if len(ends) != 1:
         raise OptionError(f'{path} ends in {", ".join(ends)}; say which one with --tip FRAME')
     return ends[0]
-
-
-def _square(arm: 'Arm', robot: str) -> 'WaypointTask':
-    """A small first task for an arm that has none of its own."""
-    import numpy as np
-
-    from redres_ros.robots.square import square_before_tip
-    from redres_ros.waypoints import WaypointTask
-
-    start = np.array(arm.start)
-    square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
-    if square is None:
-        raise OptionError(f'no square was found that {robot} can go round; name a --task')
-    return WaypointTask(robot, start, square.waypoints, segment_time=square.segment_time)
 
 
 def _check_start(task: 'WaypointTask', model: 'RobotModel') -> None:
