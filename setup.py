@@ -25,6 +25,14 @@ ROS = [
     'ros-jazzy-rclpy[fastrtps]',
     'ros-jazzy-common-interfaces',
 ]
+# The site asks the nodes what they have.
+DOCS = [
+    *ROS,
+    'sphinx>=8.2',
+    'myst-parser>=4.0.1',
+    'furo>=2025.7.19',
+    'sphinx-copybutton>=0.5.2',
+]
 
 
 def shared(folder: str, pattern: str) -> list[tuple[str, list[str]]]:
@@ -68,6 +76,7 @@ setup(
     extras_require={
         'tools': TOOLS,
         'ros': ROS,
+        'docs': DOCS,
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
             'embodik>=0.23',
             'pin-pink>=4.4',
@@ -78,7 +87,7 @@ setup(
             'proxsuite>=0.8',
         ],
         'test': [
-            *ROS,
+            *DOCS,
             'pytest>=7.4',
             'pytest-cov>=6.0',
             'pytest-xdist>=3.5',

@@ -1,6 +1,5 @@
 """From the command line to a subcommand, and from whatever happens there to an exit status."""
 
-import argparse
 import os
 import sys
 from typing import TextIO
@@ -52,7 +51,7 @@ def _run(given: list[str]) -> int:
     if not given:
         sys.stderr.write(_BEGINNING)
         return 2
-    options = _parser().parse_args(given)
+    options = make_parser().parse_args(given)
     status: int = options.run(options)
     return status
 
@@ -96,7 +95,8 @@ def _let_go_of(stream: TextIO) -> None:
     os.dup2(nowhere, stream.fileno())
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> Parser:
+    """The parser of `redres` with all its subcommands."""
     description = 'Redundancy resolution for arms behind a position interface.'
     parser = Parser(prog='redres', description=description)
     parser.add_argument('--version', action=Version, help='print the version, and end')

@@ -42,9 +42,13 @@ class Parser(argparse.ArgumentParser):
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
         """As of the base class."""
-        while self._declarations:
-            self._declarations.pop()(sys.argv[1:] if args is None else args)
+        self.declare_all(sys.argv[1:] if args is None else args)
         return super().parse_known_args(args, namespace)
+
+    def declare_all(self, words: Sequence[str]) -> None:
+        """Declare the options whose turn it is, for these words to parse."""
+        while self._declarations:
+            self._declarations.pop()(words)
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """As of the base class, which passes over output that cannot be written."""

@@ -1,0 +1,1 @@
+"""What the site has from the code itself: tables of options, topics, parameters and equations."""

@@ -1,0 +1,48 @@
+"""Directives that stand for a table made from the code, as ```{topics}."""
+
+from collections.abc import Callable, Iterable
+from typing import ClassVar
+
+from docutils import nodes
+from docutils.statemachine import StringList
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from extension.commands import commands
+from extension.equations import equations
+from extension.paper import claims
+from extension.public import public
+from extension.ros import parameters, services, topics
+from extension.things import things
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Make the directives known to Sphinx."""
+    makers: dict[str, Callable[..., Iterable[str]]] = {
+        'claims': claims,
+        'commands': commands,
+        'equations': equations,
+        'parameters': parameters,
+        'public': public,
+        'services': services,
+        'tables': things,
+        'topics': topics,
+    }
+    for name, make in makers.items():
+        app.add_directive(name, _directive(make))
+    return {'parallel_read_safe': True, 'parallel_write_safe': True}
+
+
+def _directive(make: Callable[..., Iterable[str]]) -> type[SphinxDirective]:
+    """A directive in whose place the Markdown stands that make(*words of its argument) gives."""
+
+    class FromCode(SphinxDirective):
+        optional_arguments = 1
+        lines: ClassVar = staticmethod(make)
+
+        def run(self) -> list[nodes.Node]:
+            words = self.arguments[0].split() if self.arguments else []
+            text = StringList(list(self.lines(*words)), source=self.get_location())
+            return self.parse_text_to_nodes('\n'.join(text), allow_section_headings=True)
+
+    return FromCode

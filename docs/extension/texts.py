@@ -1,0 +1,42 @@
+"""What cannot be asked of the nodes: in words, what travels on a topic and what a service does.
+
+Building the site fails if a topic or service has no words here, or words are of none.
+"""
+
+TOPICS = {
+    'joint_states': 'the measured arm, at the rate of the robot; joints are matched by name',
+    'joint_command': 'next reference q and velocity, with the stamp of the state that it answers',
+    'cartesian_velocity': 'wanted task velocity, in the frame of any link; a zero stamp means now',
+    'forward_position_controller/commands': 'the same reference for ros2_control, '
+    'with `forward_commands`',
+    'target_pose': 'go there on a smooth way, in place of the task',
+    'robot_description': 'the URDF of the arm',
+    'controller/tip_pose': 'where the tip is',
+    'controller/joint_velocity_norm': '‖q̇‖ of the command [rad/s]',
+    'controller/joint_acceleration_norm': '‖q̈‖ of the command [rad/s²]',
+    'controller/null_velocity_norm': 'the part of q̇ that does not move the tip [rad/s]',
+    'controller/joint_torque_norm': '‖τ‖ that the command needs [Nm]',
+    'controller/min_singular_value': 'of the Jacobian: 0 at a singularity',
+    'controller/task_scaling': 's, the share of the task velocity that the limits leave',
+    'controller/lost_velocity': 'what a singularity takes from the task [m/s]',
+    'controller/law': 'name of the law in force',
+    'planner/desired_pose': 'where the tip should be',
+    'planner/task_error': 'distance from there [m]',
+    'planner/segment': 'which way between two points of the task, from 0',
+    'planner/state': 'what the planner is about',
+    'planner/begun': 'stamp of the state at which the task began',
+    'sim/session_state': 'whether the robot takes commands (`CMD`) or only reports (`MON`)',
+    'sim/connection_quality': 'how well commands arrive in time',
+    'sim/stop_reason': 'why the arm was stopped; empty: it was not',
+    '/diagnostics': 'health of every node, once a second',
+}
+
+SERVICES = {
+    'sim/reset': 'clear a stop; command mode begins anew after half a second of good timing',
+    'controller/hold': 'stand still softly, or go on',
+    'planner/start': 'begin the task as soon as the robot takes commands',
+    'planner/stop': 'end it softly',
+}
+
+# Published only while somebody listens.
+ON_DEMAND = ('controller/', 'planner/task_error', 'planner/segment', 'planner/desired_pose')
