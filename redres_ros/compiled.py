@@ -20,9 +20,9 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         # As in numpy, 1/0 is infinite.
         try:
-            made = numba.njit(signature, cache=True, error_model='numpy', nogil=True)(function)
+            made = numba.njit(signature, cache=True, error_model='numpy')(function)
         except RuntimeError:  # numba found no folder for its cache
-            made = numba.njit(signature, error_model='numpy', nogil=True)(function)
+            made = numba.njit(signature, error_model='numpy')(function)
         if signature and not made.stats.cache_hits:
             _tell()
         return made
@@ -34,7 +34,7 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
 def _tell() -> None:
     """Say, once in a process and to a person, why it takes so long."""
     if sys.stderr.isatty():
-        print('compiling the limits, which takes some seconds once ...', file=sys.stderr)
+        print('compiling the formulas, which takes some seconds once ...', file=sys.stderr)
 
 
 def vector(dtype: Any = types.float64) -> Any:

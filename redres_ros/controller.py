@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
+from redres_ros.closed_form import integrate
 from redres_ros.errors import DivergedError, RangeError, UnknownNameError
 from redres_ros.laws import Law
 from redres_ros.motion import STANDING, Aim, Blend, LawMotion
@@ -268,9 +269,9 @@ class Controller:
         resolver = self._resolver.advanced(self.T, self.switch_time)
         answer = resolver.resolve(answer, aim, state, start, self.T)
         dq = answer.dq
-        if dq.dot(dq) > SPEED_LIMIT**2:
+        q_ref = np.empty(self.model.n)
+        if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
             self._refuse(dq, blend, state, aim)
-        q_ref = start + self.T * dq  # footnote 1
         self._q_ref = q_ref
         self._dq_prev = dq
         self._blend = after

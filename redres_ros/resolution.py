@@ -1,10 +1,8 @@
 """Redundancy resolution: of all joint velocities that execute a task, the one nearest to a bias in
 a chosen norm; and the same for several tasks in order of priority.
 
-For so few joints numpy's overhead is most of the time. Hence `dot` instead of `@` (half of it),
-LAPACK called directly (a quarter of `np.linalg.solve`), and looking closely at arguments only when
-the result is not finite. OpenBLAS gives dtrtrs, dgetrs and dpotri to several threads whatever the
-size, which on a busy machine takes milliseconds: dtrsm, dtrsv and dpotrs do the same in one.
+The formula itself is compiled, in closed_form.py. Here is what surrounds it: tasks in order, the
+neighbourhood of singularities, and errors that name their reason.
 """
 
 import math
@@ -13,16 +11,26 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg.blas import dtrsm, dtrsv
-from scipy.linalg.lapack import dgeqrf, dormqr, dposv, dpotrf, dpotrs
+from scipy.linalg.lapack import dpotrf, dpotrs
 
+from redres_ros.closed_form import (
+    FACTOR,
+    IDENTITY,
+    INDEFINITE,
+    SINGULAR,
+    SINGULAR_RATIO,
+    SOLVED,
+    SQUARE,
+    WEIGHT,
+    closed_form,
+)
 from redres_ros.errors import ArrayError
 
-# task directions whose singular value is below this share of the largest one are damped
-SINGULAR_RATIO = 1e-3
 # rows whose singular value is below this share are dependent: lower tasks may use what they leave
 DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
+_NO_WEIGHT = np.zeros((0, 0))
 
 
 class Factor:
@@ -32,12 +40,15 @@ class Factor:
     W's. np.asarray gives W itself.
     """
 
+    form = FACTOR  # as closed_form.py calls it
+
     def __init__(self, F: np.ndarray) -> None:
         self.F = F
         self.shape = F.shape
 
     def solve_transposed(self, B: np.ndarray) -> np.ndarray:
         """F'^-1 B for B (n, k)."""
+        # dtrtrs would start threads, which takes milliseconds on a busy machine
         X: np.ndarray = dtrsm(1.0, self.F, B, trans_a=1)
         return X
 
@@ -52,17 +63,16 @@ class Factor:
 
 
 class Square(Factor):
-    """The weight W = M M of a symmetric positive definite M (n, n). Raises ArrayError for another
-    M.
+    """The weight W = M M of a symmetric positive definite M (n, n).
+
+    Solving raises ArrayError for another M.
     """
 
-    def __init__(self, M: np.ndarray) -> None:
-        super().__init__(M)
-        self._cholesky = _cholesky(M)
+    form = SQUARE
 
     def solve_transposed(self, B: np.ndarray) -> np.ndarray:
         """M^-1 B for B (n, k)."""
-        X: np.ndarray = dpotrs(self._cholesky, B)[0]
+        X: np.ndarray = dpotrs(_cholesky(self.F), B)[0]
         return X
 
     def solve_factor(self, b: np.ndarray) -> np.ndarray:
@@ -147,71 +157,28 @@ def resolve_one(
     Raises:
         ArrayError: as for `resolve`.
     """
-    r = dx - J.dot(b)
-    G = J.dot(J.T)
+    array, form = as_array(W)
+    dq = np.empty(len(b))
+    outcome = closed_form(J, dx, b, array, form, size, dq)
+    if outcome == SOLVED:
+        return dq, False
     damped = False
-    if W is None:
-        factor, f, failed = dposv(G, r)
-        if not failed and _well_conditioned(G, factor, size):
-            dq = b + J.T.dot(f)  # b + J^# (dx - J b)
-        else:
-            dq, damped = _resolve_carefully(J, r, b, W, size)
-    else:
-        factor, failed = dpotrf(G)
-        regular = not failed and _well_conditioned(G, factor, size)
-        step = _weighted_step(J, r, W) if regular else None
-        if step is None:
-            dq, damped = _resolve_carefully(J, r, b, W, size)
-        else:
-            dq = b + step
+    if outcome == INDEFINITE:
+        raise _indefinite(array)
+    if outcome == SINGULAR:
+        dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return dq, damped
 
 
-def _weighted_step(J: np.ndarray, r: np.ndarray, W: np.ndarray | Factor) -> np.ndarray | None:
-    """J_W^# r, (n,), Eq. (A.5); None where J W^-1 J' cannot be factored."""
+def as_array(W: Weight) -> tuple[np.ndarray, int]:
+    """The array behind a weight, and what it is: IDENTITY, WEIGHT, FACTOR or SQUARE."""
+    if W is None:
+        return _NO_WEIGHT, IDENTITY
     if isinstance(W, Factor):
-        return W.solve_factor(_least_norm(W.solve_transposed(J.T), r))
-    WJ = solve_spd(W, J.T)  # (n, m) W^-1 J'
-    _, f, failed = dposv(J.dot(WJ), r)
-    return None if failed else WJ.dot(f)
-
-
-def _least_norm(A: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The least y (n,) with A' y = r, for A (n, m) of full rank; A'A would square its condition."""
-    qr, tau, _, _ = dgeqrf(A)
-    y = np.zeros((len(A), 1))
-    y[: len(r), 0] = dtrsv(qr[: len(r)], r, trans=1)  # R' y = r
-    rotated: np.ndarray = dormqr('L', 'N', qr, tau, y, len(A))[0]  # Q y
-    return rotated[:, 0]
-
-
-def solve_spd(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A^-1 B for a symmetric positive definite A (n, n) and B (n,) or (n, k). Raises ArrayError for
-    another A.
-    """
-    factor, X, failed = dposv(A, B)
-    if failed or not math.isfinite(sum(factor.diagonal().tolist())):
-        raise _indefinite(A)
-    return X
-
-
-def _well_conditioned(G: np.ndarray, factor: np.ndarray, size: float) -> bool:
-    """Whether no direction of G = U' U, with U its Cholesky factor, needs damping; False also where
-    it is a close call.
-
-    The eigenvalues other than the smallest one have a mean of at most trace / (m - 1). Hence the
-    smallest one is at least det / (trace / (m - 1))^(m - 1). Where this is too little, as for
-    eigenvalues of different sizes, it is at least 1 / trace(G^-1), which takes longer.
-    """
-    others = len(G) - 1
-    trace = sum(G.diagonal().tolist())
-    needed = SINGULAR_RATIO**2 * max(trace, size * size)  # the largest one is at most the trace
-    if math.prod(factor.diagonal().tolist()) ** 2 * (others / trace) ** others > needed:
-        return True
-    inverse, _ = dpotrs(factor, np.eye(len(G)))
-    return 1.0 / sum(inverse.diagonal().tolist()) > needed
+        return W.F, W.form
+    return W, WEIGHT
 
 
 def _resolve_carefully(

@@ -29,7 +29,7 @@ class FloatingArm:
     def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
         return np.zeros((6, self.n))
 
-    def _free_acceleration(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         return np.zeros(len(q))
 
 

@@ -441,12 +441,12 @@ def test_another_tip_goes_round_a_square_of_its_own(robot, capsys):
 
 
 @pytest.mark.parametrize(('options', 'loaded'), [([], False), (['--limits', 'velocity'], True)])
-def test_the_compiler_for_limits_is_loaded_only_where_there_are_limits(short, options, loaded):
+def test_the_search_under_limits_is_loaded_only_where_there_are_limits(short, options, loaded):
     program = (
         'import sys\n'
         'from redres_ros.cli import main\n'
         'main(["simulate", *sys.argv[1:]])\n'
-        'sys.exit("numba" in sys.modules)\n'
+        'sys.exit("redres_ros.cascade" in sys.modules)\n'
     )
     done = subprocess.run(
         [sys.executable, '-c', program, '--task', short, *options], timeout=120, check=False

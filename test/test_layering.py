@@ -13,8 +13,9 @@ import redres_ros
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
     {'errors'},
-    {'parameter', 'share', 'yaml_file', 'resolution', 'rotation', 'robots', 'cycles', 'compiled'},
-    {'robot_model', 'waypoints', 'cascade'},
+    {'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles', 'compiled'},
+    {'closed_form', 'cascade'},
+    {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},
     {'motion'},
@@ -82,10 +83,17 @@ def test_only_nodes_and_the_command_line_import_ros_at_all():
     assert {room(file) for file in files_with(ROS)} - WITH_ROS <= {'cli'}
 
 
-def test_resolution_needs_nothing_but_numpy_and_lapack():
+def test_resolution_needs_nothing_but_numpy_and_lapack_and_the_compiled_formula():
     modules = {found.module for found in IMPORTS if found.file == 'resolution.py'}
-    needed = {'numpy', 'scipy.linalg.blas', 'scipy.linalg.lapack', 'redres_ros.errors'}
-    assert modules - needed <= {'math', 'itertools', 'collections.abc'}
+    needed = {'numpy', 'scipy.linalg.blas', 'scipy.linalg.lapack'}
+    own = {'redres_ros.errors', 'redres_ros.closed_form'}
+    assert modules - needed - own <= {'math', 'itertools', 'collections.abc'}
+
+
+def test_compiled_formulas_need_nothing_but_numpy_and_numba():
+    for file in ('closed_form.py', 'cascade.py'):
+        modules = {found.module for found in IMPORTS if found.file == file}
+        assert modules <= {'typing', 'numpy', 'numba', 'redres_ros.compiled'}
 
 
 def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():

@@ -79,6 +79,21 @@ def test_without_weight_it_is_the_pseudoinverse_with_the_projected_bias():
         assert resolve(J, dx, b) == pytest.approx(J_pinv @ dx + P @ b, abs=ROUNDING)  # Eq. (2)
 
 
+@pytest.mark.parametrize('form', ['identity', 'weight', 'factor', 'square'])
+def test_it_is_the_formula_of_the_paper_written_plainly(form):
+    for J, dx, b, W in PROBLEMS:
+        M = np.eye(len(b)) + 0.1 * W  # of a condition so small that inverting loses nothing
+        weight, F = {
+            'identity': (None, np.eye(len(b))),
+            'weight': (M, np.linalg.cholesky(M).T),
+            'factor': (Factor(np.linalg.cholesky(M).T), np.linalg.cholesky(M).T),
+            'square': (Square(M), M),
+        }[form]
+        inverse = np.linalg.inv(F.T @ F)
+        J_W = inverse @ J.T @ np.linalg.inv(J @ inverse @ J.T)  # Eq. (A.5)
+        assert resolve(J, dx, b, weight) == pytest.approx(b + J_W @ (dx - J @ b), abs=1e-12)
+
+
 def test_the_identity_as_weight_changes_nothing():
     for J, dx, b, _ in PROBLEMS:
         assert resolve(J, dx, b, np.eye(len(b))) == pytest.approx(resolve(J, dx, b), abs=ROUNDING)

@@ -102,7 +102,7 @@ print(*{module.partition('.')[0] for module in sys.modules})
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     assert {'numpy', 'pinocchio'} <= loaded
-    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'yaml', 'numba', 'rclpy'}
+    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'yaml', 'rclpy'}
 
 
 HELP = """
@@ -113,7 +113,7 @@ try:
     main(['--help'])
 except SystemExit:
     pass
-heavy = {'numpy', 'pinocchio', 'mujoco', 'rclpy', 'matplotlib'}
+heavy = {'numpy', 'numba', 'pinocchio', 'mujoco', 'rclpy', 'matplotlib'}
 print(*heavy & set(sys.modules), file=sys.stderr)
 """
 
