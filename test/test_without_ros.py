@@ -102,7 +102,7 @@ print(*{module.partition('.')[0] for module in sys.modules})
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     assert {'numpy', 'pinocchio'} <= loaded
-    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'yaml', 'rclpy'}
+    assert not loaded & {'mujoco', 'matplotlib', 'rich', 'rclpy'}
 
 
 HELP = """
