@@ -300,11 +300,15 @@ class Controller:
         return self._q_ref
 
     def _refuse(self, dq: np.ndarray, blend: Blend, state: RobotState, aim: Aim) -> NoReturn:
-        """Raise DivergedError for a speed beyond any arm; forget a memory that asks for it."""
+        """Raise DivergedError for a speed beyond any arm.
+
+        Where dx alone would not ask for it, from rest, the memory does, and is forgotten.
+        """
         speed = float(np.linalg.norm(dq))
-        without_dx, _ = blend.answer(state, aim._replace(dx=np.zeros(self.m)), self.T)
+        at_rest = state.with_velocity(np.zeros(self.model.n))
+        from_rest, _ = blend.answer(at_rest, aim, self.T)
         reason = 'dx'
-        if np.linalg.norm(without_dx.dq) > SPEED_LIMIT:
+        if np.linalg.norm(from_rest.dq) <= SPEED_LIMIT:
             reason = 'its own motion'
             self.reset()
         raise DivergedError(speed, SPEED_LIMIT, reason)
