@@ -300,8 +300,9 @@ def test_with_a_tip_nearer_to_the_base_the_joints_beyond_it_are_held():
     assert JointLimits.of(arm).acceleration.tolist() == list(ARMS['lwr4'].acceleration_limit[:5])
 
 
-def test_with_a_tip_on_the_same_joints_nothing_is_lost():
-    assert find_arm('fr3', tip_frame='fr3_link7').task == 'fr3_square'
+def test_with_a_tip_on_the_same_joints_the_tasks_are_lost_alone():
+    arm = find_arm('fr3', tip_frame='fr3_link7')
+    assert arm == replace(ARMS['fr3'], tip_frame='fr3_link7', task='', pose_task='')
 
 
 def test_figures_for_other_joints_are_refused_by_name():

@@ -138,7 +138,7 @@ REFUSED = [
     (('--task', 'circle'), "unknown task 'circle'; allowed: "),
     (('--task', 'none.yaml'), 'cannot read none.yaml'),
     (('--task', 'x' * 300), "unknown task 'xxx"),
-    (('--robot', 'r2d2'), "unknown robot 'r2d2'; allowed: fr3, "),
+    (('--robot', 'r2d2'), "unknown robot 'r2d2'; allowed: a path ending in .urdf "),
     (('--robot', 'none.urdf'), 'cannot read the URDF none.urdf'),
     (('--robot', 'fr3', '--task', 'rectangle'), 'the tip of fr3 is 794 mm away from the first'),
     (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
@@ -415,8 +415,7 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('options', 'message'),
     [
-        (('--robot', str(ARMS['iiwa7'].urdf)), 'unknown robot of the demo '),
-        (('--robot', 'iiwa7', '--tip', 'lbr_link_7'), 'with --tip the demo needs a --task'),
+        (('--robot', str(ARMS['iiwa7'].urdf), '--tip', 'hand'), "unknown frame 'hand'; "),
         (('--prefer', 'posture', '--posture.target', '0'), '--posture.target cannot be told'),
         (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
         (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),

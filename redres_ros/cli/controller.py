@@ -184,6 +184,8 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     told['torque_scale'] = options.torque_scale
     if options.tip:
         told['tip_frame'] = options.tip
+    if options.elbow:
+        told['elbow_frame'] = options.elbow
     return told
 
 

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import OptionError, add_motion
-from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
-    from redres_ros.cli.task import WantedMotion
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
 
@@ -82,7 +81,6 @@ def _demo(options: argparse.Namespace) -> int:
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
     motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
-    _check_known_to_nodes(motion)
     period = 1.0 / options.rate if options.rate else math.inf
     switches = tuple(map(_switch, options.switch or ()))
     check_gains(options, in_use(options, options.law, *(name for name, _ in switches)))
@@ -138,16 +136,6 @@ def _ending_at_once() -> Iterator[None]:
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-
-
-def _check_known_to_nodes(motion: 'WantedMotion') -> None:
-    """Refuse an arm or a task that the nodes cannot find by its name. Raises UnknownNameError."""
-    from redres_ros.robots import ARMS
-
-    if motion.task.robot not in ARMS:
-        raise UnknownNameError('robot of the demo', motion.task.robot, ARMS)
-    if not motion.name:
-        raise OptionError('with --tip the demo needs a --task that begins where this tip is')
 
 
 def _switch(text: str) -> tuple[str, float]:

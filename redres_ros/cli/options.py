@@ -112,6 +112,11 @@ def _add_arm(group: Any) -> None:
         help="link that carries out the task; default: the robot's own, of a file the last link",
     )
     group.add_argument(
+        '--elbow',
+        metavar='FRAME',
+        help="link that counts as the elbow; default: the robot's own, of a file its middle joint",
+    )
+    group.add_argument(
         '--dynamics',
         default='identified',
         metavar='NAME',

@@ -2,7 +2,6 @@
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from redres_ros.cli.options import OptionError
@@ -12,7 +11,6 @@ if TYPE_CHECKING:
     from redres_ros.robots import Arm
     from redres_ros.waypoints import WaypointTask
 
-_URDF = ('.urdf', '.xacro')  # endings by which a file is told from a name
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
 
@@ -57,17 +55,14 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
     from redres_ros.robot_model import RobotModel
     from redres_ros.waypoints import load_task, task_for
 
-    own = options.robot and not options.task
-    if own:
+    if options.robot and not options.task:
         arm = _find_arm(options, options.robot)
-        name = '' if options.tip else arm.task
+        name = arm.task
+        task = task_for(arm, options.robot)
     else:
         name = options.task or default
-    if name:
         task = load_task(name)
         arm = _find_arm(options, options.robot or task.robot)
-    else:
-        task = task_for(replace(arm, task=''), options.robot)  # its own may be of another tip
     model = RobotModel(arm)
     if options.robot:
         task = replace(task, robot=options.robot)
@@ -77,27 +72,10 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
 
 
 def _find_arm(options: argparse.Namespace, robot: str) -> 'Arm':
-    from redres_ros.robots import arm_from_urdf, find_arm
+    from redres_ros.robots import choose_arm
 
-    path = Path(robot)
-    if path.suffix not in _URDF:
-        return find_arm(robot, dynamics=options.dynamics, tip_frame=options.tip)
-    arm = arm_from_urdf(path, options.tip or _last_link(path))
+    arm = choose_arm(robot, options.tip or '', options.elbow or '')
     return replace(arm, dynamics=options.dynamics)
-
-
-def _last_link(path: Path) -> str:
-    """The link at the end of an arm without branches."""
-    from redres_ros.robots.urdf import Urdf
-
-    urdf = Urdf.read(path)
-    parents = {joint.parent for joint in urdf.joints}
-    ends = [link for link in urdf.links if link not in parents]
-    if not ends:
-        raise OptionError(f'{path} has no last link: its joints form a circle')
-    if len(ends) != 1:
-        raise OptionError(f'{path} ends in {", ".join(ends)}; say which one with --tip FRAME')
-    return ends[0]
 
 
 def _check_start(task: 'WaypointTask', model: 'RobotModel') -> None:

@@ -3,6 +3,7 @@ end with us.
 """
 
 import fcntl
+import json
 import math
 import os
 import random
@@ -228,4 +229,7 @@ def _yaml(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, (list, tuple)):
         return f'[{", ".join(map(_yaml, value))}]'
-    return repr(float(value)) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return repr(float(value))
+    # In quotes: a path may hold what YAML reads otherwise, and a text may be empty.
+    return json.dumps(value) if isinstance(value, str) else str(value)

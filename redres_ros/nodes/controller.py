@@ -27,8 +27,9 @@ from redres_ros.nodes.conversions import (
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.motion_parameters import MotionParameters
-from redres_ros.nodes.parameters import ListenerParameters, declare, declare_robot, on_live_change
+from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
+from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
@@ -107,7 +108,7 @@ class ControllerNode(Node):
         self._telemetry = Telemetry(self, kinds)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
-        self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
+        self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, RECENT)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)

@@ -1,7 +1,7 @@
 """Dataclass fields as ROS parameters: name, default, description and range are the field's."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rcl_interfaces.msg import (
@@ -16,16 +16,11 @@ from rclpy.parameter import Parameter as RosParameter
 
 from redres_ros.errors import RedresError
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
-from redres_ros.robot_model import RobotModel
-from redres_ros.robots import ARMS, Arm, find_arm
-from redres_ros.robots.arm import DYNAMICS
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 P = TypeVar('P', bound='DataclassInstance')
-
-_PAPER = ARMS['lwr4_paper']
 
 
 class ParameterError(RedresError):
@@ -145,61 +140,6 @@ class ListenerParameters(LoopParameters):
         '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
     )
     state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
-
-
-@dataclass(frozen=True)
-class RobotParameters:
-    """Which arm, with what tool, standing where."""
-
-    robot: str = param('lwr4_paper', 'arm: geometry, limits, dynamics', choices=tuple(ARMS))
-    dynamics: str = param(
-        _PAPER.dynamics, 'inertias: identified arm or uniform cylinders', choices=DYNAMICS
-    )
-    base_offset: float = param(
-        _PAPER.base_offset, "height of the arm's base above the base frame [m]", -2.0, 2.0
-    )
-    tool_offset: float = param(
-        _PAPER.tool_offset, 'from the flange to the tip along z [m]', -2.0, 2.0
-    )
-    tip_frame: str = param(_PAPER.tip_frame, 'frame that carries out the task')
-    task_space: str = param(
-        'position', 'rows of the task: position 3, pose 6', choices=('position', 'pose')
-    )
-
-    @property
-    def arm(self) -> Arm:
-        """The arm so described."""
-        return find_arm(
-            self.robot,
-            dynamics=self.dynamics,
-            base_offset=self.base_offset,
-            tool_offset=self.tool_offset,
-            tip_frame=self.tip_frame,
-        )
-
-    @property
-    def model(self) -> RobotModel:
-        """A new model of that arm."""
-        return RobotModel(self.arm)
-
-
-def declare_robot(node: Node) -> RobotParameters:
-    """Declare the parameters of the arm; the other defaults follow from `robot`."""
-    field, parameter = next(
-        (f, p) for f, p in parameters(RobotParameters).items() if f.name == 'robot'
-    )
-    arm = find_arm(declare_one(node, field.name, field.default, parameter))
-    defaults = {
-        f.name: getattr(arm, f.name) for f in fields(RobotParameters) if hasattr(arm, f.name)
-    }
-    values = {
-        f.name: declare_one(node, f.name, defaults.get(f.name, f.default), p)
-        for f, p in parameters(RobotParameters).items()
-        if f is not field
-    }
-    robot = RobotParameters(node.get_parameter(field.name).value, **values)
-    check_parameters(robot)
-    return robot
 
 
 def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:

@@ -24,8 +24,9 @@ from redres_ros.nodes.conversions import (
     to_twist,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
-from redres_ros.nodes.parameters import ListenerParameters, declare, declare_robot
+from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
+from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.pacing import Pacing
@@ -63,7 +64,7 @@ class PlannerNode(Node):
         self._settings = declare(self, PlannerParameters())
         self._model = self._robot.model
         name = self._settings.task
-        self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.robot)
+        self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
         self._frame = self._settings.base_frame or self._model.base_frame
         self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
         T = 1.0 / self._settings.rate
@@ -88,7 +89,7 @@ class PlannerNode(Node):
         self._telemetry = Telemetry(self, kinds)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
-        self._diagnostics = Diagnostics(self, self._robot.robot, self._health)
+        self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
         self.create_subscription(String, 'sim/stop_reason', self._on_stop_reason, LATCHED)

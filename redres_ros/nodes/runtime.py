@@ -176,7 +176,7 @@ def run_nodes(
         one_thread: whether the nodes are spun whenever that loop waits, and not in a second thread.
 
     Returns:
-        The exit status: 0, or 1 after an error.
+        The exit status: 0, 1 after an error, or 130 after a signal before the nodes began.
     """
     stopped = threading.Event()
     # Results are looked at; numpy's warning would be a second line.
@@ -187,6 +187,8 @@ def run_nodes(
     try:
         start(arguments)
         _spin([_made(make) for make in makes], stopped, one_thread)
+    except KeyboardInterrupt:
+        return 130  # while a node waited for what it is made from
     except (RedresError, RCLError, ParameterException) as error:
         if isinstance(error, RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error

@@ -25,8 +25,9 @@ from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
-from redres_ros.nodes.parameters import LoopParameters, declare, declare_robot, on_live_change
+from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
 from redres_ros.parameter import param
@@ -72,7 +73,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__('sim')
-        self._description = declare_robot(self)
+        self._description = declare_robot(self, is_the_robot=True)
         arm = self._description.arm
         self._settings = declare(self, SimParameters(start=arm.start))
         period = 1.0 / self._settings.rate
@@ -117,7 +118,7 @@ class SimNode(Node):
         self._session_topics = SessionTopics(self, self._session)
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
-        self._diagnostics = Diagnostics(self, self._description.robot, self._health)
+        self._diagnostics = Diagnostics(self, self._description.name, self._health)
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         # By the steady clock: under use_sim_time the node's own may stand still.

@@ -16,6 +16,7 @@ _PRECISION = 1e-5  # [m], to which the tip has to get to the end of each step
 _MARGIN = 0.02  # of each joint's range that stays free at both ends
 _SHARE = 0.3  # of the limits on velocity and acceleration that the joints may use
 _SHORTEST = 1.0  # [s], of a side
+_LONGEST = 6.0  # [s]; an arm with a slow joint, as a lift, gets a smaller square
 
 
 class SquareTask(NamedTuple):
@@ -35,7 +36,7 @@ def square_before_tip(
 
     It stands before the arm if that can be: its sides are along y and z. Else they are along x and
     z, or x and y. It reaches from the tip towards the base, if that can be. The sides are a tenth
-    of a metre, or half of that as often as needed.
+    of a metre, or half of that as often as needed: to be within reach, and gone in a few seconds.
 
     Args:
         kinematics: Of the arm.
@@ -45,17 +46,30 @@ def square_before_tip(
     Returns:
         The square; None where the arm can go round none.
     """
-    base, *_, x = kinematics.poses(start)[:, :3, 3]
-    inward = np.where(x > base + 1e-6, -1.0, 1.0)  # stretched out, an arm cannot go outward
+    slow: list[SquareTask] = []
     side = LARGEST_SIDE
     while side >= SMALLEST_SIDE:
-        for axes in _PLANES:
-            for signs in product((1.0, -1.0), repeat=2):
-                waypoints = _corners(x, axes, side * inward[list(axes)] * signs)
-                way = _way_of_joints(kinematics, start, waypoints)
-                if way is not None:
-                    return SquareTask(waypoints, _segment_time(kinematics, way, acceleration))
+        square = _square(kinematics, start, acceleration, side)
+        if square and square.segment_time <= _LONGEST:
+            return square
+        if square:
+            slow.append(square)
         side /= 2.0
+    return slow[0] if slow else None
+
+
+def _square(
+    kinematics: Kinematics, start: np.ndarray, acceleration: np.ndarray, side: float
+) -> SquareTask | None:
+    """The first square of that side [m] that the arm can go round."""
+    base, *_, x = kinematics.poses(start)[:, :3, 3]
+    inward = np.where(x > base + 1e-6, -1.0, 1.0)  # stretched out, an arm cannot go outward
+    for axes in _PLANES:
+        for signs in product((1.0, -1.0), repeat=2):
+            waypoints = _corners(x, axes, side * inward[list(axes)] * signs)
+            way = _way_of_joints(kinematics, start, waypoints)
+            if way is not None:
+                return SquareTask(waypoints, _segment_time(kinematics, way, acceleration))
     return None
 
 

@@ -103,7 +103,8 @@ ARMS: dict[str, Arm] = {
 def find_arm(name: str, **changes: object) -> Arm:
     """The arm of that name.
 
-    With the tip nearer to the base, joints beyond it are held still, and it has no default tasks.
+    With another tip than in the table it has no default tasks, and joints beyond the tip are held
+    still.
 
     Args:
         name: In the table ARMS.
@@ -118,15 +119,13 @@ def find_arm(name: str, **changes: object) -> Arm:
     arm = ARMS[name]
     given = {field: value for field, value in changes.items() if value is not None}
     changed = replace(arm, **given)  # type: ignore[arg-type]  # as many types as fields
-    return changed if changed.tip_frame == arm.tip_frame else _shortened(changed)
+    return changed if changed.tip_frame == arm.tip_frame else _with_another_tip(changed)
 
 
-def _shortened(arm: Arm) -> Arm:
-    """An arm of the table without the figures of joints beyond its tip."""
+def _with_another_tip(arm: Arm) -> Arm:
+    """An arm of the table without its tasks, and without figures of joints beyond its tip."""
     bare = replace(arm, rotor_inertia=(), acceleration_limit=(), start=())
     n = bare.kinematics().n
-    if n == len(arm.start):
-        return arm
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
     return replace(arm, task='', pose_task='', **figures)
 

@@ -1,0 +1,158 @@
+"""Which arm a node is for: by name, from a file, or from what the graph says of it."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from redres_ros.errors import UnknownNameError
+from redres_ros.nodes.parameters import ParameterError, declare
+from redres_ros.nodes.qos import LATCHED
+from redres_ros.parameter import param
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import ARMS, Arm, choose_arm, choose_tip
+from redres_ros.robots.arm import DYNAMICS
+from redres_ros.robots.choice import ALLOWED, names_an_arm
+
+TOPIC = 'topic'  # in place of an arm's name: the URDF that somebody publishes
+DESCRIPTION = 'robot_description'
+
+_PAPER = ARMS['lwr4_paper']
+_PATIENCE = 3.0  # [s] of waiting for the description between one line in the log and the next
+_GLANCE = 0.1  # [s] after which Python's signal handlers have their turn
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """Which arm, and which of its links have a part to play."""
+
+    robot: str = param(
+        'lwr4_paper',
+        'arm: a name that `redres laws` prints, a path ending in .urdf or .xacro, '
+        'or topic: the URDF on robot_description',
+    )
+    tip_frame: str = param(
+        '', "link that carries out the task; empty: the arm's own, of a URDF the last one"
+    )
+    elbow_frame: str = param(
+        '', "link that counts as the elbow; empty: the arm's own, of a URDF its middle joint"
+    )
+
+
+@dataclass(frozen=True)
+class MountingParameters:
+    """With what tool the arm stands where, and what of it the task concerns."""
+
+    dynamics: str = param(
+        _PAPER.dynamics, 'inertias: identified arm or uniform cylinders', choices=DYNAMICS
+    )
+    base_offset: float = param(
+        _PAPER.base_offset, "height of the arm's base above the base frame [m]", -2.0, 2.0
+    )
+    tool_offset: float = param(
+        _PAPER.tool_offset, 'from the flange to the tip along z [m]', -2.0, 2.0
+    )
+    task_space: str = param(
+        'position', 'rows of the task: position 3, pose 6', choices=('position', 'pose')
+    )
+
+
+class ChosenRobot(NamedTuple):
+    """The arm of a node.
+
+    Args:
+        name: What the parameter `robot` says.
+        arm: With the node's offsets and dynamics.
+        task_space: What a task velocity is of, position or pose.
+    """
+
+    name: str
+    arm: Arm
+    task_space: str
+
+    @property
+    def model(self) -> RobotModel:
+        """A new model of that arm."""
+        return RobotModel(self.arm)
+
+
+def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
+    """Declare the parameters of the arm; those of its mounting follow from `robot`.
+
+    Args:
+        node: Has the parameters. With `topic`, this waits until the description has come.
+        is_the_robot: Whether the node publishes the description itself.
+
+    Raises:
+        ParameterError: A value of another type, or `topic` for the node that publishes it.
+        RedresError: An arm that cannot be used.
+    """
+    wanted = declare(node, RobotParameters())
+    if wanted.robot != TOPIC and not names_an_arm(wanted.robot):
+        raise UnknownNameError('robot', wanted.robot, [*ALLOWED, TOPIC])
+    if wanted.robot == TOPIC and is_the_robot:
+        raise ParameterError(
+            f'robot is {TOPIC}, but this node publishes {DESCRIPTION} itself; '
+            f'allowed: {", ".join(ALLOWED)}'
+        )
+    if wanted.robot == TOPIC:
+        arm = choose_tip(await_description(node), wanted.tip_frame, wanted.elbow_frame)
+    else:
+        arm = choose_arm(wanted.robot, wanted.tip_frame, wanted.elbow_frame)
+    for remark in arm.remarks():
+        node.get_logger().info(remark)
+    own = MountingParameters(arm.dynamics, arm.base_offset, arm.tool_offset)
+    mounting = declare(node, own)
+    arm = replace(
+        arm,
+        dynamics=mounting.dynamics,
+        base_offset=mounting.base_offset,
+        tool_offset=mounting.tool_offset,
+    )
+    return ChosenRobot(wanted.robot, arm, mounting.task_space)
+
+
+def await_description(node: Node) -> str:
+    """The URDF on robot_description, waited for as long as it takes; a signal ends the wait.
+
+    Raises:
+        KeyboardInterrupt: The process is to end.
+    """
+    heard: list[String] = []
+    subscription = node.create_subscription(String, DESCRIPTION, heard.append, LATCHED)
+    topic = node.resolve_topic_name(DESCRIPTION)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    told_at = time.monotonic()
+    try:
+        with _signals_raised():
+            while not heard:
+                executor.spin_once(timeout_sec=_GLANCE)
+                if time.monotonic() - told_at > _PATIENCE:
+                    told_at = time.monotonic()
+                    node.get_logger().warning(f'waiting for a URDF on {topic}')
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+        node.destroy_subscription(subscription)
+    text: str = heard[-1].data
+    return text
+
+
+@contextmanager
+def _signals_raised() -> Iterator[None]:
+    """Have SIGINT and SIGTERM raise KeyboardInterrupt, before a node's own loop looks at them."""
+    handlers = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        handlers[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
