@@ -1,0 +1,267 @@
+"""The three nodes in one process and in virtual time: no DDS, no waiting, the same every time.
+
+The nodes are what they are in the field, callbacks and all. Only what ROS does for them is done
+here: messages go over wires, on which faults can be put, timers run when their virtual time has
+come, and services are called directly.
+"""
+
+import heapq
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Any
+from unittest import mock
+
+import rclpy
+from rclpy.node import Node
+
+from redres_ros.demo.processes import own_domain
+from redres_ros.nodes.controller import ControllerNode
+from redres_ros.nodes.planner import PlannerNode
+from redres_ros.nodes.sim import SimNode
+
+Fault = Callable[[Any, float], list[tuple[float, Any]]]  # message, now [s] -> (delay [s], message)
+
+_BEGINNING = 1_000_000.0  # [s] of the virtual clock
+
+
+def no_fault(message: Any, now: float) -> list[tuple[float, Any]]:
+    """Every message at once."""
+    return [(0.0, message)]
+
+
+class VirtualTime:
+    """A clock that goes on when it is told to, and what is due at which time."""
+
+    def __init__(self) -> None:
+        self.now = _BEGINNING
+        self._due: list[tuple[float, int, Callable[[], object]]] = []
+        self._number = count()
+
+    def monotonic(self) -> float:
+        """In the place of time.monotonic."""
+        return self.now
+
+    def call_in(self, delay: float, call: Callable[[], object]) -> None:
+        """Have something called after a delay [s]; at once without one."""
+        if delay <= 0.0:
+            call()
+        else:
+            heapq.heappush(self._due, (self.now + delay, next(self._number), call))
+
+    def repeat(self, period: float, call: Callable[[], object]) -> None:
+        """Have something called every period [s]."""
+
+        def again() -> None:
+            call()
+            self.call_in(period, again)
+
+        self.call_in(period, again)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass, and what is due happen."""
+        until = self.now + seconds
+        while self._due and self._due[0][0] <= until:
+            self.now, _, call = heapq.heappop(self._due)
+            call()
+        self.now = until
+
+
+class Graph:
+    """Wires between nodes, by topic; and the nodes' services by name.
+
+    faults: by (topic, name of the listener). All listeners get the same message, which nobody may
+    change. What was published on the topics in `kept` is there, as (time [s], message).
+    """
+
+    def __init__(self, clock: VirtualTime) -> None:
+        self.clock = clock
+        self.faults: dict[tuple[str, str], Fault] = {}
+        self.kept: dict[str, list[tuple[float, Any]]] = {}
+        self.services: dict[str, tuple[type, Callable[..., Any]]] = {}
+        self.log: list[tuple[str, str]] = []  # (node, line)
+        self._receivers: dict[str, list[tuple[str, Callable[[Any], None]]]] = {}
+        self._latched: dict[str, Any] = {}
+
+    def listen(self, topic: str, listener: str, receive: Callable[[Any], None]) -> None:
+        """Add a listener; a latched word reaches it at once."""
+        self._receivers.setdefault(topic, []).append((listener, receive))
+        if topic in self._latched:
+            self._deliver(topic, listener, receive, self._latched[topic])
+
+    def publish(self, topic: str, message: Any, *, latched: bool = False) -> None:
+        """To every listener, as the faults on its wire will have it."""
+        if latched:
+            self._latched[topic] = message
+        if topic not in self._receivers and topic not in self.kept:
+            return
+        sent = _copied(message)
+        if topic in self.kept:
+            self.kept[topic].append((self.clock.now, sent))
+        for listener, receive in self._receivers.get(topic, ()):
+            self._deliver(topic, listener, receive, sent)
+
+    def listeners(self, topic: str) -> int:
+        """How many there are."""
+        return len(self._receivers.get(topic, ()))
+
+    def call(self, name: str, **request: Any) -> Any:
+        """The response of a service."""
+        kind, answer = self.services[name]
+        return answer(kind.Request(**request), kind.Response())
+
+    def _deliver(
+        self, topic: str, listener: str, receive: Callable[[Any], None], message: Any
+    ) -> None:
+        fault = self.faults.get((topic, listener), no_fault)
+        for delay, arriving in fault(message, self.clock.now):
+            self.clock.call_in(delay, lambda arriving=arriving: receive(arriving))
+
+
+class _Wired(Node):
+    """Comes between a node's class and rclpy's: wires in the place of DDS."""
+
+    graph: Graph
+
+    def create_publisher(self, msg_type: Any, topic: str, qos: Any, **options: Any) -> Any:
+        return _Wire(self.graph, topic, getattr(getattr(qos, 'durability', 0), 'value', 0) == 1)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[[Any], None], *rest: Any, **options: Any
+    ) -> Any:
+        self.graph.listen(topic, self.get_name(), callback)
+
+    def create_timer(self, period: float, callback: Callable[[], object], **options: Any) -> Any:
+        self.graph.clock.repeat(period, callback)
+
+    def create_service(
+        self, kind: type, name: str, callback: Callable[..., Any], **options: Any
+    ) -> Any:
+        self.graph.services[name] = (kind, callback)
+
+    def count_publishers(self, topic: str) -> int:
+        return 1
+
+    def get_logger(self) -> Any:
+        return _Logger(self.graph, self.get_name())
+
+
+class _Wire:
+    """In the place of a publisher."""
+
+    def __init__(self, graph: Graph, topic: str, latched: bool) -> None:
+        self._graph = graph
+        self._topic = topic
+        self._latched = latched
+
+    def publish(self, message: Any) -> None:
+        """Over the wires."""
+        self._graph.publish(self._topic, message, latched=self._latched)
+
+    def get_subscription_count(self) -> int:
+        """Of listeners."""
+        return self._graph.listeners(self._topic)
+
+
+class _Logger:
+    """Keeps the lines; which level they have does not matter here."""
+
+    def __init__(self, graph: Graph, name: str) -> None:
+        self._graph = graph
+        self._name = name
+
+    def info(self, line: str, **options: Any) -> None:
+        """Note a line."""
+        self._graph.log.append((self._name, line))
+
+    warning = info
+    error = info
+
+
+class _Cycles:
+    """How the sim waits: virtual time goes on."""
+
+    def __init__(self, clock: VirtualTime) -> None:
+        self._clock = clock
+
+    def sleep(self, seconds: float) -> None:
+        """Let that much time pass."""
+        self._clock.advance(seconds)
+
+    def wait(self, event: threading.Event, seconds: float) -> bool:
+        """The same; nobody sets the event any sooner."""
+        self._clock.advance(seconds)
+        return event.is_set()
+
+
+class VirtualRun:
+    """Three nodes at work.
+
+    Args:
+        graph: What they are wired by.
+        nodes: By name.
+    """
+
+    def __init__(self, graph: Graph, nodes: dict[str, Any]) -> None:
+        self.graph = graph
+        self.nodes = nodes
+
+    @property
+    def now(self) -> float:
+        """Virtual time since the beginning [s]."""
+        return self.graph.clock.now - _BEGINNING
+
+    @property
+    def commanding(self) -> bool:
+        """Whether the robot takes commands."""
+        return bool(self.nodes['sim']._session.commanding)
+
+    def run(self, seconds: float) -> None:
+        """Let the robot go on for some time."""
+        stopped = threading.Event()
+        self.graph.clock.call_in(seconds, stopped.set)
+        self.nodes['sim'].run(stopped, _Cycles(self.graph.clock))
+
+    def run_until(self, condition: Callable[[], bool], patience: float) -> bool:
+        """Let it go on until a condition holds, but no longer than that [s]; whether it holds."""
+        until = self.now + patience
+        while not condition() and self.now < until:
+            self.run(0.1)
+        return condition()
+
+
+@contextmanager
+def virtual_run(**parameters: Any) -> Iterator[VirtualRun]:
+    """The nodes, with parameters by node and name, as sim={'patience': 0.0}."""
+    clock = VirtualTime()
+    graph = Graph(clock)
+    words = ['--ros-args']
+    for node, values in parameters.items():
+        for name, value in values.items():
+            words += ['-p', f'{node}:{name}:={_as_yaml(value)}']
+    with own_domain(), mock.patch.object(time, 'monotonic', clock.monotonic):
+        rclpy.init(args=words)
+        try:
+            nodes = {}
+            for cls in (SimNode, ControllerNode, PlannerNode):
+                wired = type(cls.__name__, (cls, _Wired), {'graph': graph})
+                node = wired()
+                nodes[node.get_name()] = node
+            yield VirtualRun(graph, nodes)
+        finally:
+            for node in nodes.values():
+                node.destroy_node()
+            rclpy.shutdown()
+
+
+def _as_yaml(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _copied(message: Any) -> Any:
+    """A message of its own, as after a way through DDS."""
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    return deserialize_message(serialize_message(message), type(message))
