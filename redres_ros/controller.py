@@ -10,20 +10,25 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 import numpy as np
 
 from redres_ros.closed_form import integrate
-from redres_ros.errors import DivergedError, RangeError, UnknownNameError
-from redres_ros.laws import Law
-from redres_ros.motion import STANDING, Aim, Blend, LawMotion
-from redres_ros.preferences import Preference, make_preference
+from redres_ros.errors import DivergedError, RangeError
+from redres_ros.laws import LAWS, Law
+from redres_ros.motion import STANDING, Aim, Blend, LawMotion, check_task
+from redres_ros.parameter import Parameter, check_value, found, several
+from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.resolution import Weight, project
 from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
 from redres_ros.robot_model import RobotModel, RobotState, finite_vector
-from redres_ros.tasks import Task, make_task
+from redres_ros.tasks import TASKS, Task
 
 if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit
 
 INTEGRATE_FROM = ('command', 'measurement')
+DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
 MOST_MISSED = 1_000_000  # cycles, which nobody bridges
+_SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
+_SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
+_INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
 
 
@@ -76,7 +81,7 @@ class Controller:
     def __init__(
         self,
         model: RobotModel,
-        law: Law,
+        law: str | Law,
         T: float,
         *,
         task: str | Task = 'position',
@@ -92,7 +97,7 @@ class Controller:
 
         Args:
             model: The arm.
-            law: The law to begin with.
+            law: The law to begin with: a name in LAWS, or a law.
             T: Sampling time [s].
             task: What dx is the velocity of: a name in TASKS, or a task.
             switch_time: Time over which changes, starting and stopping are blended [s]; 0: at once.
@@ -107,16 +112,18 @@ class Controller:
 
         Raises:
             RangeError: For T, switch_time, a scale or the law's damping.
-            UnknownNameError: For a name that is in no table, and for a frame or a joint of a
-                secondary task that the arm has not got.
-            ArrayError: For limits that the arm has no figures for.
+            UnknownNameError: For a name that is in no table, and for a frame or a joint of a task
+                that the arm has not got.
+            ArrayError: For limits that the arm has no figures for, and for a target that does not
+                fit the arm.
         """
-        if not 1e-5 <= T <= 1.0:
-            raise RangeError('T', T, 1e-5, 1.0, 's')
-        if not 0.0 <= switch_time <= 60.0:
-            raise RangeError('switch_time', switch_time, 0.0, 60.0, 's')
-        if integrate_from not in INTEGRATE_FROM:
-            raise UnknownNameError('integrate_from', integrate_from, INTEGRATE_FROM)
+        for name, value, parameter in (
+            ('T', T, _SAMPLING_TIME),
+            ('switch_time', switch_time, _SWITCH_TIME),
+            ('integrate_from', integrate_from, _INTEGRATE_FROM),
+        ):
+            check_value(name, value, parameter)
+        law = _law(law)
         law.check_damping(T)
         self.model = model
         self.T = T
@@ -129,6 +136,7 @@ class Controller:
         self._nothing_lost.flags.writeable = False  # every command shares it
         self._asked = LawMotion(law, _preferences(preferences), _tasks(secondary_tasks))
         self._asked.check(model)
+        check_task(self.task, model)
         self._begun = self._asked  # with targets that were left open filled in
         self._resolver: Resolver = UNLIMITED
         self._moving = True
@@ -155,12 +163,13 @@ class Controller:
         """Whether the law is followed (or being blended in); False after hold()."""
         return self._moving
 
-    def switch_law(self, law: Law) -> None:
-        """Go over to another law, or to the same one with other gains.
+    def switch_law(self, law: str | Law) -> None:
+        """Go over to another law, or to the same one with other gains; by name or as an object.
 
-        Of several asked for during one blend the last one counts. Raises RangeError for a damping
-        outside [0, 1/T]; the law in force then stays.
+        Of several asked for during one blend the last one counts. Raises UnknownNameError, and
+        RangeError for a damping outside [0, 1/T]; the law in force then stays.
         """
+        law = _law(law)
         law.check_damping(self.T)
         self._asked = replace(self._asked, law=law)
         self._begun = replace(self._begun, law=law)
@@ -250,7 +259,7 @@ class Controller:
 
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
-            RangeError: For missed. The controller is as it was before.
+            RangeError: For missed, or dx beyond DX_LIMIT. The controller is as it was before.
             DivergedError: The joints would exceed SPEED_LIMIT. Where dx is the reason,
                 the controller is as it was before. Where its own memory is, it has forgotten it.
         """
@@ -258,6 +267,9 @@ class Controller:
             raise RangeError('missed', missed, 0, MOST_MISSED, 'a whole number of cycles')
         q = finite_vector(q, self.model.n, 'q')
         dx = finite_vector(dx, self.m, 'dx')
+        fastest = max(map(abs, dx.tolist()))
+        if fastest > DX_LIMIT:
+            raise RangeError('dx', fastest, 0.0, DX_LIMIT)
         state = self.model.unchecked_state(q, self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
         aim = Aim(self.task, self.task.jacobian(state), dx, self._scale)
@@ -314,16 +326,20 @@ class Controller:
         raise DivergedError(speed, SPEED_LIMIT, reason)
 
 
+def _law(law: str | Law) -> Law:
+    return found('law', LAWS, Law, law)
+
+
 def _task(task: str | Task) -> Task:
-    return make_task(task) if isinstance(task, str) else task
+    return found('task', TASKS, Task, task)
 
 
-def _tasks(tasks: Iterable[str | Task]) -> tuple[Task, ...]:
-    return tuple(_task(task) for task in tasks)
+def _tasks(tasks: str | Iterable[str | Task]) -> tuple[Task, ...]:
+    return tuple(map(_task, several(tasks)))
 
 
-def _preferences(preferences: Iterable[str | Preference]) -> tuple[Preference, ...]:
+def _preferences(preferences: str | Iterable[str | Preference]) -> tuple[Preference, ...]:
     return tuple(
-        make_preference(preference) if isinstance(preference, str) else preference
-        for preference in preferences
+        found('preference', PREFERENCES, Preference, preference)
+        for preference in several(preferences)
     )

@@ -29,7 +29,7 @@ class RedresError(Exception):
 class UnknownNameError(RedresError):
     """A name that is in no table: law, robot, task, dynamics."""
 
-    def __init__(self, kind: str, got: str, allowed: Iterable[str]) -> None:
+    def __init__(self, kind: str, got: object, allowed: Iterable[str]) -> None:
         self.kind = kind
         self.got = got
         self.allowed = tuple(sorted(allowed))

@@ -71,10 +71,14 @@ class LawMotion:
 
     def check(self, model: RobotModel) -> None:
         """Raise what a preference or a task raises that does not fit the arm, as for the name of a
-        frame that it has not got.
+        frame that it has not got, or too few angles.
         """
-        q = np.zeros(model.n)
-        self.begun(model.unchecked_state(q, q))
+        state = _any_state(model)
+        begun = self.begun(state)
+        for preference in begun.preferences:
+            preference.acceleration(state)
+        for task in begun.lower_tasks:
+            task.jacobian(state)
 
     def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
         """Eq. (A.13), for several tasks Eq. (20)."""
@@ -102,6 +106,16 @@ class LawMotion:
             return None
         accelerations = [preference.acceleration(state) for preference in self.preferences]
         return np.add.reduce(accelerations)
+
+
+def check_task(task: Task, model: RobotModel) -> None:
+    """Raise what a first task raises that does not fit the arm."""
+    task.jacobian(_any_state(model))
+
+
+def _any_state(model: RobotModel) -> RobotState:
+    zeros = np.zeros(model.n)
+    return model.unchecked_state(zeros, zeros)
 
 
 class Standing:

@@ -3,7 +3,7 @@ and docs.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from numbers import Real
 from typing import Any, TypeVar
@@ -79,6 +79,30 @@ def make(kind: str, table: Mapping[str, type[T]], name: str, gains: Mapping[str,
         if gain not in allowed:
             raise UnknownNameError(f'gain of {name}', gain, allowed)
     return table[name](**gains)
+
+
+def found(kind: str, table: Mapping[str, type[T]], base: type, thing: str | T) -> T:
+    """A thing of a table that is given by its name or as it is.
+
+    Args:
+        kind: What the table holds, for the errors: law, task, preference.
+        table: Name to class.
+        base: What all things of that kind are.
+        thing: A name, whose gains then have their defaults; or an object of that kind.
+
+    Raises:
+        UnknownNameError: No such name in the table, or an object of another kind.
+    """
+    if isinstance(thing, str):
+        return make(kind, table, thing, {})
+    if not isinstance(thing, base):
+        raise UnknownNameError(kind, thing, table)
+    return thing
+
+
+def several(things: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
+    """Things that are given by name or as they are; a text alone is one name."""
+    return (things,) if isinstance(things, str) else tuple(things)
 
 
 def name_of(thing: object, table: Mapping[str, type]) -> str:

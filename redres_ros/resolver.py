@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from redres_ros.motion import Aim, Proposal, scaled
+from redres_ros.parameter import several
 from redres_ros.planner import quintic
 from redres_ros.robot_model import RobotModel, RobotState
 
@@ -135,7 +136,7 @@ def make_resolver(
     Raises:
         RedresError: A limit or a scale that cannot be used.
     """
-    limits = tuple(limits)
+    limits = several(limits)
     if not limits:
         return UNLIMITED
     from redres_ros.limits import make_limits

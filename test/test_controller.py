@@ -438,11 +438,15 @@ def test_of_many_switches_the_last_one_wins(underway):
     assert (command.dq == alone(last, command, dx)).all()
 
 
-def test_bad_input_that_only_the_result_shows_leaves_the_controller_as_it_was(model, task):
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('fastest', [1e10, 1e300, -1e308])
+def test_a_velocity_beyond_light_is_refused_and_leaves_the_controller_as_it_was(
+    model, task, fastest
+):
     one, two = (controller_of(model, 'minimum_velocity', switch_time=0.1) for _ in range(2))
     for _ in range(3):
-        with pytest.raises(ArrayError):
-            one.update(task.start, np.full(3, 1e308))
+        with pytest.raises(RangeError, match='dx is'):
+            one.update(task.start, np.full(3, fastest))
         assert (one.update(task.start, DX).dq == two.update(task.start, DX).dq).all()
 
 

@@ -514,6 +514,8 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
             ({'limit_scale': 2}, ('2', '1')),
             ({'orientation.gain': -1.0}, ('-1', '0')),
             ({'orientation.frame': 'knee'}, ('knee', 'link_4')),
+            ({'axis.frame': 'knee'}, ('knee', 'link_4')),  # though that task is not in use
+            ({'joint.joint': 'a8'}, ('a8', 'lwr_a1_joint')),
         ):
             with pytest.raises(CallError) as refusal:
                 set_parameters(probe, 'controller', values)

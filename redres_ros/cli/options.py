@@ -3,9 +3,10 @@
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, NoReturn
 
-from redres_ros.errors import RedresError
+from redres_ros.errors import RedresError, quoted
 
 NONE = 'none'  # the word for no limits at all
 
@@ -33,6 +34,8 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**{'formatter_class': Help, 'allow_abbrev': False, **kwargs})
         self._declarations: list[Callable[[Sequence[str]], None]] = []
+        for kind, reading in _READINGS.items():
+            self.register('type', kind, reading)
 
     def declare_later(self, declare: 'Callable[[Parser, Sequence[str]], None]') -> None:
         """Have declare(self, words to parse) called once, before the first parsing."""
@@ -50,10 +53,51 @@ class Parser(argparse.ArgumentParser):
         while self._declarations:
             self._declarations.pop()(words)
 
+    def error(self, message: str) -> NoReturn:
+        """Refuse the command line in one line. The base class prints the usage before it, up to
+        twenty lines.
+        """
+        self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+
     def _print_message(self, message: str, file: Any = None) -> None:
         """As of the base class, which passes over output that cannot be written."""
         if message and file is not None:
             file.write(message)
+
+
+def _read_text(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError('got nothing; expected a name')
+    return text
+
+
+def _read_path(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError('got nothing; expected a path')
+    return Path(text)
+
+
+def _read_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a number') from None
+
+
+def _read_whole_number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a whole number') from None
+
+
+# How the types that options are declared with read their texts; None is that of a plain text.
+_READINGS: dict[type | None, Callable[[str], Any]] = {
+    None: _read_text,
+    Path: _read_path,
+    float: _read_number,
+    int: _read_whole_number,
+}
 
 
 class Version(argparse.Action):

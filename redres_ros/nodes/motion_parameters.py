@@ -1,6 +1,6 @@
 """How the arm is to move, as ROS parameters: law, limits, preferences, tasks and their gains."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -111,7 +111,23 @@ class MotionParameters:
             make_task(name, **_own(TASKS, name, gains)) for name in _names(settings.secondary_tasks)
         )
         LawMotion(law, preferences, tasks).check(self._model)
+        self._check_unused(changes, gains)
         return Wanted(law, tuple(limits), preferences, tasks)
+
+    def _check_unused(self, changed: Iterable[str], gains: Mapping[str, Any]) -> None:
+        """Refuse a gain that its owner could not be made with, also while that is not in use."""
+        owners = {key.partition('.')[0] for key in changed if key in gains}
+        for name in LAWS.keys() & owners:
+            make_law(name, **_own(LAWS, name, gains))
+        preferences = [
+            make_preference(name, **_own(PREFERENCES, name, gains))
+            for name in PREFERENCES.keys() & owners
+        ]
+        tasks = [make_task(name, **_own(TASKS, name, gains)) for name in TASKS.keys() & owners]
+        law = make_law(self._settings.law)
+        LawMotion(law, tuple(preferences), tuple(tasks)).check(self._model)
+        of_limits = {key: gains[key] for key in changed if _is_of_limit(key)}
+        make_limits({key.partition('.')[0] for key in of_limits}, self._model, gains=of_limits)
 
     def apply(self, changes: Mapping[str, Any], controller: Controller) -> None:
         """Make the changes, and have a controller go over to them."""
