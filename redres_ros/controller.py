@@ -2,10 +2,11 @@
 out, once a cycle.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from numbers import Integral
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -90,6 +91,7 @@ class Controller:
         limits: Iterable['str | Limit'] = (),
         limit_scale: float = 1.0,
         torque_scale: float = 1.0,
+        limit_gains: Mapping[str, Any] = MappingProxyType({}),
         preferences: Iterable[str | Preference] = (),
         secondary_tasks: Iterable[str | Task] = (),
     ) -> None:
@@ -106,6 +108,7 @@ class Controller:
             limits: Names in LIMITS, or limits, that no command leaves.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
+            limit_gains: Gains of limits given by name, as {'position.margin': 0.02}.
             preferences: Names in PREFERENCES, or preferences; they add up.
             secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
                 stands for holding the value of the start of the motion.
@@ -141,7 +144,9 @@ class Controller:
         self._resolver: Resolver = UNLIMITED
         self._moving = True
         self.reset()
-        self.set_limits(limits, limit_scale=limit_scale, torque_scale=torque_scale)
+        self.set_limits(
+            limits, limit_scale=limit_scale, torque_scale=torque_scale, limit_gains=limit_gains
+        )
 
     @property
     def law(self) -> Law:
@@ -206,6 +211,7 @@ class Controller:
         *,
         limit_scale: float = 1.0,
         torque_scale: float = 1.0,
+        limit_gains: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         """Go over to other limits.
 
@@ -216,11 +222,12 @@ class Controller:
             limits: Names in LIMITS, or limits; none: no limits.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
+            limit_gains: Gains of limits given by name, as {'position.margin': 0.02}.
 
         Raises:
-            RedresError: A limit or a scale that cannot be used; the limits in force then stay.
+            RedresError: A limit, a scale or a gain that cannot be used. Those in force then stay.
         """
-        resolver = make_resolver(self.model, limits, limit_scale, torque_scale)
+        resolver = make_resolver(self.model, limits, limit_scale, torque_scale, limit_gains)
         if self._q_ref is None or resolver.bounds_acceleration:
             self._resolver = resolver
         else:

@@ -1,8 +1,8 @@
 """What stands between the wanted velocity and the commanded one: nothing, or the arm's limits."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -54,7 +54,7 @@ UNLIMITED = Unlimited()
 class Limited:
     """The same optimum within limits."""
 
-    def __init__(self, limits: 'Limits', joint_names: tuple[str, ...]) -> None:
+    def __init__(self, limits: 'Limits') -> None:
         # compiled: loaded only where limits are wanted
         from redres_ros.bounded import bound
         from redres_ros.limits import limit_name
@@ -63,7 +63,6 @@ class Limited:
         self._bound = bound
         self._limit_name = limit_name
         self._limits = limits
-        self._joint_names = joint_names
         self.bounds_acceleration = any(isinstance(limit, AccelerationLimit) for limit in limits)
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
@@ -85,7 +84,7 @@ class Limited:
         limiting = ''
         if acting is not None:
             limit, index = acting
-            limiting = f'{self._joint_names[index]}: {self._limit_name(limit)}'
+            limiting = f'{limit.place(state, index)}: {self._limit_name(limit)}'
         return answer._replace(dq=bounded.dq, s=bounded.s, limiting=limiting)
 
 
@@ -124,6 +123,7 @@ def make_resolver(
     limits: Iterable['str | Limit'],
     limit_scale: float,
     torque_scale: float,
+    gains: Mapping[str, Any],
 ) -> Resolver:
     """The resolver that keeps these limits of an arm.
 
@@ -132,14 +132,17 @@ def make_resolver(
         limits: Names in the table of limits, or objects; none: no limits.
         limit_scale: Factor on the arm's velocities and accelerations.
         torque_scale: Factor on its torques.
+        gains: Of limits given by name, as {'position.margin': 0.02}.
 
     Raises:
-        RedresError: A limit or a scale that cannot be used.
+        RedresError: A limit, a scale or a gain that cannot be used.
     """
     limits = several(limits)
     if not limits:
         return UNLIMITED
     from redres_ros.limits import make_limits
 
-    made = make_limits(limits, model, limit_scale=limit_scale, torque_scale=torque_scale)
-    return Limited(made, model.joint_names)
+    made = make_limits(
+        limits, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=gains
+    )
+    return Limited(made)

@@ -111,6 +111,11 @@ class RobotState:
         return jacobian_derivatives(self.jacobian(frame))
 
     @evaluated_once
+    def joint_poses(self) -> np.ndarray:
+        """Poses of the base and of the frame that each joint moves, (n + 1, 4, 4)."""
+        return self.model._joint_poses(self.q)
+
+    @evaluated_once
     def _tip(self) -> tuple[np.ndarray, np.ndarray]:
         return self.model._pose(self.q, self.model._tip)
 
@@ -230,6 +235,10 @@ class RobotModel:
         placement = pin.updateFramePlacement(self._model, self._data, frame)
         H = placement.homogeneous  # (4, 4), a copy
         return H[:3, 3], H[:3, :3]
+
+    def _joint_poses(self, q: np.ndarray) -> np.ndarray:
+        pin.forwardKinematics(self._model, self._data, q)
+        return np.array([placement.homogeneous for placement in self._data.oMi])
 
     def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
         return pin.computeFrameJacobian(  # a copy

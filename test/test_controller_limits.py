@@ -213,6 +213,18 @@ def test_limits_on_the_acceleration_act_at_once_and_keep_what_they_say(model, ta
     assert (np.abs(command.dq) <= 0.05 * model.dq_max + 1e-12).all()
 
 
+def test_gains_of_limits_are_set_with_them(model, task):
+    controller = controller_of(model, limits=BOX, limit_gains={'position.margin': 0.5})
+    end = model.q_max - 0.5
+    q = np.where(np.arange(model.n) == 3, end, 0.5 * task.start)
+    controller.update(q, np.zeros(3))
+    controller.set_limits(BOX, limit_gains={'position.margin': 0.6})
+    back = [controller.update(q, np.zeros(3)).dq[3] for _ in range(20)]
+    assert max(back) <= 0.0 and back[-1] < 0.0
+    with pytest.raises(UnknownNameError, match='unknown gain'):
+        controller.set_limits(BOX, limit_gains={'position.width': 0.6})
+
+
 def test_limits_that_cannot_be_used_leave_those_in_force(model, task):
     controller = controller_of(model, limits=BOX)
     with pytest.raises(UnknownNameError, match="unknown limit 'patience'"):

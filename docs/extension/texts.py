@@ -18,6 +18,7 @@ TOPICS = {
     'controller/joint_torque_norm': '‖τ‖ that the command needs [Nm]',
     'controller/min_singular_value': 'of the Jacobian: 0 at a singularity',
     'controller/task_scaling': 's, the share of the task velocity that the limits leave',
+    'controller/limiting': 'the joint, or the pair of bodies, and the limit that acts most',
     'controller/lost_velocity': 'what a singularity takes from the task [m/s]',
     'controller/law': 'name of the law in force',
     'planner/desired_pose': 'where the tip should be',

@@ -19,7 +19,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST
 _REFRESH = 5.0  # [Hz]
 
 _LATCHED = {'sim/session_state', 'sim/connection_quality', 'sim/stop_reason', 'planner/state'}
-_WORDS = {*_LATCHED, 'controller/law'}
+_WORDS = {*_LATCHED, 'controller/law', 'controller/limiting'}
 _COUNTS = {'planner/segment'}
 _POSES = {'controller/tip_pose'}
 

@@ -40,6 +40,7 @@ NODES: dict[str, tuple[Row, ...]] = {
         Row('controller/law', 'law'),
         Row('controller/tip_pose', 'tip', 'm'),
         Row('controller/task_scaling', 'share of the task velocity', '%', 100.0),
+        Row('controller/limiting', 'limited by'),
         Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s'),
         Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
         Row('controller/null_velocity_norm', 'null-space velocity, norm', 'rad/s'),

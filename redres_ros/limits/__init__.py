@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
@@ -17,6 +18,7 @@ LIMITS: dict[str, type[Limit]] = {
     'position': PositionLimit,
     'velocity': VelocityLimit,
     'acceleration': AccelerationLimit,
+    'collision': CollisionLimit,
     'torque': TorqueLimit,
 }
 
@@ -28,7 +30,7 @@ def make_limits(
     limit_scale: float = 1.0,
     torque_scale: float = 1.0,
     acceleration: tuple[float, ...] = (),
-    gains: Mapping[str, float] = MappingProxyType({}),
+    gains: Mapping[str, Any] = MappingProxyType({}),
 ) -> Limits:
     """The limits of those names, to be kept together.
 

@@ -30,6 +30,18 @@ class ReferenceState(Protocol):
     def n(self) -> np.ndarray:
         """Coriolis, centrifugal and gravity torque, (n,) [Nm]."""
 
+    @property
+    def J(self) -> np.ndarray:
+        """Jacobian of the tip, (6, n), the linear rows first."""
+
+    @property
+    def x(self) -> np.ndarray:
+        """Position of the tip, (3,) [m]."""
+
+    @property
+    def joint_poses(self) -> np.ndarray:
+        """Poses of the base and of the frame that each joint moves, (n + 1, 4, 4)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Limit(ABC):
@@ -51,6 +63,10 @@ class Limit(ABC):
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    def place(self, state: ReferenceState, index: int) -> str:
+        """What one of its bounds at a state is about: a joint, unless a limit says otherwise."""
+        return self.model.joint_names[index]
 
 
 class BoxLimit(Limit):

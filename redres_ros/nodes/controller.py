@@ -104,7 +104,8 @@ class ControllerNode(Node):
             self._forward_publisher = self.create_publisher(
                 Float64MultiArray, 'forward_position_controller/commands', PUBLISH
             )
-        kinds = {'tip_pose': PoseStamped, **dict.fromkeys(_NUMBERS, Float64), 'law': String}
+        kinds = {'tip_pose': PoseStamped, **dict.fromkeys(_NUMBERS, Float64)}
+        kinds |= {'limiting': String, 'law': String}
         self._telemetry = Telemetry(self, kinds)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
@@ -186,6 +187,7 @@ class ControllerNode(Node):
         publish('joint_torque_norm', lambda: float(norm(command.tau)))
         publish('min_singular_value', lambda: command.min_singular_value)
         publish('lost_velocity', lambda: float(norm(command.lost)))
+        publish('limiting', lambda: command.limiting)
         publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:

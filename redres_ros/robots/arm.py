@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
+from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.chain import chain_to, settle_chain
 from redres_ros.robots.hold import hold_the_rest
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
@@ -12,6 +13,7 @@ from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 DYNAMICS = ('identified', 'cylinders')
+DEFAULT_RADIUS = 0.06  # [m] of a body
 OF_EACH_JOINT = ('rotor_inertia', 'acceleration_limit', 'start')  # fields of an arm
 
 
@@ -29,6 +31,8 @@ class Arm:
             paper's Section 5.2 with each link a body of 1 kg, here a solid cylinder because an
             ideal rod makes M singular.
         rotor_inertia: Reflected to the joints, (n,) [kg m^2]; empty: none.
+        body_radius: Of the capsules around the base and around each link, (n + 1,) [m], 0 for none;
+            empty: 0.06 m each.
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
@@ -47,6 +51,7 @@ class Arm:
     tool_offset: float = 0.0
     dynamics: str = 'identified'
     rotor_inertia: tuple[float, ...] = ()
+    body_radius: tuple[float, ...] = ()
     acceleration_limit: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
     task: str = ''
@@ -99,6 +104,22 @@ class Arm:
         """
         prepared = self._prepared()
         return Kinematics.of(prepared.urdf, prepared.chain)
+
+    def bodies(self) -> Bodies:
+        """The capsules that must not collide.
+
+        Raises:
+            ArrayError: Radii for other links.
+            As `description`.
+        """
+        kinematics = self.kinematics()
+        radius = self.body_radius or (DEFAULT_RADIUS,) * (kinematics.n + 1)
+        if len(radius) != kinematics.n + 1:
+            raise ArrayError(
+                f'body_radius has {len(radius)} values; expected {kinematics.n + 1}, '
+                'one for the base and one for each link'
+            )
+        return Bodies.along(kinematics, radius)
 
     def _prepared(self) -> '_Prepared':
         urdf = Urdf.read(self.urdf)

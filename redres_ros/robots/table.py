@@ -31,6 +31,7 @@ _LWR4 = Arm(
     # Ia3 to Ia7 as identified by Jubien, Gautier and Janot (2014). Ia1 and Ia2 are their ZZ1 and
     # ZZ2 less the links' share.
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
+    body_radius=(0.08, 0.066, 0.0, 0.064, 0.0, 0.058, 0.0, 0.045),
     # From the controller file of the KRC2.
     acceleration_limit=_radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
     start=_radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
@@ -51,6 +52,7 @@ _IIWA7 = Arm(
     urdf=_urdf('iiwa7'),
     tip_frame='tool0',
     elbow_frame='lbr_link_4',
+    body_radius=(0.1, 0.075, 0.075, 0.07, 0.07, 0.065, 0.06, 0.04),
     # KUKA publishes none. An assumption: what the MoveIt configuration of lbr_fri_ros2_stack sets.
     acceleration_limit=(10.0,) * 7,
     start=_radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
@@ -62,6 +64,7 @@ _FR3 = Arm(
     urdf=_urdf('fr3'),
     tip_frame='tool0',
     elbow_frame='fr3_link4',
+    body_radius=(0.09, 0.0, 0.06, 0.055, 0.055, 0.0, 0.05, 0.045),
     # Franka Robotics' interface specification; libfranka refuses commands beyond it.
     acceleration_limit=(10.0,) * 7,
     start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
@@ -73,6 +76,7 @@ _GEN3 = Arm(
     urdf=_urdf('gen3'),
     tip_frame='tool0',
     elbow_frame='forearm_link',
+    body_radius=(0.08, 0.046, 0.046, 0.046, 0.044, 0.038, 0.038, 0.036),
     # Kinova's user guide: 297.94 deg/s^2 for the large actuators, 572.95 deg/s^2 for the small.
     acceleration_limit=(5.2, 5.2, 5.2, 5.2, 10.0, 10.0, 10.0),
     # Kinova's home, but with joint 3 away from 180 degrees, where its driver jumps by a turn.
@@ -85,6 +89,7 @@ _PLANAR4R = Arm(
     urdf=_urdf('planar4r'),
     tip_frame='tool0',
     elbow_frame='link_3',
+    body_radius=(0.0, 0.04, 0.04, 0.04, 0.03),
     acceleration_limit=(2.0, 2.0, 4.0, 4.0),  # as of the planar example named in the URDF
     start=_radians(0.0, 90.0, -90.0, 90.0),
     task='planar4r_hexagon',
@@ -127,7 +132,8 @@ def _with_another_tip(arm: Arm) -> Arm:
     bare = replace(arm, rotor_inertia=(), acceleration_limit=(), start=())
     n = bare.kinematics().n
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
-    return replace(arm, task='', pose_task='', **figures)
+    body_radius = arm.body_radius[: n + 1]
+    return replace(arm, task='', pose_task='', body_radius=body_radius, **figures)
 
 
 def arm_from_urdf(source: Path | str, tip_frame: str, elbow_frame: str = '') -> Arm:

@@ -1,0 +1,71 @@
+"""The bodies of an arm, simple enough to tell their distances in every tick: capsules."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.robots.kinematics import Kinematics
+
+SHORTEST = 0.02  # [m] of a way from joint to joint that gets a body
+
+
+class Bodies(NamedTuple):
+    """Capsules around the ways from joint to joint, from the base to the tip, B of them.
+
+    Args:
+        links: The name of the link that each belongs to; that of the base is 'base'.
+        moved_by: How many joints move each, (B,) of int64.
+        ends: Ends of each capsule's axis, in the frame that its last joint moves, (B, 2, 3) [m].
+        radius: (B,) [m].
+    """
+
+    links: tuple[str, ...]
+    moved_by: np.ndarray
+    ends: np.ndarray
+    radius: np.ndarray
+
+    @classmethod
+    def along(cls, kinematics: Kinematics, radius: tuple[float, ...]) -> 'Bodies':
+        """The bodies of an arm.
+
+        Args:
+            kinematics: Its joints.
+            radius: Of the base and of each link, (n + 1,) [m]; 0 for one without a body.
+        """
+        base = kinematics.joints[0].before[:3, 3]
+        ways = (base, *kinematics.ways)
+        links = ('base', *(joint.link for joint in kinematics.joints))
+        chosen = [
+            index
+            for index, way in enumerate(ways)
+            if radius[index] > 0.0 and np.linalg.norm(way) > SHORTEST
+        ]
+        ends = [_axis(ways[index], radius[index], index == kinematics.n) for index in chosen]
+        return cls(
+            tuple(links[index] for index in chosen),
+            np.array(chosen, np.int64),
+            np.array(ends).reshape(-1, 2, 3),
+            np.array([radius[index] for index in chosen]),
+        )
+
+    def pairs(self, apart: float) -> np.ndarray:
+        """The pairs of bodies that may collide, (P, 2) of int64.
+
+        Bodies are a pair if the straight arm keeps their surfaces farther apart than `apart` [m].
+        Others touch at a joint, or nearly.
+        """
+        length = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+        pairs = [
+            (i, j)
+            for j in range(len(length))
+            for i in range(j)
+            if length[i + 1 : j].sum() - self.radius[i] - self.radius[j] > apart
+        ]
+        return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def _axis(way: np.ndarray, radius: float, is_last: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The ends of a capsule's axis. The last cap ends at the tip, which may touch things."""
+    length = float(np.linalg.norm(way))
+    share = max(1.0 - radius / length, 0.0) if is_last else 1.0
+    return np.zeros(3), share * way

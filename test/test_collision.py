@@ -1,0 +1,223 @@
+"""The collision limit: distances as another library has them, and arms that keep them."""
+
+from functools import cache
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from redres_ros import Command, Controller, RobotModel, make_law
+from redres_ros.errors import ArrayError
+from redres_ros.limits import make_limits
+from redres_ros.limits.collision import CollisionLimit
+from redres_ros.limits.distances import FIRST_BALL, FLOOR
+from redres_ros.robots import ARMS
+
+T = 0.002  # [s]
+BOX = ('position', 'velocity', 'acceleration')
+BALLS = (0.5, 0.2, 0.4, 0.1, -0.5, 0.0, 0.3, 0.05)
+CLEARANCE = 0.02  # [m], the default
+ABOUT = 1e-4  # [m], what a tick covers beside what its straight line would
+EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
+
+
+@cache
+def model_of(arm: str) -> RobotModel:
+    return RobotModel.named(arm)
+
+
+def limit_of(arm: str, **gains: object) -> CollisionLimit:
+    return CollisionLimit(model_of(arm), **gains)
+
+
+def random_states(arm: str, count: int):
+    model = model_of(arm)
+    random = np.random.default_rng(0)
+    still = np.zeros(model.n)
+    for _ in range(count):
+        q = random.uniform(np.maximum(model.q_min, -3.0), np.minimum(model.q_max, 3.0))
+        yield model.state(q, still)
+
+
+# --- distances ------------------------------------------------------------------------------------
+
+
+def shape_of(limit: CollisionLimit, state, body: int):
+    """A body, or a ball, in the other library: its shape and its place."""
+    if body <= FIRST_BALL:
+        ball = np.reshape(limit.balls, (-1, 4))[FIRST_BALL - body]
+        return coal.Sphere(ball[3]), coal.Transform3s(np.eye(3), ball[:3])
+    bodies = limit.bodies
+    H = state.joint_poses[bodies.moved_by[body]]
+    ends = bodies.ends[body] @ H[:3, :3].T + H[:3, 3]
+    along = ends[1] - ends[0]
+    turn = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), along)
+    place = coal.Transform3s(turn.matrix(), ends.mean(axis=0))
+    return coal.Capsule(bodies.radius[body], np.linalg.norm(along)), place
+
+
+@EVERY_ARM
+def test_distances_are_those_of_another_library(arm):
+    limit = limit_of(arm, influence=1.0, balls=BALLS)
+    compared = 0
+    for state in random_states(arm, 20):
+        _, distances, who = limit.near(state)
+        for distance, pair in zip(distances, who.tolist(), strict=True):
+            if distance < 0.01:
+                continue  # what touches has other measures
+            first, second = (shape_of(limit, state, body) for body in pair)
+            theirs = coal.distance(*first, *second, coal.DistanceRequest(), coal.DistanceResult())
+            assert distance == pytest.approx(theirs, abs=1e-9)
+            compared += 1
+    assert compared > 50
+
+
+def height_of(bodies, body: int, state) -> float:
+    """Of a body's lowest point [m]."""
+    H = state.joint_poses[bodies.moved_by[body]]
+    return float((bodies.ends[body] @ H[2, :3] + H[2, 3]).min() - bodies.radius[body])
+
+
+@EVERY_ARM
+def test_the_floor_is_below_the_lower_end(arm):
+    limit = limit_of(arm, influence=1.0, floor=-0.3)
+    for state in random_states(arm, 5):
+        _, distances, who = limit.near(state)
+        for i in np.flatnonzero(who[:, 1] == FLOOR):
+            height = height_of(limit.bodies, who[i, 0], state)
+            assert distances[i] == pytest.approx(height + 0.3, abs=1e-12)
+
+
+@EVERY_ARM
+def test_rows_say_how_fast_bodies_approach(arm):
+    """Against central differences; where bodies in line change their nearest points, none exist."""
+    limit = limit_of(arm, influence=1.0, floor=0.0, balls=BALLS)
+    model = model_of(arm)
+    random = np.random.default_rng(1)
+    step = 1e-6
+    off = []
+    for state in random_states(arm, 20):
+        dq = random.normal(size=model.n)
+        C, _, who = limit.near(state)
+        _, after, who_after = limit.near(model.state(state.q + step * dq, dq))
+        _, before, who_before = limit.near(model.state(state.q - step * dq, dq))
+        if who.tolist() == who_after.tolist() == who_before.tolist():
+            off.extend(np.abs(C @ dq + (after - before) / (2.0 * step)))
+    assert len(off) > 50
+    assert np.quantile(off, 0.99) < 1e-6
+
+
+@EVERY_ARM
+def test_an_arm_has_bodies_and_pairs_that_are_clear_where_it_starts(arm):
+    limit = limit_of(arm)
+    model = model_of(arm)
+    assert len(limit.bodies.links) >= 4
+    assert len(limit.bodies.pairs(limit.influence)) >= 3
+    _, distances, _ = limit.near(model.state(np.array(ARMS[arm].start), np.zeros(model.n)))
+    assert (distances > limit.clearance).all()
+
+
+# --- what they keep -------------------------------------------------------------------------------
+
+
+def least_distance(limit: CollisionLimit, commands: list[Command]) -> float:
+    """Of all that is near in any tick [m]."""
+    model = limit.model
+    still = np.zeros(model.n)
+    found = [limit.near(model.state(command.q_ref, still))[1] for command in commands]
+    return min((float(distances.min()) for distances in found if len(distances)), default=np.inf)
+
+
+def driven(arm: str, dx: np.ndarray, ticks: int, limit: CollisionLimit, names=BOX) -> list[Command]:
+    """Commands to an ideal arm that is asked for one task velocity all the time."""
+    model = model_of(arm)
+    controller = Controller(model, make_law('minimum_acceleration'), T, limits=(*names, limit))
+    q = np.array(ARMS[arm].start)
+    commands = []
+    for _ in range(ticks):
+        command = controller.update(q, dx)
+        commands.append(command)
+        q = command.q_ref
+    return commands
+
+
+def lowest_point(arm: str) -> float:
+    """Of the bodies that can do something about it, where the arm starts [m]."""
+    model = model_of(arm)
+    state = model.state(np.array(ARMS[arm].start), np.zeros(model.n))
+    bodies = limit_of(arm).bodies
+    return min(
+        height_of(bodies, i, state) for i in range(len(bodies.radius)) if bodies.moved_by[i] > 1
+    )
+
+
+@EVERY_ARM
+def test_no_body_comes_nearer_to_the_floor_than_its_clearance(arm):
+    limit = limit_of(arm, floor=lowest_point(arm) - 0.1)
+    commands = driven(arm, np.array((0.0, 0.0, -0.3)), 1000, limit)
+    assert CLEARANCE - ABOUT < least_distance(limit, commands) < 2.0 * CLEARANCE
+    assert any(command.limiting.endswith(' to floor: collision') for command in commands)
+
+
+@EVERY_ARM
+def test_an_arm_that_is_drawn_into_itself_keeps_clear(arm):
+    model = model_of(arm)
+    x, _ = model.tip(np.array(ARMS[arm].start))
+    limit = limit_of(arm)
+    inward = -0.3 * x / np.linalg.norm(x)
+    commands = driven(arm, inward, 1500, limit)
+    assert least_distance(limit, commands) > CLEARANCE - ABOUT
+    allowed = np.array(ARMS[arm].acceleration_limit) * (1.0 + 1e-9)
+    assert all((np.abs(command.ddq) <= allowed).all() for command in commands)
+
+
+def test_a_ball_in_the_way_is_passed_by_no_body():
+    arm = 'iiwa7'
+    x, _ = model_of(arm).tip(np.array(ARMS[arm].start))
+    ball = (float(x[0]), float(x[1]) + 0.25, float(x[2]), 0.05)
+    limit = limit_of(arm, balls=ball)
+    commands = driven(arm, np.array((0.0, 0.2, 0.0)), 1000, limit)
+    assert least_distance(limit, commands) > CLEARANCE - ABOUT
+    assert commands[-1].limiting.endswith(' to ball 1: collision')
+
+
+def test_it_comes_before_torque_and_after_the_box():
+    """Pushed into the floor from inside it: out again, as fast as the accelerations allow."""
+    arm = 'lwr4'
+    model = model_of(arm)
+    x, _ = model.tip(np.array(ARMS[arm].start))
+    limit = limit_of(arm, floor=float(x[2]))
+    limits = make_limits((*BOX, 'torque', limit), model, torque_scale=0.3)
+    assert [type(each) for each in limits][-2:] == [CollisionLimit, type(list(limits)[-1])]
+    controller = Controller(model, make_law('minimum_velocity'), T, limits=tuple(limits))
+    q = np.array(ARMS[arm].start)
+    allowed = np.array(ARMS[arm].acceleration_limit) * (1.0 + 1e-9)
+    for _ in range(500):
+        command = controller.update(q, np.zeros(3))
+        assert (np.abs(command.ddq) <= allowed).all()
+        q = command.q_ref
+    _, distances, _ = limit.near(model.state(q, np.zeros(model.n)))
+    assert distances.min() > 0.9 * CLEARANCE
+
+
+def test_far_from_everything_the_closed_form_comes_back_to_the_bit():
+    model = model_of('lwr4')
+    q = np.array(ARMS['lwr4'].start)
+    dx = np.array((0.0, 0.05, 0.0))
+    with_it = Controller(model, make_law('minimum_velocity'), T, limits=(*BOX, 'collision'))
+    without = Controller(model, make_law('minimum_velocity'), T)
+    assert (with_it.update(q, dx).dq == without.update(q, dx).dq).all()
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+
+def test_balls_come_as_four_numbers_each():
+    with pytest.raises(ArrayError, match='balls holds 3 numbers; expected four for each'):
+        limit_of('lwr4', balls=(0.1, 0.2, 0.3))
+
+
+def test_a_clearance_beyond_the_influence_is_refused():
+    with pytest.raises(ArrayError, match='expected less than the influence'):
+        limit_of('lwr4', clearance=0.2)
