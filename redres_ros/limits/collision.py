@@ -32,7 +32,7 @@ class CollisionLimit(RowLimit):
     )
     clearance: float = param(0.02, 'd_s, distance that is kept [m]', 0.0, 1.0, live=True)
     time: float = param(
-        0.2, 't_d, time in which what is left to d_s may be covered [s]', 0.01, 10.0, live=True
+        0.3, 't_d, time in which what is left to d_s may be covered [s]', 0.01, 10.0, live=True
     )
     floor: float = param(-10.0, 'height of a floor in the base frame [m]', -10.0, 10.0, live=True)
     balls: tuple[float, ...] = param(
