@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
-from redres_ros.errors import ArrayError, DivergedError, UnknownNameError
+from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownNameError
 from redres_ros.limits.joint import VelocityLimit
 from redres_ros.planner import Planner
 
@@ -280,7 +280,7 @@ def test_a_task_velocity_that_no_joint_could_follow_is_refused_and_changes_nothi
 
 
 def test_a_task_velocity_that_overflows_is_refused(model, task):
-    with pytest.raises(ArrayError):
+    with pytest.raises(RangeError):
         controller_of(model).update(task.start, np.full(3, 1e308))
 
 
