@@ -7,7 +7,7 @@ compiled takes as long as three of them.
 import numpy as np
 from numba import boolean, float64, int64
 
-from redres_ros.compiled import compiled, matrix, vector
+from redres_ros.compiled import compiled, direct, matrix, vector
 
 # What the argument W of `closed_form` is.
 IDENTITY = 0  # nothing: the weight is I
@@ -69,17 +69,6 @@ def solve_upper(U: np.ndarray, x: np.ndarray) -> None:
         x[i] /= U[i, i]
 
 
-@compiled((matrix(), vector(), float64[::1]))
-def solve_definite(A: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
-    """Write A^-1 b into x, for a symmetric positive definite A (n, n); NaN for another one."""
-    U = np.zeros(A.shape)
-    x[:] = b
-    if not cholesky(A, U):
-        x[:] = np.nan
-    solve_lower(U, x)
-    solve_upper(U, x)
-
-
 @compiled()
 def make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
     """The rows of Q (m, n) become orthonormal, and R (m, m) lower triangular: before = R after."""
@@ -97,12 +86,16 @@ def make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
 
 @compiled()
 def is_regular(R: np.ndarray, size: float) -> bool:
-    """Whether no direction of J = R Q needs damping; False also where it is a close call.
+    """Whether no direction of R (m, m) needs damping; False also where it is a close call.
 
-    Q has orthonormal rows. With G = J J' = R R', the eigenvalues other than the smallest one have a
-    mean of at most trace / (m - 1). Hence the smallest one is at least
-    det / (trace / (m - 1))^(m - 1). Where this is too little, as for eigenvalues of different
-    sizes, it is at least 1 / trace(G^-1).
+    R is lower triangular. The eigenvalues of R R' other than the smallest one have a mean of at
+    most trace / (m - 1). Hence the smallest one is at least det / (trace / (m - 1))^(m - 1). Where
+    this is too little, as for eigenvalues of different sizes, it is at least 1 / trace of the
+    inverse.
+
+    Args:
+        R: (m, m) with the singular values of the task.
+        size: They are judged against this, or against the largest one if that is larger.
     """
     m = len(R)
     trace = 0.0
@@ -127,6 +120,29 @@ def is_regular(R: np.ndarray, size: float) -> bool:
 
 
 @compiled()
+def are_regular(J: np.ndarray, R: np.ndarray, tasks: np.ndarray, size: float) -> bool:
+    """Whether no task needs damping in what those before it leave; `closed_form` has the arguments.
+
+    With J = R Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
+    of those before it. Its singular values are judged against those of the whole Jacobian.
+    """
+    if J.shape[0] > J.shape[1]:
+        return False
+    if len(tasks) == 0:
+        return is_regular(R, size)
+    first = 0
+    for m in tasks:
+        square = 0.0
+        for k in range(first, first + m):
+            square += dot(J[k], J[k])
+        block = R[first : first + m, first : first + m]
+        if not is_regular(block, max(size, np.sqrt(square / m))):  # the root is below the largest
+            return False
+        first += m
+    return True
+
+
+@compiled()
 def solve_factor(F: np.ndarray, form: int, x: np.ndarray) -> None:
     """x becomes F^-1 x."""
     if form == SQUARE:
@@ -144,15 +160,41 @@ def solve_transposed_factor(F: np.ndarray, form: int, x: np.ndarray) -> None:
         solve_upper(F, x)
 
 
-@compiled(boolean(vector()))
-def is_finite(x: np.ndarray) -> bool:
-    """Whether no element is NaN or infinite."""
-    for i in range(len(x)):  # noqa: SIM110 (numba knows no generators)
+@direct
+@compiled(boolean(vector(), vector(), float64))
+def are_usable(x: np.ndarray, y: np.ndarray, most: float) -> bool:
+    """Whether every element of x is finite, and none of y larger than `most`."""
+    for i in range(len(x)):
         if not np.isfinite(x[i]):
+            return False
+    for i in range(len(y)):  # noqa: SIM110 (numba knows no generators)
+        if not abs(y[i]) <= most:
             return False
     return True
 
 
+@direct
+@compiled((matrix(), vector(), float64[::1]))
+def free_acceleration(M: np.ndarray, n: np.ndarray, ddq: np.ndarray) -> None:
+    """Write -M^-1 n, Eq. (6) with tau = 0, into ddq; NaN where M is not positive definite."""
+    U = np.zeros(M.shape)
+    for i in range(len(n)):
+        ddq[i] = -n[i]
+    if not cholesky(M, U):
+        ddq[:] = np.nan
+    solve_lower(U, ddq)
+    solve_upper(U, ddq)
+
+
+@direct
+@compiled((float64, vector(), float64, vector(), float64[::1]))
+def go_on(share: float, dq: np.ndarray, T: float, ddq: np.ndarray, b: np.ndarray) -> None:
+    """Write lambda dq + T ddq, Eq. (19) and (23), into b."""
+    for i in range(len(dq)):
+        b[i] = share * dq[i] + T * ddq[i]
+
+
+@direct
 @compiled(float64(vector(), float64, vector(), float64[::1]))
 def integrate(q: np.ndarray, T: float, dq: np.ndarray, q_ref: np.ndarray) -> float:
     """Write q + T dq (footnote 1) into q_ref; the speed |dq|."""
@@ -161,13 +203,16 @@ def integrate(q: np.ndarray, T: float, dq: np.ndarray, q_ref: np.ndarray) -> flo
     return np.sqrt(dot(dq, dq))
 
 
-@compiled(int64(matrix(), vector(), vector(), matrix(), int64, float64, float64[::1]))
+@compiled(
+    int64(matrix(), vector(), vector(), matrix(), int64, vector(int64), float64, float64[::1])
+)
 def closed_form(
     J: np.ndarray,
     dx: np.ndarray,
     b: np.ndarray,
     W: np.ndarray,
     form: int,
+    tasks: np.ndarray,
     size: float,
     dq: np.ndarray,
 ) -> int:
@@ -177,12 +222,16 @@ def closed_form(
     are made orthonormal, J F^-1 = R Q: then y = Q' R^-1 (dx - J b). That is Eq. (A.5),
     J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition.
 
+    Of several tasks each is executed exactly. That is what Eq. (20) asks for wherever each can be
+    executed in what those before it leave.
+
     Args:
-        J: (m, n) task Jacobian.
-        dx: (m,) task velocity.
+        J: (m, n) Jacobian of all tasks.
+        dx: (m,) what they want.
         b: (n,) bias.
         W: The weight as `form` says; (0, 0) for the identity.
         form: IDENTITY, WEIGHT, FACTOR or SQUARE.
+        tasks: (k,) number of rows of each task, in order of priority; (0,) for a single one.
         size: Singular values are judged against this, or against the largest one of J.
         dq: (n,) receives the result.
 
@@ -193,7 +242,7 @@ def closed_form(
     Q = J.copy()
     R = np.zeros((m, m))
     make_orthonormal(Q, R)
-    if m > n or not is_regular(R, size):
+    if not are_regular(J, R, tasks, size):
         return SINGULAR
 
     F = np.zeros(W.shape)  # W = F'F

@@ -4,7 +4,7 @@ motion to another without a jump.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -19,29 +19,22 @@ from redres_ros.tasks import Task
 _LOST = 1e-9  # of dx; less is rounding
 
 
-class Aim(NamedTuple):
-    """The first task at one tick: J (m, n), dx (m,); scale (m,) makes rows of J comparable."""
-
-    task: Task
-    J: np.ndarray
-    dx: np.ndarray
-    scale: np.ndarray | None
-
-
-class Proposal(NamedTuple):
+@dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
+class Proposal:
     """What a motion would do at one tick.
 
-    dq: (n,) [rad/s]. executed: (m,), the part of dx that dq is meant to execute. lost: (m,), the
-    part that a singularity does not let through; None if there is none. W: the metric. lower: J and
-    dx of the lower tasks, as dq executes them. s: the share of it that limits allow. limiting:
-    'joint: limit' that acts most, or ''.
+    dq: (n,) [rad/s]. J: (m, n), of the first task. executed: (m,), the part of dx that dq is meant
+    to execute. lost: (m,), the part that a singularity does not let through; None if there is none.
+    W: the metric. lower: J of the lower tasks, whose velocities are those that dq executes. s: the
+    share of it that limits allow. limiting: 'joint: limit' that acts most, or ''.
     """
 
     dq: np.ndarray
+    J: np.ndarray
     executed: np.ndarray
     lost: np.ndarray | None
     W: Weight
-    lower: Sequence[Level]
+    lower: Sequence[np.ndarray] = ()
     s: float = 1.0
     limiting: str = ''
 
@@ -49,8 +42,8 @@ class Proposal(NamedTuple):
 class Motion(Protocol):
     """Something that moves the arm."""
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
-        """What it would do at this state."""
+    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
+        """What it would do at this state, for a first task that wants dx (m,)."""
 
 
 @dataclass(frozen=True)
@@ -80,25 +73,29 @@ class LawMotion:
         for task in begun.lower_tasks:
             task.jacobian(state)
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
+    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
         """Eq. (A.13), for several tasks Eq. (20)."""
-        b = self.law.bias_with(state, T, self._preferred(state))
+        J = task.jacobian(state)
+        scale = task.row_scale(state.model)
         W = self.law.weight(state)
-        first = scaled(aim.J, aim.dx, aim.scale)
+        b = self.law.bias(state, T)
+        if self.preferences:
+            b = self.law.bias_with(state, T, self._preferred(state))
+        first = (J, dx) if scale is None else scaled(J, dx, scale)
         if not self.lower_tasks:
             dq, damped = resolve_one(*first, b, W)
-            lower: Sequence[Level] = ()
+            lower: Sequence[np.ndarray] = ()
         else:
             levels = [first, *(_level(task, state) for task in self.lower_tasks)]
             dq, damped = resolve_in_order(levels, b, W)
-            lower = [(J, J.dot(dq)) for J, _ in levels[1:]]
+            lower = [J for J, _ in levels[1:]]
         if not damped:
-            return Proposal(dq, aim.dx, None, W, lower)
-        executed = aim.J.dot(dq)
-        if np.linalg.norm(aim.dx - executed) > _LOST * np.linalg.norm(aim.dx):
-            dq = dq + _way_out(state, aim)
-            executed = aim.J.dot(dq)
-        return Proposal(dq, executed, aim.dx - executed, W, lower)
+            return Proposal(dq, J, dx, None, W, lower)
+        executed = J.dot(dq)
+        if np.linalg.norm(dx - executed) > _LOST * np.linalg.norm(dx):
+            dq = dq + _way_out(state, task, J, dx)
+            executed = J.dot(dq)
+        return Proposal(dq, J, executed, dx - executed, W, lower)
 
     def _preferred(self, state: RobotState) -> np.ndarray | None:
         """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None without any."""
@@ -121,9 +118,10 @@ def _any_state(model: RobotModel) -> RobotState:
 class Standing:
     """The arm stands still, and the task is left."""
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
+    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
         """No velocity."""
-        return Proposal(np.zeros(len(state.q)), np.zeros(len(aim.dx)), None, None, ())
+        J = task.jacobian(state)
+        return Proposal(np.zeros(len(state.q)), J, np.zeros(len(dx)), None, None)
 
 
 STANDING = Standing()
@@ -135,9 +133,10 @@ class Coasting:
 
     dq: np.ndarray
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> Proposal:
+    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
         """That velocity."""
-        return Proposal(self.dq, aim.J.dot(self.dq), None, None, ())
+        J = task.jacobian(state)
+        return Proposal(self.dq, J, J.dot(self.dq), None, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,23 +180,26 @@ class Blend:
         step = T / switch_time if switch_time > 0.0 else 1.0
         return replace(blend, share=min(blend.share + step, 1.0))
 
-    def answer(self, state: RobotState, aim: Aim, T: float) -> tuple[Proposal, 'Blend']:
+    def answer(
+        self, state: RobotState, task: Task, dx: np.ndarray, T: float
+    ) -> tuple[Proposal, 'Blend']:
         """dq = (1 - s) dq_old + s dq_new, and the blend after this tick.
 
         Where both execute the task, J dq = dx, so does every mixture.
         """
-        new = self.new.answer(state, aim, T)
+        new = self.new.answer(state, task, dx, T)
         if self.share >= 1.0:
             return new, self
-        old = self.old.answer(state.with_velocity(self.dq_old), aim, T)
+        old = self.old.answer(state.with_velocity(self.dq_old), task, dx, T)
         s, _ = quintic(self.share)
         dq = (1.0 - s) * old.dq + s * new.dq
         mixed = Proposal(
             dq,
+            new.J,
             (1.0 - s) * old.executed + s * new.executed,
             _mixed_loss(old.lost, new.lost, s),
             new.W,
-            [(J, J.dot(dq)) for J, _ in new.lower],
+            new.lower,
         )
         return mixed, replace(self, dq_old=old.dq)
 
@@ -206,18 +208,18 @@ def _level(task: Task, state: RobotState) -> Level:
     return scaled(task.jacobian(state), task.velocity(state), task.row_scale(state.model))
 
 
-def _way_out(state: RobotState, aim: Aim) -> np.ndarray | float:
+def _way_out(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:
     """The self-motion (n,) [rad/s] that leads out of a singularity; 0 where none is needed."""
-    dJ = aim.task.derivatives(state)
+    dJ = task.derivatives(state)
     if dJ is None:
         return 0.0
-    J, dx = scaled(aim.J, aim.dx, aim.scale)
-    if aim.scale is not None:
-        dJ = aim.scale[:, None] * dJ
-    z = way_out(J, dJ, dx, state.dq_prev)
-    if z is None:
-        return 0.0
-    return z if aim.scale is not None else z / state.model.reach
+    scale = task.row_scale(state.model)
+    if scale is None:
+        z = way_out(J, dJ, dx, state.dq_prev)
+        return 0.0 if z is None else z / state.model.reach
+    J, dx = scaled(J, dx, scale)
+    z = way_out(J, scale[:, None] * dJ, dx, state.dq_prev)
+    return 0.0 if z is None else z
 
 
 def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:

@@ -7,6 +7,7 @@ neighbourhood of singularities, and errors that name their reason.
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from redres_ros.closed_form import (
     FACTOR,
     IDENTITY,
     INDEFINITE,
-    SINGULAR,
+    NOT_FINITE,
     SINGULAR_RATIO,
     SOLVED,
     SQUARE,
@@ -31,6 +32,7 @@ DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
+_ONE_TASK = np.zeros(0, np.int64)
 
 
 class Factor:
@@ -129,6 +131,11 @@ def resolve_in_order(
     Raises:
         ArrayError: as for `resolve`.
     """
+    J = np.concatenate([J for J, _ in levels])
+    dx = np.concatenate([dx for _, dx in levels])
+    exact = _resolve_exactly(J, dx, b, W, _rows_of(*(len(dx) for _, dx in levels)))
+    if exact is not None:
+        return exact, False
     dq, damped = resolve_one(*levels[0], b, W)
     Z = np.eye(len(b))  # (n, k) null space of the tasks so far
     for (J_above, _), (J, dx) in pairwise(levels):
@@ -157,19 +164,40 @@ def resolve_one(
     Raises:
         ArrayError: as for `resolve`.
     """
-    array, form = as_array(W)
-    dq = np.empty(len(b))
-    outcome = closed_form(J, dx, b, array, form, size, dq)
-    if outcome == SOLVED:
-        return dq, False
-    damped = False
-    if outcome == INDEFINITE:
-        raise _indefinite(array)
-    if outcome == SINGULAR:
-        dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size)
+    exact = _resolve_exactly(J, dx, b, W, _ONE_TASK, size)
+    if exact is not None:
+        return exact, False
+    dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return dq, damped
+
+
+def _resolve_exactly(
+    J: np.ndarray,
+    dx: np.ndarray,
+    b: np.ndarray,
+    W: Weight,
+    tasks: np.ndarray,
+    size: float = 0.0,
+) -> np.ndarray | None:
+    """dq (n,) by the closed form; None where a direction may have to be damped."""
+    array, form = as_array(W)
+    dq = np.empty(len(b))
+    outcome = closed_form(J, dx, b, array, form, tasks, size, dq)
+    if outcome == SOLVED:
+        return dq
+    if outcome == INDEFINITE:
+        raise _indefinite(array)
+    if outcome == NOT_FINITE:
+        raise ArrayError(_complaint(J, dx, b, W, dq))
+    return None
+
+
+@lru_cache
+def _rows_of(*tasks: int) -> np.ndarray:
+    """The numbers of rows of tasks as an array, (k,)."""
+    return np.array(tasks, np.int64)
 
 
 def as_array(W: Weight) -> tuple[np.ndarray, int]:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from redres_ros.motion import Aim, Proposal, scaled
+from redres_ros.motion import Proposal, scaled
 from redres_ros.parameter import several
 from redres_ros.planner import quintic
 from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.tasks import Task
 
 if TYPE_CHECKING:
     from redres_ros.limits import Limits
@@ -26,9 +27,7 @@ class Resolver(Protocol):
     def advanced(self, T: float, switch_time: float) -> 'Resolver':
         """One cycle on."""
 
-    def resolve(
-        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Proposal:
+    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The answer to give; start: (n,) [rad], the reference that is integrated."""
 
 
@@ -41,9 +40,7 @@ class Unlimited:
         """Itself."""
         return self
 
-    def resolve(
-        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Proposal:
+    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The wanted one."""
         return answer
 
@@ -52,9 +49,14 @@ UNLIMITED = Unlimited()
 
 
 class Limited:
-    """The same optimum within limits."""
+    """The same optimum within limits.
 
-    def __init__(self, limits: 'Limits') -> None:
+    Args:
+        limits: What is kept.
+        scale: (m,) makes rows of the first task comparable; None where they are.
+    """
+
+    def __init__(self, limits: 'Limits', scale: np.ndarray | None) -> None:
         # compiled: loaded only where limits are wanted
         from redres_ros.bounded import bound
         from redres_ros.limits import limit_name
@@ -63,20 +65,22 @@ class Limited:
         self._bound = bound
         self._limit_name = limit_name
         self._limits = limits
+        self._scale = scale
         self.bounds_acceleration = any(isinstance(limit, AccelerationLimit) for limit in limits)
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
         return self
 
-    def resolve(
-        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Proposal:
+    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
-        if start is not state.q and not (start == state.q).all():
-            state = state.model.unchecked_state(start, state.dq_prev)
+        if start is not state.q:
+            state = RobotState(state.model, start, state.dq_prev)
+        if self._limits.keep(answer.dq, state, T):
+            return answer
         bounds = self._limits.at(state, T)
-        levels = [scaled(aim.J, answer.executed, aim.scale), *answer.lower]
+        levels = [scaled(answer.J, answer.executed, self._scale)]
+        levels += [(J, J.dot(answer.dq)) for J in answer.lower]
         bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows)
         if bounded.dq is answer.dq:
             return answer
@@ -85,7 +89,7 @@ class Limited:
         if acting is not None:
             limit, index = acting
             limiting = f'{limit.place(state, index)}: {self._limit_name(limit)}'
-        return answer._replace(dq=bounded.dq, s=bounded.s, limiting=limiting)
+        return replace(answer, dq=bounded.dq, s=bounded.s, limiting=limiting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +108,13 @@ class Changeover:
             return self.new
         return replace(self, share=self.share + step)
 
-    def resolve(
-        self, answer: Proposal, aim: Aim, state: RobotState, start: np.ndarray, T: float
-    ) -> Proposal:
+    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The mixture of both, which executes the mixture of their shares of dx."""
-        old = self.old.resolve(answer, aim, state, start, T)
-        new = self.new.resolve(answer, aim, state, start, T)
+        old = self.old.resolve(answer, state, start, T)
+        new = self.new.resolve(answer, state, start, T)
         part, _ = quintic(self.share)
-        return answer._replace(
+        return replace(
+            answer,
             dq=(1.0 - part) * old.dq + part * new.dq,
             s=(1.0 - part) * old.s + part * new.s,
             limiting=new.limiting or old.limiting,
@@ -120,6 +123,7 @@ class Changeover:
 
 def make_resolver(
     model: RobotModel,
+    task: Task,
     limits: Iterable['str | Limit'],
     limit_scale: float,
     torque_scale: float,
@@ -129,6 +133,7 @@ def make_resolver(
 
     Args:
         model: The arm.
+        task: The first one.
         limits: Names in the table of limits, or objects; none: no limits.
         limit_scale: Factor on the arm's velocities and accelerations.
         torque_scale: Factor on its torques.
@@ -145,4 +150,4 @@ def make_resolver(
     made = make_limits(
         limits, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=gains
     )
-    return Limited(made)
+    return Limited(made, task.row_scale(model))

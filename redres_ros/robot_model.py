@@ -1,13 +1,14 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.closed_form import is_finite, solve_definite
+from redres_ros.closed_form import are_usable, free_acceleration
 from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 
@@ -60,10 +61,10 @@ class RobotState:
 
     def with_velocity(self, dq_prev: np.ndarray) -> 'RobotState':
         """The same position at another last velocity (n,) [rad/s]; keeps what q alone decides."""
-        state = RobotState(self.model, self.q, dq_prev)
-        for name in ('J', 'M', '_tip'):
-            if name in self.__dict__:
-                state.__dict__[name] = self.__dict__[name]
+        state = copy(self)
+        state.dq_prev = dq_prev
+        for name in ('n', 'free_acceleration'):
+            state.__dict__.pop(name, None)
         return state
 
     @evaluated_once
@@ -94,8 +95,8 @@ class RobotState:
     @evaluated_once
     def free_acceleration(self) -> np.ndarray:
         """-M^-1 n, (n,) [rad/s^2]: how the arm would move without any torque, Eq. (6)."""
-        ddq = np.empty(len(self.q))
-        solve_definite(self.M, -self.n, ddq)  # a third less time than the articulated-body way
+        ddq = np.empty(self.model.n)
+        free_acceleration(self.M, self.n, ddq)  # a third less time than the articulated-body way
         return ddq
 
     def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
@@ -289,15 +290,26 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or
     infinity.
     """
+    vector = as_vector(values, size, name)
+    check_finite(vector, name)
+    return vector
+
+
+def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
+    """The same, where NaN and infinity are looked for later."""
     if type(values) is np.ndarray and values.dtype is _FLOAT64:
         vector = values.copy()
     else:
         vector = _as_floats(values, size, name)
     if vector.shape != (size,):
         raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
-    if not is_finite(vector):
-        raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
     return vector
+
+
+def check_finite(vector: np.ndarray, name: str) -> None:
+    """Raise ArrayError for a vector that holds NaN or infinity."""
+    if not are_usable(vector, vector, np.inf):  # in a tenth of the time of np.isfinite().all()
+        raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
 
 
 def _as_floats(values: Any, size: int, name: str) -> np.ndarray:

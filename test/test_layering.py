@@ -124,6 +124,7 @@ def test_laws_know_the_state_and_nothing_of_who_runs_them():
         'laws',
         'robot_model',
         'resolution',
+        'closed_form',
         'parameter',
         'errors',
     }

@@ -1,6 +1,6 @@
 """The limits: each as defined, never empty together, kept over long motions."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear
 from redres_ros import RobotModel
 from redres_ros.bounded import bound
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.limits import LIMITS, Limits, gain_names, limit_name, make_limits
-from redres_ros.limits.braking import stopping_speed
+from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
+from redres_ros.limits.boxes import stopping_speed
 from redres_ros.resolution import resolve
 
 T = 0.002  # [s]
@@ -120,6 +120,30 @@ def test_torque_rows_bound_the_torque_of_the_next_command(model, states):
         tau = state.M @ (dq - state.dq_prev) / T + state.n  # Eq. (6)
         assert C @ dq - low == pytest.approx(tau + 0.5 * model.tau_max)
         assert high - C @ dq == pytest.approx(0.5 * model.tau_max - tau)
+
+
+@dataclass(frozen=True, eq=False)
+class Slow(BoxLimit):
+    """A limit of one's own, in a few lines."""
+
+    order = 1
+
+    def box(self, state, T):
+        return np.full(self.model.n, -0.2), np.full(self.model.n, 0.2)
+
+
+@pytest.mark.parametrize('names', [*COMBINATIONS, ()], ids='+'.join)
+@pytest.mark.parametrize('more', [False, True], ids=['alone', 'with one of my own'])
+def test_a_velocity_is_said_to_keep_what_the_box_allows(names, more, model, states):
+    limits = make_limits((*names, *([Slow(model)] if more else [])), model, limit_scale=0.2)
+    said = []
+    for state in states[:20]:
+        lower, upper = limits.at(state, T).box
+        inside = np.clip(state.dq_prev, lower, upper)
+        for dq in (inside, inside + 1e-6, inside - 1e-6, state.dq_prev):
+            said.append(limits.keep(dq, state, T))
+            assert said[-1] == bool(((lower <= dq) & (dq <= upper)).all())
+    assert True in said
 
 
 # --- together -------------------------------------------------------------------------------------

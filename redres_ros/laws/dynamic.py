@@ -32,9 +32,7 @@ class _TorqueLaw(Law):
     """
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return (
-            self.forgetting(T) * state.dq_prev + T * state.free_acceleration
-        )  # lambda dq_{k-1} - T M^-1 n
+        return self.going_on(state, T, state.free_acceleration)  # lambda dq_{k-1} - T M^-1 n
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,40 @@
 """Limits of single joints: acceleration, velocity and position. Each is a box."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from redres_ros.bounded import Box
 from redres_ros.errors import ArrayError
-from redres_ros.limits.braking import stopping_box
+from redres_ros.limits.boxes import ACCELERATION, POSITION, VELOCITY, fill_boxes
 from redres_ros.limits.limit import BoxLimit, ReferenceState
 from redres_ros.parameter import param
 
 
 @dataclass(frozen=True, eq=False)
-class _Braking(BoxLimit):
+class JointLimit(BoxLimit):
+    """A limit whose box is one of the formulas in boxes.py, where several are taken together."""
+
+    kind: ClassVar[int]  # of those formulas
+
+    @property
+    @abstractmethod
+    def figures(self) -> np.ndarray:
+        """What the formula needs, (3, n)."""
+
+    def box(self, state: ReferenceState, T: float) -> Box:
+        box = np.empty((2, self.model.n))
+        boxes = np.empty((1, 2, self.model.n))
+        kinds = np.array([self.kind])
+        fill_boxes(state.q, state.dq_prev, T, kinds, self.figures[None], box, boxes)
+        return box[0], box[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Braking(JointLimit):
     """What the limits that count on an acceleration share.
 
     Args:
@@ -42,36 +63,35 @@ class AccelerationLimit(_Braking):
     """|dq - dq_prev| <= A T. It holds whatever the state."""
 
     order = 0
+    kind = ACCELERATION
 
-    def box(self, state: ReferenceState, T: float) -> Box:
-        reach = T * self.A  # (n,)
-        return state.dq_prev - reach, state.dq_prev + reach
+    @property
+    def figures(self) -> np.ndarray:
+        return np.stack((self.A, self.A, self.A))
 
 
 @dataclass(frozen=True, eq=False)
-class VelocityLimit(BoxLimit):
+class VelocityLimit(JointLimit):
     """|dq| <= V. A joint that is faster brakes as hard as it may."""
 
     order = 1
+    kind = VELOCITY
 
     @cached_property
     def V(self) -> np.ndarray:
         """The velocity that is allowed, (n,) [rad/s]."""
         return self.scale * self.model.dq_max
 
-    @cached_property
-    def _box(self) -> Box:
-        return -self.V, self.V
-
-    def box(self, state: ReferenceState, T: float) -> Box:
-        return self._box
+    @property
+    def figures(self) -> np.ndarray:
+        return np.stack((self.V, self.V, self.V))
 
 
 @dataclass(frozen=True, eq=False)
 class PositionLimit(_Braking):
     """-beta(q - q_min) <= dq <= beta(q_max - q): the joint can always stop within its range.
 
-    beta is the largest speed from which it stops in time if it brakes by A T a tick (braking.py). A
+    beta is the largest speed from which it stops in time if it brakes by A T a tick (boxes.py). A
     joint that is outside comes back as fast as A allows, so that it stops at the end of its range.
     scale acts on A.
 
@@ -80,6 +100,7 @@ class PositionLimit(_Braking):
     """
 
     order = 2
+    kind = POSITION
 
     margin: float = param(
         float(np.radians(0.5)),
@@ -108,5 +129,6 @@ class PositionLimit(_Braking):
         """(n,) [rad], the margin taken off."""
         return self.model.q_max - self.margin
 
-    def box(self, state: ReferenceState, T: float) -> Box:
-        return stopping_box(state.q, self.q_min, self.q_max, self.A, T)
+    @property
+    def figures(self) -> np.ndarray:
+        return np.stack((self.q_min, self.q_max, self.A))

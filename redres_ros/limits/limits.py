@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.bounded import Bounded, Box, Rows
-from redres_ros.limits.braking import TOUCHING, narrow
+from redres_ros.limits.boxes import GIVEN, TOUCHING, fill_boxes, keeps_boxes
+from redres_ros.limits.joint import JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 
 UPPER = 1  # the place of the upper bound in a box
@@ -19,7 +20,7 @@ class Bounds(NamedTuple):
     rows: list[Rows]  # in order of priority
     kept: bool  # False where a joint cannot keep every box, and goes as near to them as it may
     box_limits: tuple[BoxLimit, ...]  # what the box comes from, in order
-    boxes: list[Box]
+    boxes: np.ndarray  # (k, 2, n)
     row_limits: tuple[RowLimit, ...]  # what the rows come from, in order
 
     def limiting(self, bounded: Bounded) -> tuple[Limit, int] | None:
@@ -68,6 +69,15 @@ class Limits:
         in_order = sorted(limits, key=lambda limit: limit.order)
         self._boxes = tuple(limit for limit in in_order if isinstance(limit, BoxLimit))
         self._rows = tuple(limit for limit in in_order if isinstance(limit, RowLimit))
+        self._given = [
+            (k, limit) for k, limit in enumerate(self._boxes) if not isinstance(limit, JointLimit)
+        ]
+        self._kinds = np.array([_kind(limit) for limit in self._boxes], np.int64)
+        n = in_order[0].model.n if in_order else 0
+        self._figures = np.zeros((len(self._boxes), 3, n))
+        for figures, limit in zip(self._figures, self._boxes, strict=True):
+            if isinstance(limit, JointLimit):
+                figures[:] = limit.figures
 
     def __iter__(self) -> Iterator[Limit]:
         yield from self._boxes
@@ -76,17 +86,36 @@ class Limits:
     def __len__(self) -> int:
         return len(self._boxes) + len(self._rows)
 
+    def keep(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        """Whether a velocity keeps all of them; False also where rows would have to be looked at.
+
+        Args:
+            dq: (n,) [rad/s].
+            state: The reference and the last command.
+            T: Sampling time [s].
+        """
+        if self._rows:
+            return False
+        if self._given:
+            self._fill_in(state, T)
+        keeps: bool = keeps_boxes(dq, state.q, state.dq_prev, T, self._kinds, self._figures)
+        return keeps
+
     def at(self, state: ReferenceState, T: float) -> Bounds:
         """What they say at a state, for a sampling time T [s]."""
-        boxes = [limit.box(state, T) for limit in self._boxes]
+        self._fill_in(state, T)
+        n = len(state.q)
+        box = np.empty((2, n))
+        boxes = np.empty((len(self._boxes), 2, n))
+        kept = fill_boxes(state.q, state.dq_prev, T, self._kinds, self._figures, box, boxes)
         rows = [limit.rows(state, T) for limit in self._rows]
-        kept = True
-        if boxes:
-            lower = boxes[0][0].copy()
-            upper = boxes[0][1].copy()
-        else:
-            lower = np.full(len(state.q), -np.inf)
-            upper = -lower
-        for least, most in boxes[1:]:
-            kept = narrow(lower, upper, least, most) and kept
-        return Bounds((lower, upper), rows, kept, self._boxes, boxes, self._rows)
+        return Bounds((box[0], box[1]), rows, kept, self._boxes, boxes, self._rows)
+
+    def _fill_in(self, state: ReferenceState, T: float) -> None:
+        """Ask the limits that say themselves what their box is."""
+        for k, limit in self._given:
+            self._figures[k, :2] = limit.box(state, T)
+
+
+def _kind(limit: BoxLimit) -> int:
+    return limit.kind if isinstance(limit, JointLimit) else GIVEN

@@ -1,0 +1,134 @@
+"""The boxes of joint limits, compiled: which velocities of a joint a limit allows."""
+
+import numpy as np
+from numba import boolean, float64, int64, types
+
+from redres_ros.compiled import compiled, direct, vector
+
+TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
+
+# What a limit is, and what its figures (3, n) are then.
+ACCELERATION = 0  # A [rad/s^2]
+VELOCITY = 1  # V [rad/s]
+POSITION = 2  # q_min, q_max [rad], A [rad/s^2]
+GIVEN = 3  # the box itself, lower and upper [rad/s]
+
+_FIGURES = types.Array(types.float64, 3, 'C')
+
+
+@compiled(float64(float64, float64, float64))
+def stopping_speed(d: float, A: float, T: float) -> float:
+    """beta(d), the largest speed from which a joint stops within the distance d.
+
+    It goes on at this speed for one tick, and is then slower by A T in every further one. The usual
+    sqrt(2 A d) is its limit for T -> 0. For d < 0 it is -beta(-d): the joint comes back at the
+    speed from which it stops at the limit.
+
+    Args:
+        d: distance to the limit [rad]; it may be infinite.
+        A: acceleration [rad/s^2]; infinite for a joint that stops at once.
+        T: sampling time [s].
+
+    Returns:
+        The speed [rad/s].
+    """
+    if d < 0.0:
+        return -stopping_speed(-d, A, T)
+    if not np.isfinite(d):
+        return d
+    if not np.isfinite(A):
+        return d / T
+    step = A * T
+    N = np.floor(
+        (np.sqrt(1.0 + 8.0 * d / (step * T)) - 1.0) / 2.0
+    )  # ticks it takes beside the first
+    return (d / T + step * N * (N + 1.0) / 2.0) / (N + 1.0)
+
+
+@compiled()
+def box_of_joint(
+    kind: int, figures: np.ndarray, i: int, q: float, dq_prev: float, T: float
+) -> tuple[float, float]:
+    """The least and the largest velocity of joint i under one limit [rad/s]."""
+    if kind == ACCELERATION:  # |dq - dq_prev| <= A T
+        reach = T * figures[0, i]
+        return dq_prev - reach, dq_prev + reach
+    if kind == VELOCITY:  # |dq| <= V
+        return -figures[0, i], figures[0, i]
+    if kind == POSITION:  # -beta(q - q_min) <= dq <= beta(q_max - q)
+        A = figures[2, i]
+        least = -stopping_speed(q - figures[0, i], A, T)
+        return least, stopping_speed(figures[1, i] - q, A, T)
+    return figures[0, i], figures[1, i]
+
+
+@compiled()
+def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[float, float]:
+    """The part of [lower, upper] in [least, most]; where they are apart, the nearest point."""
+    return min(max(least, lower), upper), max(min(most, upper), lower)
+
+
+@direct
+@compiled(boolean(vector(), vector(), vector(), float64, vector(int64), _FIGURES))
+def keeps_boxes(
+    dq: np.ndarray,
+    q: np.ndarray,
+    dq_prev: np.ndarray,
+    T: float,
+    kinds: np.ndarray,
+    figures: np.ndarray,
+) -> bool:
+    """Whether a velocity is in the box that `fill_boxes` would give; the arguments are its."""
+    for i in range(len(q)):
+        lower = -np.inf
+        upper = np.inf
+        for k in range(len(kinds)):
+            least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
+            lower, upper = narrowed(lower, upper, least, most)
+        if not lower <= dq[i] <= upper:
+            return False
+    return True
+
+
+@direct
+@compiled(boolean(vector(), vector(), float64, vector(int64), _FIGURES, float64[:, ::1], _FIGURES))
+def fill_boxes(
+    q: np.ndarray,
+    dq_prev: np.ndarray,
+    T: float,
+    kinds: np.ndarray,
+    figures: np.ndarray,
+    box: np.ndarray,
+    boxes: np.ndarray,
+) -> bool:
+    """Write the box of each limit, and the one that is in all of them.
+
+    A joint for which a box has nothing in common with those before it goes as near to it as they
+    allow.
+
+    Args:
+        q: (n,) [rad].
+        dq_prev: (n,) [rad/s] the last command.
+        T: Sampling time [s].
+        kinds: (k,) what each limit is.
+        figures: (k, 3, n) of each limit.
+        box: (2, n) receives the one that is in all of them.
+        boxes: (k, 2, n) receives that of each limit.
+
+    Returns:
+        Whether they have something in common in every joint.
+    """
+    meet = True
+    for i in range(len(q)):
+        lower = -np.inf
+        upper = np.inf
+        for k in range(len(kinds)):
+            least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
+            boxes[k, 0, i] = least
+            boxes[k, 1, i] = most
+            if least > upper + TOUCHING or most < lower - TOUCHING:
+                meet = False
+            lower, upper = narrowed(lower, upper, least, most)
+        box[0, i] = lower
+        box[1, i] = upper
+    return meet
