@@ -26,6 +26,8 @@ def _reproduce(options: argparse.Namespace) -> int:
 
     runs = Runs()
     out = made(options.out, 'claims.csv')
+    with progress_bar('simulations and experiments') as progress:
+        runs.prepare(progress)
     with progress_bar('figures') as progress:
         draw_all(out, progress, runs)
     with progress_bar('claims') as progress:

@@ -37,6 +37,7 @@ _SPARE = 100  # shapes that MuJoCo may add of its own, such as lights and frames
 _BLACK = (0.05, 0.05, 0.05, 1.0)
 _BLUE = (0.12, 0.47, 0.71, 1.0)
 _RED = (0.84, 0.15, 0.16, 1.0)
+_VIOLET = (0.56, 0.40, 0.72, 1.0)  # of the tool, which no path has
 _LINE = 0.007
 _POINT = 0.022  # radii [m]
 
@@ -186,7 +187,7 @@ def _add_tool(tip: mujoco.MjsBody) -> None:
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             fromto=(0.0, 0.0, 0.0, *tip.pos),
             size=(0.011, 0.0, 0.0),
-            rgba=(0.25, 0.26, 0.28, 1.0),
+            rgba=_VIOLET,
             material='paint',
         )
 

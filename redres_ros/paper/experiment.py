@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from redres_ros.controller import Command
+from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.plant import MujocoPlant
 from redres_ros.fri.robot import Answer, FriRobot
 from redres_ros.fri.session import Session
 from redres_ros.paper.savgol import MeasuredMotion, differentiate
+from redres_ros.paper.sensing import Recorder, Sensing
 from redres_ros.planner import Planner, Reference
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -40,38 +42,60 @@ class Experiment:
 
     @cached_property
     def motion(self) -> MeasuredMotion:
-        """The motion that the measured positions show."""
+        """The motion that the measured positions show through the paper's filter."""
         return differentiate(self.q, self.recording.T)
 
+    def motion_through(self, window: int) -> MeasuredMotion:
+        """The same through a filter with another window of samples. Raises ArrayError."""
+        return differentiate(self.q, self.recording.T, window)
 
-def experiment(client: Client, task: WaypointTask, arm: Arm) -> Experiment:
+
+def experiment(
+    client: Client,
+    task: WaypointTask,
+    arm: Arm,
+    *,
+    sensing: Sensing | None = None,
+) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
     same bits.
 
     In monitor mode the client mirrors the measured position; the task begins in command mode. What
     is computed from the state of tick k is used from tick k + 1. The robot limits speeds and stops
     as it does for the nodes.
+
+    Args:
+        client: Answers each state.
+        task: Start and points.
+        arm: The one that is simulated.
+        sensing: How its positions are measured and recorded; None: exactly.
     """
+    sensing = sensing or Sensing()
+    plant = MujocoPlant(arm, client.T, task.start)
     robot = FriRobot(
-        MujocoPlant(arm, client.T, task.start),
+        FaultyPlant(plant, sensing.faults, sensing.seed),
         Guard(JointLimits.of(arm), client.T),
         Session(client.T),
     )
-    return _Run(client, task, robot).result()
+    return _Run(client, task, robot, sensing).result()
 
 
 class _Run:
     """One client at one robot."""
 
-    def __init__(self, client: Client, task: WaypointTask, robot: FriRobot) -> None:
+    def __init__(
+        self, client: Client, task: WaypointTask, robot: FriRobot, sensing: Sensing
+    ) -> None:
         self._client = client
         self._task = task
         self._robot = robot
+        self._ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
+        self._lost: np.ndarray | None = None  # (m,) [m/s] of the last command
         self._answer: Answer | None = None  # to the state of the tick before
         while not robot.session.commanding and not robot.session.reason:
             self._advance(robot.q)
         self._planner = Planner(task, client.model.tip(robot.q)[0])
-        self._measured: list[np.ndarray] = []  # (n,) each, one a tick since the task began
+        self._recorder = Recorder(sensing)  # since the task began
 
     def result(self) -> Experiment:
         recording = self._follow()
@@ -80,11 +104,11 @@ class _Run:
                 self._mirror()
             else:
                 self._command(self._reference())
-        return Experiment(recording, self._robot.session.reason, np.array(self._measured))
+        return Experiment(recording, self._robot.session.reason, self._recorder.positions)
 
     @property
     def _t(self) -> float:
-        return len(self._measured) * self._client.T
+        return len(self._recorder) * self._client.T
 
     def _follow(self) -> Recording:
         """Until the task is finished, the robot has stopped, or too much time is over."""
@@ -102,18 +126,21 @@ class _Run:
         return Recording.of(rows, n, T, False, f'did not reach the last point within {limit:g} s')
 
     def _reference(self) -> Reference:
-        return self._planner.reference(self._client.model.tip(self._robot.q)[0], self._t)
+        x, _ = self._client.model.tip(self._robot.q)
+        return self._planner.reference(x, self._t + self._ahead, lost=self._lost)
 
     def _command(self, reference: Reference) -> Command:
         """A cycle in which the client answers with what it wants next."""
         command = self._client.update(self._robot.q, reference.dx)
-        self._measured.append(self._robot.q)
+        self._ahead -= (1.0 - command.s) * self._client.T
+        self._lost = command.lost
+        self._recorder.add(self._robot.q)
         self._advance(command.q_ref)
         return command
 
     def _mirror(self) -> None:
         """A cycle in which the client answers with where the arm is."""
-        self._measured.append(self._robot.q)
+        self._recorder.add(self._robot.q)
         self._advance(self._robot.q)
 
     def _advance(self, q_ref: np.ndarray) -> None:

@@ -10,6 +10,7 @@ from scipy.signal import savgol_filter
 from redres_ros.errors import ArrayError
 
 WINDOW = 400  # W, samples
+FINER = 100  # one that shows events of a tenth of a second
 DEGREE = 5
 LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 
@@ -24,22 +25,31 @@ class MeasuredMotion:
     ddq: np.ndarray
 
 
-def differentiate(q: np.ndarray, T: float) -> MeasuredMotion:
+def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMotion:
     """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on, but for the first
-    and last W/2.
+    and last half window.
 
-    Each sample gets the derivatives of the polynomial of fifth degree that fits it and W/2 samples
-    on either side best. That is W + 1 samples: with an even number the estimates would belong to
-    instants half a cycle beside the samples. Polynomials up to the fifth degree are differentiated
-    exactly. Raises ArrayError for fewer than W + 1 samples.
+    Each sample gets the derivatives of the polynomial of fifth degree that fits it and half a
+    window of samples on either side best. That is W + 1 samples: with an even number the estimates
+    would belong to instants half a cycle beside the samples. Polynomials up to the fifth degree are
+    differentiated exactly.
+
+    Args:
+        q: Measured positions.
+        T: Sampling time [s].
+        window: W, an even number of samples.
+
+    Raises:
+        ArrayError: Fewer than W + 1 samples.
     """
-    if len(q) <= WINDOW:
+    if len(q) <= window:
         raise ArrayError(
-            f'{len(q)} positions; expected at least {WINDOW + 1} for the Savitzky-Golay filter'
+            f'{len(q)} positions; expected at least {window + 1} for the Savitzky-Golay filter'
         )
-    inner = slice(LEFT_OUT, len(q) - LEFT_OUT)
+    left_out = window // 2
+    inner = slice(left_out, len(q) - left_out)
     dq, ddq = (
-        savgol_filter(q, WINDOW + 1, DEGREE, deriv=order, delta=T, axis=0)[inner]
+        savgol_filter(q, window + 1, DEGREE, deriv=order, delta=T, axis=0)[inner]
         for order in (1, 2)
     )
     return MeasuredMotion(T * np.arange(len(q))[inner], q[inner], dq, ddq)

@@ -15,7 +15,10 @@ Progress = Callable[[float], None]
 
 _LOOK = 0.1  # [s] between looks at how far the others are
 
-_shares: Any = None  # in a worker: an array, shared by all, of how far each piece of work is
+# in a worker: what to do, with what, and an array, shared by all, of how far each piece is
+_work: Any = None
+_things: Sequence[Any] = ()
+_shares: Any = None
 
 
 def in_parallel(
@@ -24,8 +27,8 @@ def in_parallel(
     """The results of work(thing, progress), in the order of the things.
 
     Args:
-        work: A function of a module; it runs in a process of its own, and its result is sent back.
-        things: What can be sent to such a process.
+        work: Runs in a process of its own, a copy of this one, and its result is sent back.
+        things: Of any kind: the copy has them already.
         progress: Is told the share of the whole that is done, 0 to 1.
 
     Raises:
@@ -38,9 +41,9 @@ def in_parallel(
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
     others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(workers, context, _begin, (shares,)) as pool:
+    with ProcessPoolExecutor(workers, context, _begin, (work, things, shares)) as pool:
         try:
-            futures = [pool.submit(_piece, work, place, each) for place, each in enumerate(things)]
+            futures = [pool.submit(_piece, place) for place in range(len(things))]
             _watch(futures, shares, progress)
         except BaseException:  # whatever it is, nobody waits for the other results any more
             for process in set(multiprocessing.active_children()) - others:
@@ -64,18 +67,20 @@ def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Pr
         progress(sum(shares) / len(shares))
 
 
-def _begin(shares: Any) -> None:
-    global _shares
+def _begin(work: Any, things: Sequence[Any], shares: Any) -> None:
+    global _work, _things, _shares
+    _work = work
+    _things = things
     _shares = shares
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes: end without words
 
 
-def _piece(work: Callable[[Thing, Progress], Result], place: int, thing: Thing) -> Result:
+def _piece(place: int) -> Any:
     def progress(share: float) -> None:
         _shares[place] = share
 
     try:
-        result = work(thing, progress)
+        result = _work(_things[place], progress)
     except RedresError as error:  # what has more arguments than a text cannot be sent
         raise RedresError(str(error)) from None
     progress(1.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from redres_ros.errors import FileError
 from redres_ros.paper.figures.runs import Runs
+from redres_ros.simulation.parallel import in_parallel
 
 ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 
@@ -35,16 +36,21 @@ class Claim:
 
 
 def check_all(
-    claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None] | None = None
+    claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None]
 ) -> dict[Claim, Finding]:
-    """The findings in the order of the claims. progress is told the share that is done."""
+    """The findings in the order of the claims, measured on all processors.
+
+    Args:
+        claims: What to measure.
+        runs: On what.
+        progress: Is told the share that is done.
+    """
     claims = list(claims)
-    findings = {}
-    for done, claim in enumerate(claims, start=1):
-        findings[claim] = claim.measure(runs)
-        if progress:
-            progress(done / len(claims))
-    return findings
+
+    def measure(claim: Claim, _: Callable[[float], None]) -> Finding:
+        return claim.measure(runs)
+
+    return dict(zip(claims, in_parallel(measure, claims, progress), strict=True))
 
 
 def table(findings: Mapping[Claim, Finding]) -> str:

@@ -5,12 +5,21 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from redres_ros.paper.figures import differences, motions, norms, pictorial
-from redres_ros.paper.figures.convergence import figure_convergence
+from redres_ros.paper.figures import (
+    architecture,
+    convergence,
+    differences,
+    limits,
+    motions,
+    norms,
+    pictorial,
+)
 from redres_ros.paper.figures.runs import Runs
+from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.plots import save
 
 FIGURES: dict[int, Callable[[Runs], Figure]] = {
+    1: architecture.figure_1,
     2: pictorial.figure_2,
     3: motions.figure_3,
     4: norms.figure_4,
@@ -26,26 +35,30 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
     14: motions.figure_14,
     15: norms.figure_15,
     16: differences.figure_16,
-}  # Figure 1 is a block diagram
+    # Beyond the paper:
+    17: limits.figure_17,
+    18: limits.figure_18,
+    19: convergence.figure_19,
+}
 
 
-def draw_all(
-    out: Path, progress: Callable[[float], None] | None = None, runs: Runs | None = None
-) -> dict[int, Path]:
-    """Write every figure as out/figure_NN.png, and convergence.png, which the paper does not have;
-    the files by number.
+def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[int, Path]:
+    """Write every figure as out/figure_NN.png, on all processors; the files by number.
 
-    progress is told the share that is done; runs: what to draw, so that it can be used for more
-    than that. Raises FileError.
+    Args:
+        out: The folder, which is made if need be.
+        progress: Is told the share that is done.
+        runs: What to draw.
+
+    Raises:
+        RedresError: A file cannot be written.
     """
-    runs = runs or Runs()
-    files = {}
-    for done, (number, draw) in enumerate(FIGURES.items(), start=1):
-        files[number] = out / f'figure_{number:02d}.png'
-        save(draw(runs), files[number])
-        if progress:
-            progress(done / len(FIGURES))
-    save(figure_convergence(runs), out / 'convergence.png')
+    files = {number: out / f'figure_{number:02d}.png' for number in FIGURES}
+
+    def draw(number: int, _: Callable[[float], None]) -> None:
+        save(FIGURES[number](runs), files[number])
+
+    in_parallel(draw, list(FIGURES), progress)
     return files
 
 

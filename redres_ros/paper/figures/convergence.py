@@ -2,10 +2,11 @@
 
 from matplotlib.figure import Figure
 
+from redres_ros.paper.figures.naming import PER_SECOND
 from redres_ros.paper.figures.runs import SIMULATION_DAMPING, Runs
 
 
-def figure_convergence(runs: Runs) -> Figure:
+def figure_19(runs: Runs) -> Figure:
     """Largest error over the first segment against the sampling time, on logarithmic scales."""
     figure = Figure(figsize=(8.0, 6.0), layout='constrained')
     ax = figure.add_subplot()
@@ -21,8 +22,8 @@ def figure_convergence(runs: Runs) -> Figure:
     ax.set(
         xlabel='sampling time T [ms]',
         ylabel=r'largest $\Vert q_k-q(t_k)\Vert$ [rad]',
-        title='Velocity laws against their second-order schemes in continuous time,\n'
-        f'first segment, $k_d$ = {SIMULATION_DAMPING:g} 1/s',
+        title='Figure 19. Velocity laws against their schemes in continuous time,\n'
+        f'first segment, $k_d$ = {SIMULATION_DAMPING:g} {PER_SECOND}',
     )
     ax.grid(alpha=0.3)
     ax.legend()

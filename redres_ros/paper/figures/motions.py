@@ -8,7 +8,14 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from redres_ros.fri.render import AZIMUTH, ELEVATION, Film, RenderError, render
-from redres_ros.paper.figures.runs import Runs
+from redres_ros.paper.figures.naming import law, title
+from redres_ros.paper.figures.runs import (
+    EXPERIMENT_DAMPING,
+    EXPERIMENT_T,
+    SIMULATION_DAMPING,
+    SIMULATION_T,
+    Runs,
+)
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import draw_paths
 from redres_ros.simulation.recording import Recording
@@ -21,49 +28,49 @@ _EVERY = 10  # ticks between the points of a path
 
 def figure_3(runs: Runs) -> Figure:
     """Simulation with law (23)."""
-    title = r'Figure 3. Simulation: least acceleration, law (23), $\lambda$ = 0.99, T = 1 ms'
-    return _draw(title, runs.ideal_damped, runs.model, runs.task)
+    text = law('minimum_acceleration', '23', SIMULATION_T, SIMULATION_DAMPING)
+    return _draw(title(3, 'Simulation', text), runs.ideal_damped, runs.model, runs.task)
 
 
 def figure_6(runs: Runs) -> Figure:
     """Simulation with law (35)."""
-    return _draw(
-        'Figure 6. Simulation: least torque, law (35), T = 1 ms',
-        runs.ideal_35,
-        runs.model,
-        runs.task,
-    )
+    text = law('dynamically_consistent', '35', SIMULATION_T, 1.0 / SIMULATION_T)
+    return _draw(title(6, 'Simulation', text), runs.ideal_35, runs.model, runs.task)
 
 
 def figure_9(runs: Runs) -> Figure:
     """Experiment with law (2), which the robot stops."""
-    title = 'Figure 9. Experiment: least velocity, law (2), T = 2 ms'
-    return _draw(
-        title, runs.experiment_minimum_velocity.recording, runs.experiment_model, runs.task
-    )
+    heading = title(9, 'Experiment', law('minimum_velocity', '2', EXPERIMENT_T))
+    recording = runs.experiment_minimum_velocity.recording
+    return _draw(heading, recording, runs.experiment_model, runs.task)
 
 
 def figure_11(runs: Runs) -> Figure:
     """Experiment with law (23)."""
-    title = r'Figure 11. Experiment: least acceleration, law (23), $\lambda$ = 0.99, T = 2 ms'
-    return _draw(title, runs.experiment_damped.recording, runs.experiment_model, runs.task)
+    text = law('minimum_acceleration', '23', EXPERIMENT_T, EXPERIMENT_DAMPING)
+    recording = runs.experiment_damped.recording
+    return _draw(title(11, 'Experiment', text), recording, runs.experiment_model, runs.task)
 
 
 def figure_14(runs: Runs) -> Figure:
     """Experiment with law (35), points in reverse order."""
-    title = 'Figure 14. Experiment: least torque, law (35), points in reverse order, T = 2 ms'
-    return _draw(title, runs.experiment_35.recording, runs.experiment_model, runs.reversed_task)
+    text = law('dynamically_consistent', '35', EXPERIMENT_T, 1.0 / EXPERIMENT_T)
+    heading = title(14, 'Experiment', f'{text}, points in reverse order')
+    recording = runs.experiment_35.recording
+    return _draw(heading, recording, runs.experiment_model, runs.reversed_task)
 
 
-def _draw(title: str, recording: Recording, model: RobotModel, task: WaypointTask) -> Figure:
+def _draw(heading: str, recording: Recording, model: RobotModel, task: WaypointTask) -> Figure:
     figure = Figure(figsize=(13.0, 7.0), layout='constrained')
-    figure.suptitle(f'{title}\n{recording.ending}')
+    figure.suptitle(f'{heading}\n{_ending(recording)}')
     left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.0, 1.35)))
     ax = left.add_subplot(projection='3d')
     draw_paths(ax, recording, model, task)
     ax.view_init(elev=-ELEVATION, azim=AZIMUTH - 180.0)  # as the camera sees it
-    ax.xaxis.set_major_locator(MaxNLocator(2))
-    ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.05), ncols=3, fontsize='small')
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(2))
+    ax.get_legend().remove()
+    left.legend(*ax.get_legend_handles_labels(), loc='outside lower center', ncols=2)
     ax.set_title('(a) way of the tip (black) and of the elbow (blue)')
     _draw_pictures(right, recording, model, task)
     return figure
@@ -86,6 +93,10 @@ def _draw_pictures(
         ax.imshow(picture)
         ax.set_title(f't = {t:.2f} s', fontsize='medium')
         ax.set_axis_off()
+
+
+def _ending(recording: Recording) -> str:
+    return recording.ending.replace('rad/s^2', 'rad/s²')
 
 
 def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: WaypointTask) -> Film:

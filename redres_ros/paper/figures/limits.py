@@ -1,0 +1,110 @@
+"""Figures 17 and 18, not in the paper: the same laws within the limits of the joints."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from redres_ros.paper.experiment import Experiment
+from redres_ros.paper.figures.naming import law, title
+from redres_ros.paper.figures.runs import EXPERIMENT_T, TORQUE_SCALE, Runs
+from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.recording import Recording
+
+_LEAST = 1e-3  # of the logarithmic axis
+_LAW = law('minimum_velocity', '2', EXPERIMENT_T)
+
+
+def figure_17(runs: Runs) -> Figure:
+    """The run that stops the paper's robot, and the same with the limits of the joints on."""
+    tried = {
+        'no limits': runs.experiment_minimum_velocity,
+        'position, velocity, acceleration': runs.experiment_within_limits,
+    }
+    figure, panels = _panels(title(17, 'Experiment', f'{_LAW},\nwithout and within limits'))
+    _draw_shares(panels[0], tried, lambda each: acceleration_share(each, runs.experiment_model))
+    panels[0].set_ylabel('largest acceleration\n[share of the limit]')
+    panels[0].set_yscale('log')
+    panels[0].set_ylim(bottom=_LEAST)
+    _draw_limit(panels[0], 1.0, 'limit')
+    _draw_rest(panels, tried)
+    _tell(figure, panels[0])
+    return figure
+
+
+def figure_18(runs: Runs) -> Figure:
+    """Torque limits that are kept through a position interface."""
+    tried = {
+        'limits without torque': runs.experiment_within_limits,
+        f'and torque, {TORQUE_SCALE:g} of what the joints bear': runs.experiment_within_torques,
+    }
+    heading = f'{_LAW},\ntorque limits kept through a position interface'
+    figure, panels = _panels(title(18, 'Experiment', heading))
+    _draw_shares(panels[0], tried, lambda each: torque_share(each, runs.experiment_model))
+    panels[0].set_ylabel('largest torque\n[share of the limit]')
+    panels[0].set_ylim(bottom=0.0)
+    _draw_limit(panels[0], TORQUE_SCALE, 'allowed')
+    _draw_rest(panels, tried)
+    _tell(figure, panels[0])
+    return figure
+
+
+def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
+    """Acceleration of the joint that is nearest to its limit, or beyond, as a share, (ticks,)."""
+    return np.abs(_accelerations(recording) / model.arm.acceleration_limit).max(axis=1)
+
+
+def torque_share(recording: Recording, model: RobotModel) -> np.ndarray:
+    """The same of the torque of Eq. (6), (ticks,)."""
+    dq_prev = np.vstack((np.zeros(model.n), recording.vectors('dq1')[:-1]))  # (ticks, n)
+    rows = zip(recording.vectors('q1'), dq_prev, _accelerations(recording), strict=True)
+    states = ((model.state(q, dq), ddq) for q, dq, ddq in rows)
+    tau = np.array([state.M @ ddq + state.n for state, ddq in states])  # (ticks, n) [Nm]
+    return np.abs(tau / model.tau_max).max(axis=1)
+
+
+def _accelerations(recording: Recording) -> np.ndarray:
+    """(dq_k - dq_{k-1}) / T, (ticks, n) [rad/s^2], Eq. (13)."""
+    return np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T
+
+
+def _panels(heading: str) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(10.0, 7.4), layout='constrained')
+    panels = list(figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 1.0, 1.0)))
+    panels[0].set_title(heading)
+    for ax in panels:
+        ax.set_xmargin(0.01)
+        ax.grid(alpha=0.3)
+    return figure, panels
+
+
+def _draw_shares(
+    ax: Axes, tried: dict[str, Experiment], share: Callable[[Recording], np.ndarray]
+) -> None:
+    for (label, each), color in zip(tried.items(), ('0.6', 'tab:blue'), strict=True):
+        recording = each.recording
+        ax.plot(recording['t'], share(recording), color=color, lw=1.2, label=label)
+        if each.stop_reason:
+            end = recording['t'][-1]
+            ax.axvline(end, color='tab:red', ls='--', lw=1.2, label=f'stopped at {end:.2f} s')
+
+
+def _draw_limit(ax: Axes, share: float, name: str) -> None:
+    ax.axhline(share, color='black', ls=':', lw=1.2, label=name)
+
+
+def _draw_rest(panels: list[Axes], tried: dict[str, Experiment]) -> None:
+    """How fast the task goes on, and how far from its path the tip is."""
+    _, scaling, error = panels
+    for each, color in zip(tried.values(), ('0.6', 'tab:blue'), strict=True):
+        recording = each.recording
+        scaling.plot(recording['t'], recording['task_scaling'], color=color, lw=1.2)
+        error.plot(recording['t'], 1e3 * recording['task_error'], color=color, lw=1.2)
+    scaling.set_ylabel('task scaling $s$ [-]')
+    error.set_ylabel('task error [mm]')
+    error.set_xlabel('time [s]')
+
+
+def _tell(figure: Figure, ax: Axes) -> None:
+    figure.legend(*ax.get_legend_handles_labels(), loc='outside lower center', ncols=2)
