@@ -136,6 +136,16 @@ class Following:
         """Whether the robot takes commands, as far as is known."""
         return self._session.commanding_at(self._cycles.newest)
 
+    def forget(self) -> None:
+        """Know nothing of what came before; held and settings stay."""
+        self._waiting = None
+        self._answer = None
+        self.q = None
+        self._answered_cycle = 0
+        self._cycles = Cycles(round(NANOSECONDS * self._controller.T))
+        self.playout.clear()
+        self._controller.reset()
+
     def enter_session(self, word: str) -> None:
         """Take in the robot's word on its session; a robot that says nothing takes commands."""
         self._session.enter(word)

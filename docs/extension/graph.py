@@ -27,6 +27,12 @@ _COMMON_SERVICES = (
     'get_parameter_types',
     'get_parameters',
     'get_type_description',
+    # of the life cycle
+    'change_state',
+    'get_available_states',
+    'get_available_transitions',
+    'get_state',
+    'get_transition_graph',
     'list_parameters',
     'set_parameters',
     'set_parameters_atomically',

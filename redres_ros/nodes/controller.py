@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
 from std_srvs.srv import SetBool
@@ -26,6 +25,7 @@ from redres_ros.nodes.conversions import (
     to_pose,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
+from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.motion_parameters import MotionParameters
 from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
@@ -65,8 +65,11 @@ class ControllerParameters(ListenerParameters):
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
 
 
-class ControllerNode(Node):
-    """Answers each state of the robot in the callback that brings it; has no clock of its own."""
+class ControllerNode(ManagedNode):
+    """Answers each state of the robot in the callback that brings it; has no clock of its own.
+
+    Deactivated it brings the arm to rest, and then answers no more.
+    """
 
     def __init__(self) -> None:
         super().__init__('controller')
@@ -94,8 +97,10 @@ class ControllerNode(Node):
         self._joints = JointOrder(model.joint_names, self.get_logger().info)
         self._message = JointMessage(model.joint_names)
         self._scaling = 0.0  # published last
+        self._hold_wanted = False  # by the service
         self._create_interfaces()
         on_live_change(self, self._check, self._apply)
+        self._start_life()
 
     def _create_interfaces(self) -> None:
         self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
@@ -142,13 +147,15 @@ class ControllerNode(Node):
 
     def _answer(self, source: str, enter: Callable[[Any], Reply | None], given: Any) -> None:
         """Publish what is answered to what was given, or tell why it was refused."""
+        if not self.configured:
+            return
         try:
             answer = enter(given)
         except RedresError as error:
             self._refusals.refuse(source, error)
             return
         self._refusals.accept(source)
-        if answer is not None:
+        if answer is not None and (self.active or answer.command.dq.any()):
             self._publish(answer)
 
     def _publish(self, answer: Reply) -> None:
@@ -199,10 +206,22 @@ class ControllerNode(Node):
             self.get_logger().info('the robot takes commands')
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._following.held = request.data
+        self._hold_wanted = request.data
+        self._following.held = request.data or not self.active
         response.success = True
         response.message = 'holding' if request.data else 'following cartesian_velocity'
         return response
+
+    def _begin(self) -> None:
+        self._controller.reset()  # the arm may have been moved by others
+        self._following.held = self._hold_wanted
+
+    def _end(self) -> None:
+        self._following.held = True  # softly to rest
+
+    def _forget(self) -> None:
+        self._following.forget()
+        self._hold_wanted = False
 
     def _check(self, changes: dict[str, Any]) -> None:
         self._motion.wanted(changes).law.check_damping(self._controller.T)
@@ -230,6 +249,8 @@ class ControllerNode(Node):
             return Health(ERROR, 'no joint_states', figures)
         if self._refusals.reasons:
             return Health(WARN, self._refusals.reasons, figures)
+        if not self.active:
+            return Health(WARN, self.life, figures)
         if not following.commanding:
             return Health(WARN, 'mirroring: the robot takes no commands', figures)
         return Health(OK, 'holding' if following.held else 'commanding', figures)

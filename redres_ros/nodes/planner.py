@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
@@ -25,6 +24,7 @@ from redres_ros.nodes.conversions import (
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import ListenerParameters, declare
+from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
@@ -53,7 +53,7 @@ class PlannerParameters(ListenerParameters):
     )
 
 
-class PlannerNode(Node):
+class PlannerNode(ManagedNode):
     """Knows time only from the states and from what the controller carries out: when the robot's
     clock stands, or the arm is stopped, so does the task.
     """
@@ -76,10 +76,8 @@ class PlannerNode(Node):
         self._told_state = RunState.IDLE
         self._told_begun = 0
         self._create_interfaces()
-        if self._settings.autostart:
-            self._run.start()
         self._state_publisher.publish(String(data=self._told_state.value))
-        self._tell()
+        self._start_life()
 
     def _create_interfaces(self) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
@@ -104,7 +102,7 @@ class PlannerNode(Node):
         return Planner(task, x, R, feedback_limit=self._settings.feedback_limit)
 
     def _on_state(self, message: JointState) -> None:
-        if not self._joints.concerns(message):
+        if not self.configured or not self._joints.concerns(message):
             return
         self._watchdog.feed()
         stamp = to_nanoseconds(message.header.stamp)
@@ -135,6 +133,7 @@ class PlannerNode(Node):
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
+            self._check_active()
             target = from_pose(message, (self._frame, ''))
             self._check_way(target)
         except RedresError as error:
@@ -144,6 +143,10 @@ class PlannerNode(Node):
         self._target = target
         self._run.begin_anew()
         self._tell()
+
+    def _check_active(self) -> None:
+        if not self.active:
+            raise LifeError(f'the planner is {self.life}; it moves the arm only while active')
 
     def _check_way(self, target: tuple[np.ndarray, np.ndarray]) -> None:
         """Raise RangeError for a target that is too far away; every state would be refused then."""
@@ -161,8 +164,11 @@ class PlannerNode(Node):
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         task = self._settings.task or 'the task'
+        response.success = False
+        if not self.active:
+            response.message = f'{task}: the planner is {self.life}'
+            return response
         if self._stop_reason:
-            response.success = False
             response.message = (
                 f'{task}: the robot has stopped: {self._stop_reason}; sim/reset lets it go on'
             )
@@ -185,6 +191,19 @@ class PlannerNode(Node):
         response.message = 'stopped' if moved else 'was not moving'
         return response
 
+    def _begin(self) -> None:
+        if self._settings.autostart:
+            self._run.start()
+        self._tell()
+
+    def _end(self) -> None:
+        self._run.stop()
+        self._tell()
+
+    def _forget(self) -> None:
+        self._target = None
+        self._tip = None
+
     def _tell(self) -> None:
         """What has changed of the run."""
         if self._run.begun != self._told_begun:
@@ -203,6 +222,8 @@ class PlannerNode(Node):
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
+        if not self.active:
+            return Health(WARN, self.life, figures)
         if self._stop_reason:
             return Health(WARN, f'the robot has stopped: {self._stop_reason}', figures)
         if self._refusals.reasons:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -26,6 +25,7 @@ from redres_ros.fri.session import AnswerError, Session, SessionSettings
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
+from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Waiting, run_nodes
@@ -63,12 +63,15 @@ class SimParameters(LoopParameters):
     fault_seed: int = param(0, 'seed of the random faults', 0, 2**31 - 1)
 
 
-class SimNode(Node):
+class SimNode(ManagedNode):
     """Publishes a state each cycle, and moves the arm while the answer is being computed.
 
     The clock stands still while this process is held up, and while it waits for an answer with
     patience: as long as the arm moves, stamps are exactly one period apart, whatever the machine
     does. See RobotClock for how they come back to the computer's clock.
+
+    Deactivated it neither sends states nor takes commands, as a robot whose cable is cut: an arm
+    that moves is braked. Activated it monitors anew.
     """
 
     def __init__(self) -> None:
@@ -105,6 +108,7 @@ class SimNode(Node):
         self._cycles_waited = 0
         self._reset_wanted = False
         self._create_interfaces(arm)
+        self._start_life()
 
     def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
         physics = declare(self, MujocoSettings())
@@ -141,6 +145,9 @@ class SimNode(Node):
         """
         self._robot_clock.restart()
         while not stopped.is_set():
+            if self._settings.lockstep and not self.active:
+                waiting.sleep(_ASK_AGAIN)  # nobody keeps time
+                continue
             # Before the next state is out: what comes later may be an answer to that one.
             answers = self._inbox.take(self._robot.tick)
             self._publish_state()
@@ -169,7 +176,7 @@ class SimNode(Node):
         state = to_joint_state(stamp, self._plant.joint_names, self._robot.q, self._robot.dq)
         self._arrival.clear()
         self._under_way.send(state, tick)
-        for arriving in self._under_way.receive(tick):
+        for arriving in self._under_way.receive(tick) if self.active else ():
             self._states.publish(arriving)
             self._asked = max(self._asked, arriving, key=_stamp)
 
@@ -187,7 +194,9 @@ class SimNode(Node):
 
     def _await_answer(self, stopped: threading.Event, waiting: Waiting, patience: float) -> None:
         until = time.monotonic() + patience
-        while self._unanswered and not stopped.is_set() and time.monotonic() < until:
+        while (
+            self._unanswered and self.active and not stopped.is_set() and time.monotonic() < until
+        ):
             if not waiting.wait(self._arrival, _ASK_AGAIN):
                 self._states.publish(self._asked)
             self._arrival.clear()
@@ -198,6 +207,8 @@ class SimNode(Node):
         return self._inbox.newest < _stamp(self._asked)
 
     def _on_command(self, message: JointState) -> None:
+        if not self.active:
+            return
         stamp = to_nanoseconds(message.header.stamp)
         self._inbox.put(stamp, message.name, np.array(message.position))
         self._client_lives = True
@@ -209,6 +220,9 @@ class SimNode(Node):
         response.success = True
         response.message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
         return response
+
+    def _begin(self) -> None:
+        self._reset_wanted = True
 
     def _count_commanders(self) -> None:
         self._inbox.publishers = self.count_publishers('joint_command')
@@ -250,6 +264,8 @@ class SimNode(Node):
             'clock stood still [s]': self._robot_clock.stood_still,
             'clock behind [s]': self._robot_clock.lag,
         }
+        if not self.active:
+            return Health(WARN, self.life, figures)
         if session.reason:
             return Health(ERROR, session.reason, figures)
         if session.at_fault or self._refusals.reasons:

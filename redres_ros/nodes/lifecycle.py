@@ -1,0 +1,118 @@
+"""The life cycle of ROS 2: configure, activate, deactivate, clean up and shut down by its standard
+services.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from redres_ros.errors import RedresError
+from redres_ros.nodes.parameters import declare
+from redres_ros.parameter import param
+
+_DONE = TransitionCallbackReturn.SUCCESS
+
+
+class LifeError(RedresError):
+    """Something that the node does only while it is active."""
+
+
+@dataclass(frozen=True)
+class LifecycleParameters:
+    """Parameters of every node."""
+
+    initial_state: str = param(
+        'active',
+        'state of its life cycle in which the node starts',
+        choices=('unconfigured', 'inactive', 'active'),
+    )
+
+
+class ManagedNode(LifecycleNode):
+    """A node with a life cycle, by default active from the start.
+
+    A subclass says with `_begin`, `_end` and `_forget` what a change means to it, and calls
+    `_start_life` when it is ready for the first one.
+
+    Attributes:
+        configured: Whether it listens: inactive or active.
+        active: Whether it also acts: sends what others act on.
+    """
+
+    configured = False
+    active = False
+
+    def _start_life(self) -> None:
+        """Go to the state in which the node is to start."""
+        self._refuse_impossible_transitions()
+        wanted = declare(self, LifecycleParameters()).initial_state
+        if wanted != 'unconfigured':
+            self.trigger_configure()
+        if wanted == 'active':
+            self.trigger_activate()
+
+    def _begin(self) -> None:
+        """Act, from now on."""
+
+    def _end(self) -> None:
+        """Act no more."""
+
+    def _forget(self) -> None:
+        """Be as if just made."""
+
+    @property
+    def life(self) -> str:
+        """Its state in the life cycle: unconfigured, inactive, active or finalized."""
+        return str(self._state_machine.current_state[1])
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen."""
+        self.configured = True
+        return _DONE
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Act."""
+        self._begin()
+        self.active = True
+        return _DONE
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Act no more."""
+        self.active = False
+        self._end()
+        return _DONE
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything, and listen no more."""
+        self.configured = False
+        self._forget()
+        return _DONE
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Never act again; what was under way ends softly, as on_deactivate leaves it."""
+        return self.on_deactivate(state) if self.active else _DONE
+
+    def _refuse_impossible_transitions(self) -> None:
+        """Answer a request that does not suit the present state with no success.
+
+        rclpy 7.1 raises an error there, which would end the node.
+        """
+        service = self._service_change_state
+        change_state = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            wanted = request.transition
+            possible = [(number, label) for number, label, *_ in self._possible()]
+            by_label = any(label == wanted.label for _, label in possible)
+            by_number = any(number == wanted.id for number, _ in possible)
+            if by_label if wanted.label else by_number:
+                return change_state(request, response)
+            response.success = False
+            return response
+
+        service.callback = answer
+
+    def _possible(self) -> list[tuple[Any, ...]]:
+        transitions: list[tuple[Any, ...]] = self._state_machine.available_transitions
+        return transitions

@@ -1,0 +1,158 @@
+"""The life cycle of the nodes, by the standard services and from within."""
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from graph_helpers import START, Probe, nodes
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.lifecycle import TransitionCallbackReturn
+from std_srvs.srv import Trigger
+
+from redres_ros.demo.client import call
+from redres_ros.demo.processes import own_domain
+from redres_ros.nodes.conversions import to_joint_state
+from redres_ros.nodes.planner import PlannerNode
+from redres_ros.nodes.sim import SimNode
+
+DX = np.array([0.0, -0.1, 0.0])  # [m/s]
+
+
+@pytest.fixture(scope='class')
+def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
+    logs = tmp_path_factory.mktemp('lifecycle')
+    with nodes(logs, controller={'command_timeout': 5.0, 'state_timeout': 5.0}) as (probe, _):
+        probe.ask(START)
+        yield probe
+
+
+class TestByServices:
+    """A controller in a process of its own."""
+
+    def change(self, probe: Probe, transition: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(call(probe, ChangeState, 'controller/change_state', request).success)
+
+    def life(self, probe: Probe) -> str:
+        response = call(probe, GetState, 'controller/get_state', GetState.Request())
+        return str(response.current_state.label)
+
+    def answers_to(self, probe: Probe, states: int) -> list[float]:
+        """Largest joint speeds of the answers to so many states of an arm that follows."""
+        speeds = []
+        for _ in range(states):
+            probe._asked(probe.state(self.q))
+            if probe.stamp not in probe.answers:
+                break
+            answer = probe.answers[probe.stamp]
+            self.q = np.array(answer.position)
+            speeds.append(float(np.abs(answer.velocity).max()))
+        return speeds
+
+    def test_a_node_is_active_from_the_start(self, probe: Probe) -> None:
+        assert self.life(probe) == 'active'
+
+    def test_deactivated_while_it_moves_it_brings_the_arm_to_rest_and_then_is_silent(
+        self, probe: Probe
+    ) -> None:
+        self.q = START
+        probe.steer(DX)
+        assert max(self.answers_to(probe, 300)) > 0.05
+        assert self.change(probe, Transition.TRANSITION_DEACTIVATE)
+        speeds = self.answers_to(probe, 1000)
+        assert 10 < len(speeds) < 500  # of braking: 0.2 s and more
+        assert np.abs(np.diff(speeds)).max() < 0.05
+        assert speeds[-1] < 0.01
+        assert self.life(probe) == 'inactive'
+
+    def test_activated_it_goes_on_from_where_the_arm_is(self, probe: Probe) -> None:
+        assert self.change(probe, Transition.TRANSITION_ACTIVATE)
+        moved = START + 0.05
+        q_ref, dq = probe.ask(moved)
+        assert q_ref == pytest.approx(moved, abs=1e-3)
+        assert np.abs(dq).max() < 0.1
+
+    def test_a_transition_that_does_not_suit_is_refused_and_the_node_goes_on(
+        self, probe: Probe
+    ) -> None:
+        assert not self.change(probe, Transition.TRANSITION_CONFIGURE)
+        assert not self.change(probe, 77)
+        assert self.life(probe) == 'active'
+
+    def test_cleaned_up_it_has_to_be_configured_before_it_can_act_again(self, probe: Probe) -> None:
+        assert self.change(probe, Transition.TRANSITION_DEACTIVATE)
+        assert self.change(probe, Transition.TRANSITION_CLEANUP)
+        assert not self.change(probe, Transition.TRANSITION_ACTIVATE)
+        assert self.change(probe, Transition.TRANSITION_CONFIGURE)
+        assert self.change(probe, Transition.TRANSITION_ACTIVATE)
+        q_ref, _ = probe.ask(START)
+        assert q_ref == pytest.approx(START, abs=1e-3)
+
+    def test_shut_down_it_never_answers_again(self, probe: Probe) -> None:
+        assert self.change(probe, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+        assert self.life(probe) == 'finalized'
+        assert not self.change(probe, Transition.TRANSITION_CONFIGURE)
+
+
+class TestWithin:
+    """Nodes in this process."""
+
+    @pytest.fixture
+    def start_inactive(self) -> Iterator[None]:
+        with own_domain():
+            arguments = ['--log-level', 'fatal', '-p', 'initial_state:=inactive']
+            rclpy.init(args=['--ros-args', *arguments])
+            yield
+            rclpy.shutdown()
+
+    def test_an_inactive_planner_refuses_to_start_and_to_go_to_a_pose(
+        self, start_inactive: None
+    ) -> None:
+        planner = PlannerNode()
+        response = planner._on_start(Trigger.Request(), Trigger.Response())
+        assert (response.success, 'inactive' in response.message) == (False, True)
+        planner._on_target(PoseStamped())
+        assert 'inactive' in planner._refusals.reasons
+        assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
+        assert planner._on_start(Trigger.Request(), Trigger.Response()).success
+
+    def test_an_inactive_sim_says_nothing_hears_nothing_and_monitors_anew_when_activated(
+        self, start_inactive: None
+    ) -> None:
+        sim = SimNode()
+        sent = []
+        sim._states = type('Outlet', (), {'publish': sent.append})
+        for active in (False, True):
+            assert sim.active is active
+            sim._publish_state()
+            sim._on_command(to_joint_state(1, sim._plant.joint_names, START, START))
+            assert (bool(sent), sim._client_lives) == (active, active)
+            if not active:
+                sim.trigger_activate()
+        assert sim._reset_wanted
+
+
+def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> None:
+    with own_domain():
+        rclpy.init(args=['--ros-args', '--log-level', 'fatal', '-p', 'lockstep:=true'])
+        sim = SimNode()
+        sim.trigger_deactivate()
+        stopped = threading.Event()
+        naps = []
+
+        class Waiting:
+            def sleep(self, seconds: float) -> None:
+                naps.append(seconds)
+                stopped.set()
+
+        sim.run(stopped, Waiting())
+        rclpy.shutdown()
+    assert len(naps) == 1
+    assert sim._robot.tick == 0
