@@ -116,6 +116,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         *shared('config', '*.yaml'),
+        *shared('config', '*.rviz'),
         *shared('launch', '*.launch.py'),
         # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so
         # that both installers lay out the same files, and a setup.cfg that sends the scripts

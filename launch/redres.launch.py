@@ -1,51 +1,112 @@
-"""The arm, its controller and the planner: ros2 launch redres_ros redres.launch.py [law:=NAME]
-[namespace:=NAME].
+"""The arm, its controller and the planner: ros2 launch redres_ros redres.launch.py [law:=NAME] …;
+all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 """
+
+from pathlib import Path
+from typing import Any
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+
+from redres_ros.robots import find_arm
+from redres_ros.share import share_path
+
+# name: (default, description); an empty default leaves what params_file says
+ARGUMENTS = {
+    'robot': ('', 'arm: a name that `redres laws` prints, or a URDF file'),
+    'law': ('', 'law of the controller, as minimum_acceleration'),
+    'limits': ('', 'limits of the controller, as position,velocity,acceleration or none'),
+    'rate': ('', 'cycles per second [Hz]'),
+    'namespace': ('', 'puts the robot under this name'),
+    'params_file': ('', 'parameters of all nodes; empty: config/redres.yaml of this package'),
+    'use_sim_time': ('false', 'take the time of the nodes from /clock'),
+    'sim': ('true', 'start the fake arm; false: joint_states come from a robot'),
+    'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
+    'rviz': ('false', 'show the arm, its traces and the points of the task in RViz'),
+}
+DEFAULT_ROBOT = 'lwr4_paper'
 
 
 def generate_launch_description() -> LaunchDescription:
     """The arguments, then one process for each node."""
-    params_file = PathJoinSubstitution([FindPackageShare('redres_ros'), 'config', 'redres.yaml'])
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument(
-                'params_file',
-                default_value=params_file,
-                description='parameters of all three nodes',
-            ),
-            DeclareLaunchArgument(
-                'law', default_value='', description='control law; empty: the one in params_file'
-            ),
-            DeclareLaunchArgument(
-                'namespace', default_value='', description='puts the robot under this name'
-            ),
-            OpaqueFunction(function=start_nodes),
-        ]
-    )
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, (default, description) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=start_nodes)])
 
 
 def start_nodes(context: LaunchContext) -> list[Node]:
-    """The sim, the controller and the planner; when one of them ends, so do the others."""
-    law = LaunchConfiguration('law').perform(context)
-    chosen = [{'law': law}] if law else []  # an empty value would hide the law of params_file
-    return [
-        Node(
-            package='redres_ros',
-            executable=name,
-            name=name,
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[
-                LaunchConfiguration('params_file'),
-                *(chosen if name == 'controller' else []),
-            ],
-            output='screen',
-            on_exit=Shutdown(reason=f'{name} ended'),
-        )
-        for name in ('sim', 'controller', 'planner')
-    ]
+    """The nodes that the arguments ask for."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    wanted = {
+        'sim': _is_true(given['sim']),
+        'controller': True,
+        'planner': _is_true(given['planner']),
+    }
+    nodes = [_of_ours(name, given) for name, start in wanted.items() if start]
+    nodes.append(_state_publisher(given))
+    if _is_true(given['rviz']):
+        nodes.append(_rviz(given))
+    return nodes
+
+
+def _of_ours(name: str, given: dict[str, str]) -> Node:
+    """A node of this package; when one of them ends, so do the others."""
+    file = given['params_file'] or str(share_path('config/redres.yaml'))
+    return Node(
+        package='redres_ros',
+        executable=name,
+        name=name,
+        namespace=given['namespace'],
+        parameters=[file, _parameters(name, given)],
+        output='screen',
+        on_exit=Shutdown(reason=f'{name} ended'),
+    )
+
+
+def _parameters(name: str, given: dict[str, str]) -> dict[str, Any]:
+    """What the arguments set; an empty one would hide what params_file says."""
+    of_every_node = ('robot', 'rate')
+    of_the_controller = ('law', 'limits')
+    names = of_every_node + (of_the_controller if name == 'controller' else ())
+    values: dict[str, Any] = {key: given[key] for key in names if given[key]}
+    if 'rate' in values:
+        values['rate'] = float(values['rate'])
+    return {**values, 'use_sim_time': _is_true(given['use_sim_time'])}
+
+
+def _state_publisher(given: dict[str, str]) -> Node:
+    """Publishes the frames of the arm's links."""
+    robot = given['robot'] or DEFAULT_ROBOT
+    is_file = robot.endswith('.urdf')
+    description = Path(robot).read_text() if is_file else find_arm(robot).description()
+    return Node(
+        package='robot_state_publisher',
+        executable='robot_state_publisher',
+        namespace=given['namespace'],
+        parameters=[
+            {
+                'robot_description': description,
+                'use_sim_time': _is_true(given['use_sim_time']),
+            }
+        ],
+    )
+
+
+def _rviz(given: dict[str, str]) -> Node:
+    return Node(
+        package='rviz2',
+        executable='rviz2',
+        namespace=given['namespace'],
+        arguments=['-d', str(share_path('config/redres.rviz'))],
+        parameters=[{'use_sim_time': _is_true(given['use_sim_time'])}],
+    )
+
+
+def _is_true(word: str) -> bool:
+    if word.lower() not in ('true', 'false'):
+        raise ValueError(f'got {word!r}; allowed: true or false')
+    return word.lower() == 'true'

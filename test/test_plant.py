@@ -7,6 +7,7 @@ import pytest
 
 from redres_ros.errors import ArrayError, FileError, RangeError, RedresError, UnknownNameError
 from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings, Witness
+from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, find_arm
 
 T = 0.002  # [s]
@@ -380,3 +381,14 @@ def test_an_ideal_arm_yields_to_no_push():
     plant.push(np.full(3, 500.0))
     plant.step(Q0)
     assert (plant.q == Q0).all()
+
+
+def test_the_force_on_the_tip_is_told_along_the_axes_of_the_tip() -> None:
+    arm = find_arm('lwr4')
+    plant = MujocoPlant(arm, T, Q0)
+    force = np.array([1.0, -2.0, 3.0])
+    plant.push(force)
+    _, R = RobotModel(arm).tip(Q0)
+    assert plant.wrench[:3] == pytest.approx(R.T @ force, abs=1e-9)
+    assert plant.wrench[3:] == pytest.approx(np.zeros(3), abs=1e-9)
+    assert not IdealPlant(plant.joint_names, T, Q0).wrench.any()

@@ -10,6 +10,8 @@ TOPICS = {
     'forward_position_controller/commands': 'the same reference for ros2_control, '
     'with `forward_commands`',
     'target_pose': 'go there on a smooth way, in place of the task',
+    'wrench': 'force and moment from outside on the tip, along the axes of the tip',
+    'markers': 'for RViz: the ways of tip and elbow, and the points of the task',
     'robot_description': 'the URDF of the arm',
     'controller/tip_pose': 'where the tip is',
     'controller/joint_velocity_norm': '‖q̇‖ of the command [rad/s]',
@@ -40,4 +42,11 @@ SERVICES = {
 }
 
 # Published only while somebody listens.
-ON_DEMAND = ('controller/', 'planner/task_error', 'planner/segment', 'planner/desired_pose')
+ON_DEMAND = (
+    'wrench',
+    'markers',
+    'controller/',
+    'planner/task_error',
+    'planner/segment',
+    'planner/desired_pose',
+)

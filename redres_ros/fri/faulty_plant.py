@@ -16,6 +16,9 @@ class PushablePlant(Plant, Protocol):
 
     def push(self, force: np.ndarray) -> None: ...
 
+    @property
+    def wrench(self) -> np.ndarray: ...
+
 
 class FaultyPlant:
     """A plant as its faulty encoders show it; without faults it is the plant itself, bit for bit.
@@ -70,6 +73,11 @@ class FaultyPlant:
     def dq(self) -> np.ndarray:
         """Measured joint velocities, (n,) [rad/s]."""
         return self._dq.copy()
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """Force and moment on the tip from outside, along the tip's axes, (6,) [N], [Nm]."""
+        return self._plant.wrench
 
     def step(self, q_ref: np.ndarray) -> None:
         """Move for one cycle, during which the reference goes on to q_ref (n,) [rad]; or stand

@@ -55,6 +55,11 @@ class IdealPlant:
     def push(self, force: np.ndarray) -> None:
         """Do nothing: an arm that is where its reference says yields to no force at its tip."""
 
+    @property
+    def wrench(self) -> np.ndarray:
+        """Force and moment on the tip, (6,) [N], [Nm]: none."""
+        return np.zeros(6)
+
 
 @dataclass(frozen=True)
 class MujocoSettings:
@@ -154,6 +159,16 @@ class MujocoPlant:
         # at the body's centre of mass: it takes a torque to have it at the tip
         data.xfrc_applied[tip, :3] = force
         data.xfrc_applied[tip, 3:] = np.cross(data.xpos[tip] - data.xipos[tip], force)
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """Force and moment on the tip from outside, along the tip's axes, (6,) [N], [Nm]."""
+        data = self._data
+        tip = self._tip
+        R = data.xmat[tip].reshape(3, 3)
+        force = data.xfrc_applied[tip, :3]
+        moment = data.xfrc_applied[tip, 3:] + np.cross(data.xipos[tip] - data.xpos[tip], force)
+        return np.concatenate((R.T @ force, R.T @ moment))
 
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the limits."""

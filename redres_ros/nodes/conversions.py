@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
@@ -217,6 +217,23 @@ def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped
     message.pose.position.x, message.pose.position.y, message.pose.position.z = x.tolist()
     orientation = message.pose.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = quaternion(R).tolist()
+    return message
+
+
+def to_wrench(stamp: int, frame: str, wrench: np.ndarray) -> WrenchStamped:
+    """A message of a force and a moment.
+
+    Args:
+        stamp: Of the state to which it belongs [ns].
+        frame: Where the force acts, and along whose axes.
+        wrench: Force and moment, (6,) [N], [Nm].
+    """
+    message = WrenchStamped()
+    message.header.stamp = to_time(stamp)
+    message.header.frame_id = frame
+    force = message.wrench.force
+    torque = message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
     return message
 
 

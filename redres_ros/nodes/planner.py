@@ -25,6 +25,8 @@ from redres_ros.nodes.conversions import (
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
+from redres_ros.nodes.markers import Markers
+from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
@@ -85,6 +87,7 @@ class PlannerNode(ManagedNode):
         self._begun_publisher = self.create_publisher(Time, 'planner/begun', LATCHED)
         kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
         self._telemetry = Telemetry(self, kinds)
+        self._markers = Markers(self, self._frame, self._task.waypoints)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
@@ -107,8 +110,11 @@ class PlannerNode(ManagedNode):
         self._watchdog.feed()
         stamp = to_nanoseconds(message.header.stamp)
         try:
-            x, R = self._model.tip(self._joints.positions(message))
+            q = self._joints.positions(message)
+            x, R = self._model.tip(q)
             self._tip = (x, R)
+            if self._markers.wants(stamp):
+                self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
             step = self._run.enter_state(stamp, x, R, time.monotonic())
         except RedresError as error:
             self._refusals.refuse('joint_states', error)

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -22,7 +23,7 @@ from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
 from redres_ros.fri.robot import FriRobot
 from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
-from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds
+from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
 from redres_ros.nodes.lifecycle import ManagedNode
@@ -30,6 +31,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
+from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -119,6 +121,7 @@ class SimNode(ManagedNode):
 
     def _create_interfaces(self, arm: Arm) -> None:
         self._states = self.create_publisher(JointState, 'joint_states', PUBLISH)
+        self._telemetry = Telemetry(self, {}, {'wrench': WrenchStamped})
         self._session_topics = SessionTopics(self, self._session)
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
@@ -179,6 +182,8 @@ class SimNode(ManagedNode):
         for arriving in self._under_way.receive(tick) if self.active else ():
             self._states.publish(arriving)
             self._asked = max(self._asked, arriving, key=_stamp)
+        tip = self._description.tip_frame
+        self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
     def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Until the next tick is due, and then as long as the answer is late and patience lasts."""

@@ -1,6 +1,6 @@
 """Topics for onlookers: nothing is computed or sent for one that nobody listens to."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.node import Node
@@ -13,12 +13,21 @@ LOOK_PERIOD = 0.2
 
 
 class Telemetry:
-    """Publishers by topic, each with whether it has a listener at present."""
+    """Publishers by topic, each with whether it has a listener at present.
 
-    def __init__(self, node: Node, types: dict[str, type]) -> None:
+    Args:
+        node: Publishes.
+        types: By the names of topics below the node's own name.
+        shared: The same for topics beside it.
+    """
+
+    def __init__(
+        self, node: Node, types: dict[str, type], shared: Mapping[str, type] | None = None
+    ) -> None:
+        below = {f'{node.get_name()}/{name}': kind for name, kind in types.items()}
         self._publishers = {
-            name: node.create_publisher(kind, f'{node.get_name()}/{name}', PUBLISH)
-            for name, kind in types.items()
+            topic.rpartition('/')[2]: node.create_publisher(kind, topic, PUBLISH)
+            for topic, kind in {**below, **(shared or {})}.items()
         }
         self._look()  # a tape listens from the first message on
         node.create_timer(LOOK_PERIOD, self._look)

@@ -1,0 +1,92 @@
+"""`markers` for RViz: the ways of tip and elbow, and the points of the task."""
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+from geometry_msgs.msg import Point
+from rclpy.node import Node
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from redres_ros.nodes.conversions import to_time
+from redres_ros.nodes.qos import PUBLISH
+
+PERIOD = 0.2  # [s] between two messages
+_STEP = 50_000_000  # [ns] of the robot's clock between two points of a trace
+_LENGTH = 200  # points of a trace: 10 s
+
+_ORANGE = ColorRGBA(r=0.95, g=0.55, b=0.1, a=1.0)
+_BLUE = ColorRGBA(r=0.2, g=0.45, b=0.85, a=1.0)
+_GREY = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
+
+
+class Markers:
+    """Publishes `markers` a few times a second, while somebody listens.
+
+    Args:
+        node: Publishes.
+        frame: Of all points.
+        waypoints: The points of the task, (N, 3) [m].
+    """
+
+    def __init__(self, node: Node, frame: str, waypoints: np.ndarray) -> None:
+        self._publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
+        self._tip: deque[Point] = deque(maxlen=_LENGTH)
+        self._elbow: deque[Point] = deque(maxlen=_LENGTH)
+        self._next = 0  # stamp from which the traces go on [ns]
+        self._stamp = 0  # of the newest state [ns]
+        self._points = _marker('task', Marker.SPHERE_LIST, 0.015, _GREY)
+        self._points.points = [_point(x) for x in waypoints]
+        self._traces = {
+            'tip': (_marker('tip', Marker.LINE_STRIP, 0.004, _ORANGE), self._tip),
+            'elbow': (_marker('elbow', Marker.LINE_STRIP, 0.004, _BLUE), self._elbow),
+        }
+        for marker in self._all():
+            marker.header.frame_id = frame
+        self.heard = False
+        node.create_timer(PERIOD, self._tell)
+
+    def wants(self, stamp: int) -> bool:
+        """Whether the arm of a state [ns] is to be shown to it: some times a second, if at all."""
+        self._stamp = stamp
+        return self.heard and not self._next - _STEP < stamp < self._next
+
+    def see(self, stamp: int, tip: np.ndarray, elbow: np.ndarray) -> None:
+        """Where tip and elbow are, (3,) [m], at a state [ns]."""
+        self._next = stamp + _STEP
+        self._tip.append(_point(tip))
+        self._elbow.append(_point(elbow))
+
+    def _tell(self) -> None:
+        self.heard = self._publisher.get_subscription_count() > 0
+        if not self.heard:
+            return
+        stamp = to_time(self._stamp)
+        for marker, points in self._traces.values():
+            marker.points = list(points)
+            # RViz complains of a line of less than two points.
+            marker.action = Marker.ADD if len(points) > 1 else Marker.DELETE
+        for marker in self._all():
+            marker.header.stamp = stamp
+        self._publisher.publish(MarkerArray(markers=list(self._all())))
+
+    def _all(self) -> Iterable[Marker]:
+        yield self._points
+        for marker, _ in self._traces.values():
+            yield marker
+
+
+def _marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
+    """A marker without points; size: diameter or width [m]."""
+    marker = Marker(ns=name, type=kind, action=Marker.ADD, color=color)
+    marker.scale.x = size
+    if kind == Marker.SPHERE_LIST:
+        marker.scale.y = size
+        marker.scale.z = size
+    marker.pose.orientation.w = 1.0
+    return marker
+
+
+def _point(x: np.ndarray) -> Point:
+    return Point(x=float(x[0]), y=float(x[1]), z=float(x[2]))

@@ -1,0 +1,125 @@
+"""The launch file: its arguments, and the processes that they make.
+
+No package index has ROS's launch. Where it is not installed a stand-in with the five names that the
+file uses takes its place; it makes the same list of processes.
+"""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+FILE = ROOT / 'launch' / 'redres.launch.py'
+OURS = {'sim', 'controller', 'planner'}
+
+
+class Recorded(SimpleNamespace):
+    """An action that keeps what it was made with."""
+
+    def __init__(self, name: str = '', **given: Any) -> None:
+        super().__init__(name=name, **given)
+
+
+class Configuration:
+    """The value of an argument in the context, which here is a dict."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self.name]
+
+
+def stand_in() -> dict[str, ModuleType]:
+    """Modules with the names of launch that the file uses."""
+    names: dict[str, dict[str, Any]] = {
+        'launch': {'LaunchContext': dict, 'LaunchDescription': list},
+        'launch.actions': dict.fromkeys(
+            ('DeclareLaunchArgument', 'OpaqueFunction', 'Shutdown'), Recorded
+        ),
+        'launch.substitutions': {'LaunchConfiguration': Configuration},
+        'launch_ros': {},
+        'launch_ros.actions': {'Node': Recorded},
+    }
+    modules = {}
+    for name, values in names.items():
+        modules[name] = ModuleType(name)
+        vars(modules[name]).update(values)
+    return modules
+
+
+@pytest.fixture
+def launch_file(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The launch file as a module."""
+    for name, module in stand_in().items():
+        monkeypatch.setitem(sys.modules, name, module)
+    spec = importlib.util.spec_from_file_location('redres_launch', FILE)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def started(launch_file: ModuleType, **given: str) -> dict[str, Recorded]:
+    """The nodes that the arguments start, by executable."""
+    defaults = {a.name: a.default_value for a in launch_file.generate_launch_description()[:-1]}
+    assert given.keys() <= defaults.keys()
+    nodes = launch_file.start_nodes({**defaults, **given})
+    return {node.executable: node for node in nodes}
+
+
+def test_by_default_the_fake_arm_its_controller_the_planner_and_the_frames_are_started(launch_file):
+    nodes = started(launch_file)
+    assert nodes.keys() == OURS | {'robot_state_publisher'}
+    for name in OURS:
+        file, values = nodes[name].parameters
+        assert Path(file) == ROOT / 'config' / 'redres.yaml'
+        assert values == {'use_sim_time': False}  # what the file says is not hidden
+
+
+def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
+    nodes = started(
+        launch_file,
+        robot='fr3',
+        law='minimum_velocity',
+        limits='none',
+        rate='250',
+        namespace='left',
+    )
+    shared = {'robot': 'fr3', 'rate': 250.0, 'use_sim_time': False}
+    assert nodes['sim'].parameters[1] == shared
+    assert nodes['planner'].parameters[1] == shared
+    own = {'law': 'minimum_velocity', 'limits': 'none'}
+    assert nodes['controller'].parameters[1] == {**shared, **own}
+    assert {node.namespace for node in nodes.values()} == {'left'}
+    description = nodes['robot_state_publisher'].parameters[0]['robot_description']
+    assert ElementTree.fromstring(description).get('name') == 'fr3'
+
+
+def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
+    nodes = started(launch_file, sim='false', planner='false', rviz='true')
+    assert nodes.keys() == {'controller', 'robot_state_publisher', 'rviz2'}
+    with pytest.raises(ValueError, match="got 'no'; allowed: true or false"):
+        started(launch_file, sim='no')
+
+
+def test_when_one_node_ends_so_do_the_others(launch_file):
+    nodes = started(launch_file)
+    assert all(nodes[name].on_exit.reason == f'{name} ended' for name in OURS)
+
+
+def test_rviz_shows_topics_that_the_nodes_publish() -> None:
+    config = yaml.safe_load((ROOT / 'config' / 'redres.rviz').read_text(encoding='utf-8'))
+    displays = config['Visualization Manager']['Displays']
+    topics = {
+        display[key]['Value']
+        for display in displays
+        for key in ('Topic', 'Description Topic')
+        if key in display
+    }
+    assert topics == {'robot_description', 'markers', 'controller/tip_pose', 'wrench'}
