@@ -92,6 +92,7 @@ setup(
             'pytest-cov>=6.0',
             'pytest-xdist>=3.5',
             'hypothesis>=6.90',
+            'cyclonedds>=0.10.5',  # another vendor's DDS, which takes part in a test
             # Their verdict changes from version to version.
             'ruff==0.17.6',
             'mypy==2.4.1',

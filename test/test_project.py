@@ -1,5 +1,6 @@
 """The files around the package say the same as each other, and as the package."""
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -48,3 +49,16 @@ def test_types_are_checked_by_strict_rules_and_no_file_is_exempt() -> None:
     assert mypy['strict'] is True
     assert 'redres_ros' in mypy['files']
     assert not any('ignore_errors' in override for override in mypy['overrides'])
+
+
+def test_every_workflow_names_files_and_extras_that_exist() -> None:
+    for path in (ROOT / '.github' / 'workflows').glob('*.yaml'):
+        text = path.read_text(encoding='utf-8')
+        assert yaml.safe_load(text)['jobs']
+        for extra in re.findall(r"'\.\[(\w+)\]'", text):
+            assert f"'{extra}': " in SETUP
+
+
+def test_the_container_for_developers_installs_what_the_tests_need() -> None:
+    container = json.loads((ROOT / '.devcontainer/devcontainer.json').read_text(encoding='utf-8'))
+    assert "'.[test]'" in container['postCreateCommand']

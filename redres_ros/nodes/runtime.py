@@ -38,6 +38,18 @@ PARENT = 'REDRES_PARENT'
 # (issue 6535 of Fast DDS). UDP over loopback takes messages of this size as fast.
 _TRANSPORTS = ('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 
+# Environment variables of ROS and Fast DDS that say who may find whom. Where none is set ROS would
+# find everybody on the network, and anybody there could command the arm.
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_DISCOVERY = (
+    _RANGE,
+    'ROS_STATIC_PEERS',
+    'ROS_LOCALHOST_ONLY',
+    'ROS_DISCOVERY_SERVER',
+    'FASTRTPS_DEFAULT_PROFILES_FILE',
+    'FASTDDS_DEFAULT_PROFILES_FILE',
+)
+
 _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
 _GLANCE = 0.0005  # [s] between looks at an event that a callback may set
@@ -104,11 +116,14 @@ class Spinner:
 
 
 def start(arguments: list[str] | None = None) -> None:
-    """rclpy.init with our own signal handling, and no shared memory unless the user asks for it.
+    """rclpy.init with our own signal handling, on this host alone and without shared memory unless
+    the user asks for it.
 
     Raises StartError for an environment that cannot work.
     """
     os.environ.setdefault(*_TRANSPORTS)
+    if not any(map(os.environ.get, _DISCOVERY)):
+        os.environ[_RANGE] = 'LOCALHOST'
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN):
         raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')

@@ -1,0 +1,113 @@
+"""A participant by Eclipse Cyclone DDS, without any ROS: hears states and commands, and steers.
+
+Prints how many states and commands it has heard, and how far the tip's joints have moved, as JSON:
+python test/other_dds.py DOMAIN SECONDS
+"""
+
+import json
+import os
+import sys
+import time
+from dataclasses import dataclass
+
+# On this host, and to participants that do not use multicast.
+os.environ['CYCLONEDDS_URI'] = """
+<CycloneDDS><Domain>
+  <General>
+    <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
+    <AllowMulticast>false</AllowMulticast>
+  </General>
+  <Discovery>
+    <ParticipantIndex>auto</ParticipantIndex>
+    <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+    <Peers><Peer address="127.0.0.1"/></Peers>
+  </Discovery>
+</Domain></CycloneDDS>
+"""
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct, types
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+
+# As ROS names them on the wire.
+@dataclass
+class Time(IdlStruct, typename='builtin_interfaces::msg::dds_::Time_'):
+    sec: types.int32
+    nanosec: types.uint32
+
+
+@dataclass
+class Header(IdlStruct, typename='std_msgs::msg::dds_::Header_'):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class JointState(IdlStruct, typename='sensor_msgs::msg::dds_::JointState_'):
+    header: Header
+    name: types.sequence[str]
+    position: types.sequence[types.float64]
+    velocity: types.sequence[types.float64]
+    effort: types.sequence[types.float64]
+
+
+@dataclass
+class Vector3(IdlStruct, typename='geometry_msgs::msg::dds_::Vector3_'):
+    x: types.float64
+    y: types.float64
+    z: types.float64
+
+
+@dataclass
+class Twist(IdlStruct, typename='geometry_msgs::msg::dds_::Twist_'):
+    linear: Vector3
+    angular: Vector3
+
+
+@dataclass
+class TwistStamped(IdlStruct, typename='geometry_msgs::msg::dds_::TwistStamped_'):
+    header: Header
+    twist: Twist
+
+
+RELIABLE = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1000))
+SLOW = Twist(Vector3(0.0, -0.05, 0.0), Vector3(0.0, 0.0, 0.0))  # [m/s]
+
+
+def main(domain: int, seconds: float) -> None:
+    participant = DomainParticipant(domain)
+    states = DataReader(participant, Topic(participant, 'rt/joint_states', JointState), RELIABLE)
+    commands = DataReader(participant, Topic(participant, 'rt/joint_command', JointState), RELIABLE)
+    twists = DataWriter(
+        participant, Topic(participant, 'rt/cartesian_velocity', TwistStamped), RELIABLE
+    )
+    heard = []
+    answered = set()
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        heard += states.take(100)
+        answered |= {(c.header.stamp.sec, c.header.stamp.nanosec) for c in commands.take(100)}
+        # A zero stamp means now.
+        twists.write(TwistStamped(Header(Time(0, 0), ''), SLOW))
+        time.sleep(0.01)
+    asked = {(s.header.stamp.sec, s.header.stamp.nanosec) for s in heard}
+    ways = [abs(b - a) for a, b in zip(heard[0].position, heard[-1].position, strict=True)]
+    print(
+        json.dumps(
+            {
+                'states': len(asked),
+                'answered': len(asked & answered),
+                'joints': list(heard[0].name),
+                'moved': max(ways),
+                'ros': 'rclpy' in sys.modules,
+            }
+        )
+    )
+
+
+if __name__ == '__main__':
+    main(int(sys.argv[1]), float(sys.argv[2]))

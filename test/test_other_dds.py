@@ -1,0 +1,50 @@
+"""Another vendor's DDS takes part: what the nodes say and hear is nothing of Fast DDS's own."""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from graph_helpers import NAMES
+
+from redres_ros.demo.processes import NodeProcess, own_domain
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        importlib.util.find_spec('cyclonedds') is None,
+        reason='needs another DDS: pip install cyclonedds',
+    ),
+]
+
+SCRIPT = Path(__file__).with_name('other_dds.py')
+
+
+def test_without_ros_it_hears_states_and_commands_and_steers_the_arm(tmp_path: Path) -> None:
+    with own_domain() as domain:
+        nodes = [NodeProcess(name, tmp_path / f'{name}.log', {}) for name in ('sim', 'controller')]
+        try:
+            done = subprocess.run(
+                [sys.executable, str(SCRIPT), str(domain), '6'],
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=False,
+                env={**os.environ, 'PYTHONPATH': ''},
+            )
+        finally:
+            for node in nodes:
+                node.end()
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found['ros'] is False
+    assert tuple(found['joints']) == NAMES
+    assert found['states'] > 500
+    assert found['answered'] > 0.5 * found['states']  # the first ones come before the controller
+    assert found['moved'] > 0.01  # [rad]
