@@ -1,5 +1,6 @@
 """Every script in examples/ runs, and shows what it says."""
 
+import json
 import re
 import subprocess
 import sys
@@ -68,6 +69,14 @@ def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
             robot.end()
     # Half a period of the sine: 0.05 m/s * 2 / pi.
     assert height == pytest.approx(0.032, abs=0.005)
+
+
+def test_the_notebook_runs_and_prints_what_it_says_that_it_prints() -> None:
+    sys.path.insert(0, str(EXAMPLES.parent / 'docs'))
+    from extension.notebook import printed, run
+
+    path = EXAMPLES / 'from_velocity_to_torque.ipynb'
+    assert printed(run(path)) == printed(json.loads(path.read_text(encoding='utf-8')))
 
 
 def test_every_example_has_a_test() -> None:

@@ -10,6 +10,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from extension.commands import commands
 from extension.equations import equations
+from extension.notebook import page
 from extension.paper import claims
 from extension.public import public
 from extension.ros import parameters, services, topics
@@ -22,6 +23,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
         'claims': claims,
         'commands': commands,
         'equations': equations,
+        'notebook': page,
         'parameters': parameters,
         'public': public,
         'services': services,
