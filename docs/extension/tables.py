@@ -43,6 +43,7 @@ def _directive(make: Callable[..., Iterable[str]]) -> type[SphinxDirective]:
         lines: ClassVar = staticmethod(make)
 
         def run(self) -> list[nodes.Node]:
+            self.env.note_reread()  # the page cannot know when the code has changed
             words = self.arguments[0].split() if self.arguments else []
             text = StringList(list(self.lines(*words)), source=self.get_location())
             return self.parse_text_to_nodes('\n'.join(text), allow_section_headings=True)
