@@ -2,7 +2,6 @@
 all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 """
 
-from pathlib import Path
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
@@ -10,12 +9,12 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from redres_ros.robots import find_arm
+from redres_ros.robots import choose_arm
 from redres_ros.share import share_path
 
 # name: (default, description); an empty default leaves what params_file says
 ARGUMENTS = {
-    'robot': ('', 'arm: a name that `redres laws` prints, or a URDF file'),
+    'robot': ('', 'arm: a name that `redres laws` prints, a URDF file, or topic'),
     'law': ('', 'law of the controller, as minimum_acceleration'),
     'limits': ('', 'limits of the controller, as position,velocity,acceleration or none'),
     'rate': ('', 'cycles per second [Hz]'),
@@ -47,7 +46,8 @@ def start_nodes(context: LaunchContext) -> list[Node]:
         'planner': _is_true(given['planner']),
     }
     nodes = [_of_ours(name, given) for name, start in wanted.items() if start]
-    nodes.append(_state_publisher(given))
+    if given['robot'] != 'topic':  # then somebody publishes the description, and the frames too
+        nodes.append(_state_publisher(given))
     if _is_true(given['rviz']):
         nodes.append(_rviz(given))
     return nodes
@@ -80,9 +80,7 @@ def _parameters(name: str, given: dict[str, str]) -> dict[str, Any]:
 
 def _state_publisher(given: dict[str, str]) -> Node:
     """Publishes the frames of the arm's links."""
-    robot = given['robot'] or DEFAULT_ROBOT
-    is_file = robot.endswith('.urdf')
-    description = Path(robot).read_text() if is_file else find_arm(robot).description()
+    description = choose_arm(given['robot'] or DEFAULT_ROBOT).description()
     return Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',

@@ -104,6 +104,7 @@ def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
 def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
     nodes = started(launch_file, sim='false', planner='false', rviz='true')
     assert nodes.keys() == {'controller', 'robot_state_publisher', 'rviz2'}
+    assert started(launch_file, robot='topic', sim='false').keys() == {'controller', 'planner'}
     with pytest.raises(ValueError, match="got 'no'; allowed: true or false"):
         started(launch_file, sim='no')
 

@@ -23,7 +23,6 @@ from redres_ros.nodes.conversions import (
     to_twist,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
-from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.parameters import ListenerParameters, declare

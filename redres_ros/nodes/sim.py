@@ -25,8 +25,8 @@ from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
 from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
-from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
 from redres_ros.nodes.lifecycle import ManagedNode
+from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Waiting, run_nodes
@@ -182,7 +182,7 @@ class SimNode(ManagedNode):
         for arriving in self._under_way.receive(tick) if self.active else ():
             self._states.publish(arriving)
             self._asked = max(self._asked, arriving, key=_stamp)
-        tip = self._description.tip_frame
+        tip = self._description.arm.tip_frame
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
     def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
