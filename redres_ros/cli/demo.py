@@ -76,6 +76,7 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.task import find_motion
     from redres_ros.demo.demo import Demo, DemoOptions
     from redres_ros.demo.processes import own_domain
+    from redres_ros.demo.words import after, before
     from redres_ros.simulation.report import progress_bar
 
     if not 0.0 <= options.duration <= 1e6:
@@ -109,6 +110,7 @@ def _demo(options: argparse.Namespace) -> int:
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
     ):
+        print(before(wanted, motion.model))
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )
@@ -116,6 +118,7 @@ def _demo(options: argparse.Namespace) -> int:
     with _ending_at_once():
         outcome = demo.outcome(ending)
         _write(outcome, demo, options.out)
+        print(after(outcome))
     if outcome.interrupted:
         return 130
     return 0 if outcome.succeeded else 1

@@ -1,0 +1,52 @@
+"""What `redres demo` says before and after a run: what one sees, and why it matters."""
+
+from redres_ros.demo.demo import DemoOptions
+from redres_ros.demo.outcome import Outcome
+from redres_ros.robot_model import RobotModel
+
+
+def before(options: DemoOptions, model: RobotModel) -> str:
+    """Two sentences on what is about to happen.
+
+    Args:
+        options: Of the demo.
+        model: Of the arm.
+    """
+    joints = len(model.joint_names)
+    nodes = 'one process of three nodes' if options.composed else 'three ROS 2 nodes'
+    matter = 'that choice decides how smoothly the arm moves'
+    if options.task == 'rectangle':
+        matter = 'near the stretched arm, 7 s from now, that decides whether it gets through'
+    return (
+        f'A simulated arm of {joints} joints moves its tip along a task, '
+        f'led by {nodes} in {options.rate:g} cycles a second. '
+        f'Many joint motions would do; the law {options.law} chooses one in every cycle, and '
+        f'{matter}.'
+    )
+
+
+def after(outcome: Outcome) -> str:
+    """Two sentences on what came of it; none where there is nothing to learn from it."""
+    if outcome.motion is None or outcome.interrupted:
+        return ''
+    if outcome.stop_reason.startswith('timing'):
+        return (
+            'The robot stopped the arm because answers came too late: this machine was too busy. '
+            'Try again, or with --lockstep, which waits for every answer.'
+        )
+    if outcome.stop_reason:
+        return (
+            'The robot stopped the arm, as a real one would: the law asked for more than the '
+            'joints have. '
+            'Within limits (without --limits none) the arm goes slower there instead, and '
+            '--law minimum_acceleration, which remembers its motion, passes smoothly.'
+        )
+    if not outcome.succeeded:
+        return ''
+    acceleration, at = outcome.motion.acceleration
+    return (
+        f'The arm came through, at most {1e3 * outcome.motion.error[0]:.1f} mm off its way, and '
+        f'its joints accelerated most at {at:.1f} s, by {acceleration:.1f} rad/s². '
+        'See what the choice is worth: redres demo --law minimum_velocity --limits none takes '
+        'the least velocity in every cycle, and is stopped.'
+    )
