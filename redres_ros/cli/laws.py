@@ -9,6 +9,14 @@ from redres_ros.cli.options import add_domain
 if TYPE_CHECKING:
     from redres_ros.robots import Arm
 
+_HEADS = {
+    'law': 'laws, --law NAME: what the motion of the joints is to have least of',
+    'preference': 'preferences, --prefer NAME=GAIN: what the spare joints are to do meanwhile',
+    'task': 'tasks, --secondary NAME: further aims after the tip, in order of priority',
+    'limit': 'limits, --limits A,B: what no command leaves',
+    'robot': 'robots, --robot NAME: arms; or any other from its URDF file',
+}
+
 
 def add(commands: Any) -> None:
     """Declare the subcommands."""
@@ -28,11 +36,11 @@ def _laws(options: argparse.Namespace) -> int:
     from redres_ros.robots import ARMS
 
     for kind, table in find_tables(limits=True).items():
-        print(f'{kind}s:')
+        print(_HEADS[kind])
         for name, cls in table.items():
             print(f'{name:<26}{_says(cls)}')
         print()
-    print('robots:')
+    print(_HEADS['robot'])
     for name, arm in ARMS.items():
         print(f'{name:<26}{_describes(arm)}')
     return 0
