@@ -27,6 +27,8 @@ from redres_ros.closed_form import (
 )
 from redres_ros.errors import ArrayError
 
+# [rad/s] beyond which a direction of a lower task counts as lost; several times what arms can do
+FASTEST = 100.0
 # rows whose singular value is below this share are dependent: lower tasks may use what they leave
 DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
@@ -121,7 +123,9 @@ def resolve_in_order(
     """dq (n,) [rad/s] for tasks in order of priority, Eq. (20), and whether the first is damped.
 
     Each task is executed as well as those before it allow, in their null space and in the metric of
-    W; b acts in the null space that is left.
+    W; b acts in the null space that is left. Where tasks conflict, a lower one has no solution, and
+    next to that one far too fast: a direction of it counts as lost, too, that would take more than
+    FASTEST.
 
     Args:
         levels: (J, dx) of each task, the most important one first; at least one.
@@ -134,7 +138,7 @@ def resolve_in_order(
     J = np.concatenate([J for J, _ in levels])
     dx = np.concatenate([dx for _, dx in levels])
     exact = _resolve_exactly(J, dx, b, W, _rows_of(*(len(dx) for _, dx in levels)))
-    if exact is not None:
+    if exact is not None and exact.dot(exact) <= FASTEST**2:
         return exact, False
     dq, damped = resolve_one(*levels[0], b, W)
     Z = np.eye(len(b))  # (n, k) null space of the tasks so far
@@ -143,13 +147,19 @@ def resolve_in_order(
         if not Z.shape[1]:
             break
         rest = dx - J.dot(dq)
-        z, _ = resolve_one(J.dot(Z), rest, np.zeros(Z.shape[1]), _within(W, Z), _largest(J))
+        nowhere = np.zeros(Z.shape[1])
+        z, _ = resolve_one(J.dot(Z), rest, nowhere, _within(W, Z), _largest(J), FASTEST)
         dq = dq + Z.dot(z)
     return dq, damped
 
 
 def resolve_one(
-    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight, size: float = 0.0
+    J: np.ndarray,
+    dx: np.ndarray,
+    b: np.ndarray,
+    W: Weight,
+    size: float = 0.0,
+    fastest: float = math.inf,
 ) -> tuple[np.ndarray, bool]:
     """As `resolve`, without the check of shapes; and whether a direction was damped.
 
@@ -160,14 +170,15 @@ def resolve_one(
         W: weight.
         size: singular values are judged against this, or against the largest one of J if that is
             larger.
+        fastest: a direction that takes more than this [rad/s] is damped as well.
 
     Raises:
         ArrayError: as for `resolve`.
     """
     exact = _resolve_exactly(J, dx, b, W, _ONE_TASK, size)
-    if exact is not None:
+    if exact is not None and (fastest == math.inf or exact.dot(exact) <= fastest**2):
         return exact, False
-    dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size)
+    dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size, fastest)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return dq, damped
@@ -210,7 +221,12 @@ def as_array(W: Weight) -> tuple[np.ndarray, int]:
 
 
 def _resolve_carefully(
-    J: np.ndarray, r: np.ndarray, b: np.ndarray, W: Weight, size: float
+    J: np.ndarray,
+    r: np.ndarray,
+    b: np.ndarray,
+    W: Weight,
+    size: float,
+    fastest: float = math.inf,
 ) -> tuple[np.ndarray, bool]:
     """b + J_W^# r by orthogonal transformations, near a singularity of J damped; and whether it is.
 
@@ -219,32 +235,34 @@ def _resolve_carefully(
     regular ones c_i y = u_i' r / s_i holds exactly. In what they leave, with C the rest of the lost
     c_i and S their s_i, the least y for S C y = rho gets a regularisation,
 
-        y = C' S (S C C' S + diag(d))^-1 rho,   d_i = |c_i|^2 (e^2 - s_i^2),
+        y = C' S (S C C' S + diag(d))^-1 rho,   d_i = |c_i|^2 (e_i^2 - s_i^2),
 
-    by which a lost direction is executed to the share s^2/e^2 and drops out for s = 0.
+    by which a lost direction is executed to the share s^2/e^2 and drops out for s = 0. With
+    |u_i' r| / fastest for e_i, if that is larger, none takes more than `fastest`.
     """
     if not (np.isfinite(J).all() and np.isfinite(r).all()):  # LAPACK may never come back from them
         return np.full_like(b, np.nan), False
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    e = SINGULAR_RATIO * max(s[0], size)
-    if e == 0.0:
+    rho = U.T.dot(r)
+    e = np.maximum(SINGULAR_RATIO * max(s[0], size), np.abs(rho) / fastest)  # (k,)
+    if not e.any():
         return b.copy(), True
     factor = _factor(W, len(b))
     C = Vt if factor is None else factor.solve_transposed(Vt.T).T  # (k, n) rows c_i
-    rho = U.T.dot(r)
-    kept = int(np.count_nonzero(s >= e))
-    Q, R = np.linalg.qr(C[:kept].T)  # (n, kept), (kept, kept)
-    y = Q.dot(np.linalg.solve(R.T, rho[:kept] / s[:kept]))
-    if kept < len(s):
-        C_lost = C[kept:] - C[kept:].dot(Q).dot(Q.T)
-        s_lost = s[kept:]
+    kept = s >= e
+    lost = ~kept
+    Q, R = np.linalg.qr(C[kept].T)
+    y = Q.dot(np.linalg.solve(R.T, rho[kept] / s[kept]))
+    if lost.any():
+        C_lost = C[lost] - C[lost].dot(Q).dot(Q.T)
+        s_lost = s[lost]
         freedom = np.maximum((C_lost**2).sum(axis=1), _NO_FREEDOM)  # |c_i|^2
-        d = freedom * (e**2 - s_lost**2)
+        d = freedom * (e[lost] ** 2 - s_lost**2)
         A = s_lost[:, None] * C_lost
-        rest = rho[kept:] - s_lost * C[kept:].dot(y)
+        rest = rho[lost] - s_lost * C[lost].dot(y)
         y = y + A.T.dot(np.linalg.solve(A.dot(A.T) + np.diag(d), rest))
     step = y if factor is None else factor.solve_factor(y)
-    return b + step, kept < len(U)
+    return b + step, int(np.count_nonzero(kept)) < len(U)
 
 
 def _factor(W: Weight, n: int) -> Factor | None:

@@ -330,3 +330,11 @@ def brief() -> WaypointTask:
     """5 cm in half a second."""
     end = TASK.waypoints[0] + (0.0, -0.05, 0.0)
     return replace(TASK, waypoints=np.array((TASK.waypoints[0], end)), segment_time=0.5)
+
+
+def test_a_lower_task_that_conflicts_with_the_first_does_not_make_the_loop_diverge():
+    """The rectangle cannot be followed with the orientation of its start."""
+    law = make_law('minimum_velocity')
+    recording = run(Controller(MODEL, law, 0.002, secondary_tasks=('orientation',)), TASK)
+    assert recording.finished
+    assert recording['joint_velocity_norm'].max() < 150.0
