@@ -25,11 +25,14 @@ def test_who_cites_the_software_names_its_version_and_licence() -> None:
     assert citation['abstract'] == package('description')
 
 
-def test_the_newest_changes_are_those_of_this_version() -> None:
+def test_the_changelog_is_kept_by_the_book() -> None:
     changelog = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
-    newest = re.search(r'^## (\S+)', changelog, re.MULTILINE)
-    assert newest is not None
-    assert newest[1] == package('version')
+    headings = re.findall(r'^## (.*)$', changelog, re.MULTILINE)
+    assert headings[0] == '[Unreleased]'
+    assert all(re.fullmatch(r'\[\d+\.\d+\.\d+\] - \d{4}-\d\d-\d\d', h) for h in headings[1:])
+    assert headings[1].startswith(f'[{package("version")}] ')  # the newest release
+    kinds = re.findall(r'^### (.*)$', changelog, re.MULTILINE)
+    assert set(kinds) <= {'Added', 'Changed', 'Deprecated', 'Removed', 'Fixed', 'Security'}
 
 
 def test_the_hooks_before_a_commit_run_the_ruff_that_the_tests_run() -> None:
