@@ -279,14 +279,17 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
-        state = RobotState(self.model, q, self._dq_prev)
+        start = self._integrated(q, missed)
+        resolver = self._resolver.advanced(self.T, self.switch_time)
+        measured = RobotState(self.model, q, self._dq_prev)
+        state = measured
+        if resolver.anchor and start is not q:
+            state = RobotState(self.model, q + resolver.anchor * (start - q), self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
         blend = self._blend.advanced(
             begun if self._moving else STANDING, self._dq_prev, self.T, self.switch_time
         )
         answer, after = blend.answer(state, self.task, dx, self.T)
-        start = self._integrated(q, missed)
-        resolver = self._resolver.advanced(self.T, self.switch_time)
         answer = resolver.resolve(answer, state, start, self.T)
         dq = answer.dq
         q_ref = np.empty(self.model.n)
@@ -302,7 +305,7 @@ class Controller:
         own = (dq.copy(), q_ref.copy())
         # _make takes half the time of calling the class
         return Command._make(
-            (*own, state, self.T, answer.J, answer.W, answer.s, answer.limiting, lost)
+            (*own, measured, self.T, answer.J, answer.W, answer.s, answer.limiting, lost)
         )
 
     def _integrated(self, q: np.ndarray, missed: int) -> np.ndarray:

@@ -21,6 +21,14 @@ class Resolver(Protocol):
     """Makes the command of what a motion would do."""
 
     @property
+    def anchor(self) -> float:
+        """Where the motion is evaluated: 0 at the measurement, 1 at the reference that goes on.
+
+        The arm is behind its reference. A Jacobian from there turns the path aside, by some tenths
+        of a degree at the speeds that limits allow: a millimetre, where the feedback is weak.
+        """
+
+    @property
     def bounds_acceleration(self) -> bool:
         """Whether no command can jump under it."""
 
@@ -32,8 +40,9 @@ class Resolver(Protocol):
 
 
 class Unlimited:
-    """The closed form as it is."""
+    """The closed form as it is, from measured positions, as in Fig. 1."""
 
+    anchor = 0.0
     bounds_acceleration = False
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
@@ -55,6 +64,8 @@ class Limited:
         limits: What is kept.
         scale: (m,) makes rows of the first task comparable; None where they are.
     """
+
+    anchor = 1.0
 
     def __init__(self, limits: 'Limits', scale: np.ndarray | None) -> None:
         # compiled: loaded only where limits are wanted
@@ -100,6 +111,11 @@ class Changeover:
     new: Resolver
     share: float = 0.0
     bounds_acceleration = False
+
+    @property
+    def anchor(self) -> float:
+        part, _ = quintic(self.share)
+        return (1.0 - part) * self.old.anchor + part * self.new.anchor
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """One cycle on; the new one at the end."""
