@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
@@ -62,3 +62,20 @@ def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
     result = call(node, SetParametersAtomically, f'{of}/set_parameters_atomically', request).result
     if not result.successful:
         raise CallError(f'{of} refused: {result.reason}')
+
+
+def read_parameters(node: Node, of: str) -> dict[str, Any]:
+    """All parameters of another node that have a value. Raises CallError."""
+    request = ListParameters.Request()
+    names = call(node, ListParameters, f'{of}/list_parameters', request).result.names
+    values = call(node, GetParameters, f'{of}/get_parameters', GetParameters.Request(names=names))
+    read = {
+        name: parameter_value_to_python(value)
+        for name, value in zip(names, values.values, strict=True)
+    }
+    return {name: _plain(value) for name, value in read.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists, which YAML can hold."""
+    return value if isinstance(value, (bool, int, float, str)) else list(value)

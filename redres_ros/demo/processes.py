@@ -143,7 +143,7 @@ class NodeProcess:
         log: file for what it prints.
         parameters: of the node.
         tape: file for its messages, see `redres_ros.demo.taped`; None for none.
-        topics: those that are taped; all that a tape can hold if none is named.
+        topics: those that are taped; what a run is judged by if none is named.
     """
 
     def __init__(

@@ -1,5 +1,6 @@
 """A motion on the nodes' tapes as the same table that the ideal loop gives."""
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -125,12 +126,13 @@ class Log:
         return sorted(self.segments)
 
 
-def read_log(paths: Iterable[Path], joint_names: tuple[str, ...]) -> Log:
+def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float = math.inf) -> Log:
     """What is on the tapes of one run.
 
     Args:
         paths: of the tapes, one a process.
         joint_names: in the order in which positions and velocities are wanted.
+        until: the last stamp that counts [ns].
     """
     joints = JointOrder(joint_names)
     converters: dict[str, Callable[[Any], Any]] = {
@@ -148,6 +150,8 @@ def read_log(paths: Iterable[Path], joint_names: tuple[str, ...]) -> Log:
     newest: dict[str, tuple[bytes, Any]] = {}  # data and value: many words are said every cycle
     for path in paths:
         for stamp, entry in stamped(read_tape(path)):
+            if stamp > until:
+                continue
             if entry.topic in converters:
                 data, value = newest.get(entry.topic, (b'', None))
                 if entry.data != data:

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Int32, String
+from std_msgs.msg import Float64, Float64MultiArray, Int32, String
+from visualization_msgs.msg import MarkerArray
 
-TOPICS: dict[str, type] = {
+# What a run is judged by.
+JUDGED: dict[str, type] = {
     'joint_states': JointState,
     'joint_command': JointState,
     'cartesian_velocity': TwistStamped,
@@ -24,9 +29,30 @@ TOPICS: dict[str, type] = {
     'planner/desired_pose': PoseStamped,
     'planner/segment': Int32,
 }
+# All that a tape can hold.
+TOPICS: dict[str, type] = {
+    **JUDGED,
+    'controller/tip_pose': PoseStamped,
+    'controller/joint_velocity_norm': Float64,
+    'controller/joint_acceleration_norm': Float64,
+    'controller/null_velocity_norm': Float64,
+    'controller/joint_torque_norm': Float64,
+    'controller/min_singular_value': Float64,
+    'controller/lost_velocity': Float64,
+    'controller/limiting': String,
+    'forward_position_controller/commands': Float64MultiArray,
+    'markers': MarkerArray,
+    'wrench': WrenchStamped,
+    'planner/task_error': Float64,
+    'planner/begun': Time,
+    'sim/connection_quality': String,
+    'robot_description': String,
+    '/diagnostics': DiagnosticArray,
+    '/parameter_events': ParameterEvent,
+}
 
 _NAMES = tuple(TOPICS)
-_WITH_STAMP = {topic for topic, kind in TOPICS.items() if hasattr(kind, 'header')}
+_WITH_STAMP = {topic for topic, kind in JUDGED.items() if hasattr(kind, 'header')}
 # Of a serialised message with a header: 4 bytes say how it is encoded, then come the seconds and
 # nanoseconds of its stamp.
 _STAMP = struct.Struct('<4xiI')
@@ -58,10 +84,10 @@ class Tape:
 
     Args:
         path: of the file, which is made anew.
-        topics: those that are kept, of TOPICS.
+        topics: those that are kept, of TOPICS; by default those that a run is judged by.
     """
 
-    def __init__(self, path: Path, topics: Collection[str] = _NAMES) -> None:
+    def __init__(self, path: Path, topics: Collection[str] = tuple(JUDGED)) -> None:
         self.topics = topics
         self._file = path.open('wb', buffering=_BUFFER)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from redres_ros.demo.tape import TOPICS, Tape
+from redres_ros.demo.tape import JUDGED, Tape
 from redres_ros.nodes.composed import run_composed
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
@@ -81,7 +81,7 @@ def main() -> int:
     """The exit status of the node."""
     name, path = sys.argv[1:3]
     rest = sys.argv[3:]
-    topics = tuple(TOPICS)
+    topics = tuple(JUDGED)
     if rest and not rest[0].startswith('-'):
         topics = tuple(rest.pop(0).split(','))
     sys.argv = [name, *rest]  # what a node takes for its own command line

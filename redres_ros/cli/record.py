@@ -1,0 +1,60 @@
+"""`redres record`: the messages of running nodes into a file."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from redres_ros.cli.files import check_writable
+from redres_ros.cli.options import OptionError, add_domain
+from redres_ros.errors import RangeError
+
+_LONGEST = 1e6  # [s]
+SUFFIX = '.mcap'
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    record = commands.add_parser('record', help='the messages of running nodes into an MCAP file')
+    record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='made anew')
+    record.add_argument(
+        '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
+    )
+    record.add_argument(
+        '--topics', metavar='A,B,...', help='those that are recorded; default: all that there are'
+    )
+    add_domain(record)
+    record.set_defaults(run=_record)
+
+
+def check_recording(path: Path) -> None:
+    """Refuse a file that is no MCAP by its name, or cannot be written."""
+    if path.suffix != SUFFIX:
+        raise OptionError(f'the recording {path}; expected a name that ends in {SUFFIX}')
+    check_writable(path)
+
+
+def _record(options: argparse.Namespace) -> int:
+    import signal
+    import threading
+
+    from redres_ros.demo.mcap_file import McapFile
+    from redres_ros.demo.processes import joined_domain
+    from redres_ros.demo.recorder import GraphRecorder
+    from redres_ros.nodes.runtime import spun
+
+    if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:
+        raise RangeError('duration', options.duration, 0.0, _LONGEST, 's')
+    check_recording(options.file)
+    wanted = tuple(filter(None, (options.topics or '').split(',')))
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+    with (
+        joined_domain(options.domain),
+        McapFile(options.file) as file,
+        spun(lambda: GraphRecorder(file, wanted)) as recorder,
+    ):
+        recorder.run(stopped, options.duration)
+        recorder.close()
+    print(f'{recorder.messages} messages of {recorder.topics} topics in {options.file}')
+    return 0 if recorder.messages else 1

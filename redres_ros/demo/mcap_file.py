@@ -1,0 +1,90 @@
+"""A file of messages in the MCAP format, which Foxglove, PlotJuggler and rosbag2 read."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from redres_ros.demo.message_text import definition_of, name_of
+from redres_ros.demo.tape import TOPICS, read_tape
+
+_URDF = 'robot_description.urdf'
+_PARAMETERS = 'parameters.yaml'
+
+
+class McapFile:
+    """Writes messages as they go over the wire.
+
+    Args:
+        path: Of the file, which is made anew.
+    """
+
+    def __init__(self, path: Path) -> None:
+        # Chunks are not compressed: that would take more of a processor than all the rest.
+        self._stream = path.open('wb')
+        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        self._writer.start(profile='ros2', library='redres_ros')
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.close()
+
+    def add_topic(self, topic: str, kind: Any) -> None:
+        """Declare a topic, before its first message."""
+        name = name_of(kind)
+        if name not in self._schemas:
+            text = definition_of(kind).encode()
+            self._schemas[name] = self._writer.register_schema(name, 'ros2msg', text)
+        self._channels[topic] = self._writer.register_channel(topic, 'cdr', self._schemas[name])
+
+    def write(self, topic: str, data: bytes, sent: int, received: int) -> None:
+        """Append a message.
+
+        Args:
+            topic: Declared before.
+            data: As it went over the wire.
+            sent: When it was published [ns].
+            received: When it came [ns].
+        """
+        self._writer.add_message(self._channels[topic], received, data, sent)
+
+    def attach_urdf(self, text: str, time: int) -> None:
+        """Put the arm's URDF beside the messages, at an instant [ns]."""
+        self._attach(_URDF, 'text/xml', text, time)
+
+    def attach_parameters(self, nodes: Mapping[str, Mapping[str, Any]], time: int) -> None:
+        """Put the nodes' parameters beside them, as a file that nodes can be started with."""
+        content = {node: {'ros__parameters': dict(values)} for node, values in nodes.items()}
+        self._attach(_PARAMETERS, 'application/yaml', yaml.safe_dump(content), time)
+
+    def _attach(self, name: str, media_type: str, text: str, time: int) -> None:
+        self._writer.add_attachment(time, time, name, media_type, text.encode())
+
+
+def write_tapes(file: McapFile, tapes: Iterable[Path], since: int) -> None:
+    """Write what nodes have said on their tapes, in the order of time.
+
+    Args:
+        file: To be written.
+        tapes: One a process.
+        since: What the monotonic clock lacks to the time of day [ns].
+    """
+    entries = [entry for tape in tapes for entry in read_tape(tape) if not entry.heard]
+    for topic in sorted({entry.topic for entry in entries}):
+        file.add_topic(f'/{topic.removeprefix("/")}', TOPICS[topic])
+    for entry in sorted(entries, key=lambda entry: entry.time):
+        at = entry.time + since
+        file.write(f'/{entry.topic.removeprefix("/")}', entry.data, at, at)

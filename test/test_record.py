@@ -1,0 +1,180 @@
+"""Recordings: what was said is in the file, and readers that are not ours understand it."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+pytest.importorskip('mcap', reason='needs the extra record')
+pytest.importorskip('mcap_ros2', reason='needs mcap-ros2-support, the independent reader')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseWithCovariance, TwistStamped
+from graph_helpers import await_that, graph
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+
+from redres_ros.cli import main
+from redres_ros.demo.mcap_file import McapFile, write_tapes
+from redres_ros.demo.message_text import TypeTextError, definition_of, find_type, name_of
+from redres_ros.demo.recorder import GraphRecorder
+from redres_ros.demo.tape import Tape
+from redres_ros.nodes.conversions import to_joint_state, to_twist
+from redres_ros.nodes.qos import LATCHED
+
+NAMES = ('a', 'b')
+MS = 1_000_000  # [ns]
+
+
+def read(path: Path) -> list[Any]:
+    """Topic, message and time of each message, by a reader that knows nothing of us."""
+    with path.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [
+            (channel.topic, decoded, message.log_time)
+            for _, channel, message, decoded in reader.iter_decoded_messages()
+        ]
+
+
+def state(tick: int) -> JointState:
+    return to_joint_state(tick * MS, NAMES, _pair(tick), _pair(-tick))
+
+
+def _pair(value: float) -> Any:
+    import numpy as np
+
+    return np.array((value, 2.0 * value))
+
+
+# --- the file -------------------------------------------------------------------------------------
+
+
+def test_an_independent_reader_finds_every_field(tmp_path: Path) -> None:
+    value = KeyValue(key='quality', value='GOOD')
+    status = DiagnosticStatus(level=b'\x01', name='sim', message='late', values=[value])
+    pose = PoseWithCovariance()
+    pose.covariance[35] = 4.0
+    pose.pose.orientation.w = 0.5
+    given = [state(7), to_twist(3 * MS, 'world', _pair(1.0).repeat(3)), pose]
+    given.append(DiagnosticArray(status=[status]))
+    with McapFile(tmp_path / 'all.mcap') as file:
+        for number, message in enumerate(given):
+            file.add_topic(f'/topic_{number}', type(message))
+            file.write(f'/topic_{number}', serialize_message(message), number, number + 10)
+    found = {topic: (message, time) for topic, message, time in read(tmp_path / 'all.mcap')}
+    joints = found['/topic_0'][0]
+    assert list(joints.name) == list(NAMES) and list(joints.velocity) == [-7.0, -14.0]
+    assert joints.header.stamp.nanosec == 7 * MS and found['/topic_0'][1] == 10
+    assert found['/topic_1'][0].twist.angular.z == 2.0
+    assert found['/topic_2'][0].covariance[35] == 4.0
+    assert found['/topic_2'][0].pose.orientation.w == 0.5
+    read_status = found['/topic_3'][0].status[0]
+    assert (read_status.message, read_status.values[0].value) == ('late', 'GOOD')
+
+
+def test_tapes_become_a_file_in_the_order_of_time(tmp_path: Path) -> None:
+    sim = Tape(tmp_path / 'sim.tape')
+    controller = Tape(tmp_path / 'controller.tape')
+    for tick in range(20):
+        sim.write('joint_states', state(tick), heard=False)
+        controller.write('joint_command', state(tick), heard=False)
+        sim.write('joint_command', state(tick), heard=True)
+    sim.close()
+    controller.close()
+    with McapFile(tmp_path / 'run.mcap') as file:
+        write_tapes(file, [tmp_path / 'sim.tape', tmp_path / 'controller.tape'], 5)
+    found = read(tmp_path / 'run.mcap')
+    assert [topic for topic, _, _ in found] == 20 * ['/joint_states', '/joint_command']
+    assert [message.header.stamp.nanosec for _, message, _ in found[::2]] == [
+        tick * MS for tick in range(20)
+    ]
+    times = [time for _, _, time in found]
+    assert times == sorted(times)
+
+
+def test_the_arm_and_the_parameters_are_beside_the_messages(tmp_path: Path) -> None:
+    with McapFile(tmp_path / 'run.mcap') as file:
+        file.attach_urdf('<robot/>', 1)
+        file.attach_parameters({'/controller': {'law': 'minimum_velocity', 'rate': 500.0}}, 1)
+    with (tmp_path / 'run.mcap').open('rb') as stream:
+        attached = {each.name: each.data for each in make_reader(stream).iter_attachments()}
+        stream.seek(0)
+        header = make_reader(stream).get_header()
+    assert header.profile == 'ros2'
+    assert attached['robot_description.urdf'] == b'<robot/>'
+    parameters = yaml.safe_load(attached['parameters.yaml'])
+    assert parameters['/controller']['ros__parameters']['law'] == 'minimum_velocity'
+
+
+def test_a_type_is_told_with_all_that_it_is_made_of() -> None:
+    text = definition_of(TwistStamped)
+    for name in ('std_msgs/Header', 'builtin_interfaces/Time', 'geometry_msgs/Vector3'):
+        assert f'MSG: {name}\n' in text
+    assert 'float64 x' in text and name_of(TwistStamped) == 'geometry_msgs/msg/TwistStamped'
+
+
+def test_a_type_that_is_not_here_is_refused_by_name() -> None:
+    with pytest.raises(TypeTextError, match='no_such_msgs/msg/Thing'):
+        find_type('no_such_msgs/msg/Thing')
+
+
+# --- beside a running graph -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """What a recorder of two topics has heard, in a domain of its own."""
+    path = tmp_path / 'graph.mcap'
+    stopped = threading.Event()
+    with (
+        McapFile(path) as file,
+        graph(lambda: GraphRecorder(file, ('numbers', 'robot_description'))) as (recorder, _),
+    ):
+        numbers = recorder.create_publisher(Float64, 'numbers', 10)
+        latched = recorder.create_publisher(String, 'robot_description', LATCHED)
+        latched.publish(String(data='<robot/>'))
+        thread = threading.Thread(target=recorder.run, args=(stopped,))
+        thread.start()
+        await_that(lambda: numbers.get_subscription_count() == 1, 'the recorder')
+        for number in range(2000):
+            numbers.publish(Float64(data=float(number)))
+            if number % 100 == 0:
+                stopped.wait(0.005)
+        await_that(lambda: recorder.messages == 2001, 'the messages')
+        stopped.set()
+        thread.join()
+        recorder.close()
+    return path
+
+
+def test_no_message_of_a_running_graph_is_lost(recording: Path) -> None:
+    found = read(recording)
+    numbers = [message.data for topic, message, _ in found if topic == '/numbers']
+    assert numbers == [float(number) for number in range(2000)]
+    assert [message.data for topic, message, _ in found if topic == '/robot_description'] == [
+        '<robot/>'
+    ]
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['run.bag'], 'expected a name that ends in .mcap'),
+        (['no/such/run.mcap', '--duration', '-1'], 'duration is -1.0'),
+        (['/dev/null/run.mcap'], 'cannot write /dev/null/run.mcap'),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['record', *arguments]) == 1
+    assert said in capsys.readouterr().err
