@@ -29,5 +29,8 @@ def _watch(options: argparse.Namespace) -> int:
     if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, 0.0, _LONGEST, 's')
     with joined_domain(options.domain), spun(Watch) as node:
-        watch(node, threading.Event(), options.duration)
+        try:
+            watch(node, threading.Event(), options.duration)
+        finally:
+            node.close()
         return 0 if node.heard else 1

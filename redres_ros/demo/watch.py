@@ -8,12 +8,17 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rich.console import RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
-from redres_ros.demo.watch_page import NODES, Heard, NodeHealth, page
+from redres_ros.demo.live_arm import LiveArm
+from redres_ros.demo.remote import Remote
+from redres_ros.demo.watch_page import NODES, Heard, JointBar, NodeHealth, page
+from redres_ros.errors import RedresError
 from redres_ros.nodes.qos import LATCHED, NEWEST
 
 _REFRESH = 5.0  # [Hz]
@@ -30,10 +35,14 @@ class Watch(Node):
     def __init__(self) -> None:
         super().__init__('watch')
         self._heard: dict[str, Heard] = {}
+        self._remote = Remote(self)
+        self._arm: LiveArm | None = None
+        self._is_known = True  # whether the arm is, as far as one knows
         for rows in NODES.values():
             for row in rows:
                 self._listen(row.topic)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        self.create_subscription(ParameterEvent, '/parameter_events', self._on_parameters, 100)
 
     @property
     def heard(self) -> bool:
@@ -42,7 +51,34 @@ class Watch(Node):
 
     def page(self) -> RenderableType:
         """The page as it is now."""
-        return page(dict(self._heard), time.monotonic(), self.context.get_domain_id())
+        domain = self.context.get_domain_id()
+        return page(dict(self._heard), time.monotonic(), domain, self._joints())
+
+    def look(self) -> None:
+        """Take in what the arm does; find out which one it is, once its controller is there."""
+        if self._arm is not None:
+            self._arm.look()
+        elif self._is_known and self._remote.offers('controller'):
+            try:
+                self._arm = LiveArm(self, self._remote.parameters('controller'))
+            except RedresError:
+                self._is_known = False  # the rest of the page goes without it
+
+    def close(self) -> None:
+        """Release the subscriptions."""
+        if self._arm is not None:
+            self._arm.close()
+
+    def _joints(self) -> list[JointBar]:
+        arm = self._arm
+        if arm is None:
+            return []
+        acting = arm.acting
+        bars = []
+        for index, name in enumerate(arm.model.joint_names):
+            limits = tuple(sorted(acting.get(name, ())))
+            bars.append(JointBar(name, float(arm.shares[index]), float(arm.q[index]), limits))
+        return bars
 
     def _listen(self, topic: str) -> None:
         kind: type = Float64
@@ -70,6 +106,15 @@ class Watch(Node):
             if node in NODES:
                 self._keep(node, NodeHealth(status.message, status.level == DiagnosticStatus.OK))
 
+    def _on_parameters(self, message: ParameterEvent) -> None:
+        """Limits may have come or gone."""
+        name = message.node.removeprefix(self.get_namespace().rstrip('/') + '/')
+        if name == 'controller' and self._arm is not None:
+            changed = {
+                p.name: parameter_value_to_python(p.value) for p in message.changed_parameters
+            }
+            self._arm.apply(changed)
+
     def _keep(self, source: str, value: object) -> None:
         self._heard[source] = Heard(value, time.monotonic())
 
@@ -86,4 +131,5 @@ def watch(node: Watch, stopped: threading.Event, duration: float | None = None) 
     with Live(node.page(), refresh_per_second=_REFRESH) as live:
         while rclpy.ok() and not stopped.is_set() and time.monotonic() < until:
             time.sleep(1.0 / _REFRESH)
+            node.look()
             live.update(node.page())

@@ -1,6 +1,7 @@
 """What `redres watch` shows: a page made from what was heard, and when."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +14,14 @@ from rich.text import Text
 STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
 
 _STOP_REASON = 'sim/stop_reason'
+_BAR = 33  # letters of a joint's bar
+_NEAR = 0.06  # of the range, from an end
+_COLOURS = {
+    'position': 'red',
+    'velocity': 'dark_orange3',
+    'acceleration': 'purple',
+    'torque': 'dark_red',
+}
 
 
 @dataclass(frozen=True)
@@ -65,18 +74,31 @@ class NodeHealth(NamedTuple):
     is_well: bool
 
 
-def page(heard: Mapping[str, Heard], now: float, domain: int) -> RenderableType:
+class JointBar(NamedTuple):
+    """A joint: where it is in its range, 0 to 1, and in [rad]; the limits that act on it."""
+
+    name: str
+    share: float
+    position: float
+    limits: tuple[str, ...]
+
+
+def page(
+    heard: Mapping[str, Heard], now: float, domain: int, joints: Sequence[JointBar] = ()
+) -> RenderableType:
     """The whole page.
 
     Args:
         heard: The newest of each topic; the NodeHealth of a node is under the node's name.
         now: The instant at which it is shown [s].
         domain: The ROS domain.
+        joints: Those of the arm, as far as they are known.
     """
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
     if not heard:
         return Group(title, _nobody(domain))
-    return Group(title, *_alarms(heard, now), *_panels(heard, now))
+    bars = [_joints(joints)] if joints else []
+    return Group(title, *_alarms(heard, now), *_panels(heard, now), *bars)
 
 
 def silence(heard: Mapping[str, Heard], node: str, now: float) -> float:
@@ -126,6 +148,29 @@ def _panels(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
             title = f'{node}: {health.text}'
             style = 'green' if health.is_well else 'yellow'
         yield Panel(table, title=Text(title), title_align='left', box=box.ROUNDED, style=style)
+
+
+def _joints(joints: Sequence[JointBar]) -> Panel:
+    """A bar for each joint, and beside it the limits that act."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for joint in joints:
+        tags = Text()
+        for limit in joint.limits:
+            tags.append(f' {limit} ', style=f'white on {_COLOURS.get(limit, "blue")}')
+            tags.append(' ')
+        degrees = f'{math.degrees(joint.position):+7.1f}°'
+        table.add_row(joint.name, degrees, _bar(joint.share), tags)
+    title = Text('joints in their ranges, and the limits that act')
+    return Panel(table, title=title, title_align='left', box=box.ROUNDED)
+
+
+def _bar(share: float) -> Text:
+    place = round(min(max(share, 0.0), 1.0) * (_BAR - 1))
+    is_near_end = min(share, 1.0 - share) < _NEAR
+    bar = Text(_BAR * '─', style='dim')
+    bar.plain = bar.plain[:place] + '●' + bar.plain[place + 1 :]
+    bar.stylize('not dim bold red' if is_near_end else 'not dim bold cyan', place, place + 1)
+    return bar
 
 
 def _health(heard: Mapping[str, Heard], node: str) -> NodeHealth:

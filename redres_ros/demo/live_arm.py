@@ -1,0 +1,126 @@
+"""A running arm, looked at now and then: where it is, what was commanded, which limits act."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+
+from redres_ros.demo.judge import Cycle, Figures, read_cycle
+from redres_ros.demo.sampling import Sample, Sampler
+from redres_ros.demo.settings import judge_of, model_of
+from redres_ros.errors import RedresError
+from redres_ros.nodes.conversions import JointOrder
+from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+
+STATES = 'joint_states'
+COMMANDS = 'joint_command'
+SCALING = 'controller/task_scaling'
+
+_PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
+_GLANCE = 0.02  # [s] between looks at whether it has come
+_SHOWN = 0.5  # [s] for which a limit counts as acting after it did
+# Best effort: who looks on must hold up nobody. Enough for one who was held up himself.
+_QUALITY = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class LiveArm:
+    """What is known of an arm from its states and commands.
+
+    Args:
+        node: In whose graph and namespace it is.
+        values: The controller's parameters.
+
+    Raises:
+        RedresError: The controller has an arm, a law or a limit that is not known here.
+    """
+
+    def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
+        self._samples = Sampler(node)
+        self.model = model_of(values, self._description(values))
+        self.q = np.zeros(self.model.n)  # as measured [rad]
+        self.figures: Figures | None = None  # of what came since the last look, if anything did
+        self._values = dict(values)
+        self._judge = judge_of(values, self.model)
+        self._joints = JointOrder(self.model.joint_names)
+        self._scaling = 1.0
+        self._cycles: list[Cycle] = []
+        self._acted: dict[tuple[str, str], int] = {}  # limit and place: the stamp [ns] when it did
+        for topic, kind in ((STATES, JointState), (COMMANDS, JointState), (SCALING, Float64)):
+            self._samples.add(topic, kind, _QUALITY)
+
+    def apply(self, changes: Mapping[str, Any]) -> None:
+        """Take in changes of the controller's parameters. Raises RedresError."""
+        self._values.update(changes)
+        self._judge = judge_of(self._values, self.model)
+
+    def look(self) -> None:
+        """Take in what came since the last time."""
+        state = self._samples.newest(STATES)
+        if state is not None and self._joints.concerns(state):
+            self.q = self._joints.positions(state)
+        scaling = self._samples.newest(SCALING)
+        if scaling is not None:
+            self._scaling = scaling.data
+        self.figures = None
+        cycles = self._new_cycles(self._samples.take(COMMANDS))
+        if len(cycles) < 2:
+            return
+        self._cycles = cycles
+        self.figures = self._judge.figures(self.q, cycles, self._scaling)
+        for found in self._judge.acting(*cycles[-2:]):
+            self._acted[found] = cycles[-1].stamp
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Where each joint is in its range, 0 to 1, (n,)."""
+        model = self.model
+        shares: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
+        return shares
+
+    @property
+    def acting(self) -> dict[str, set[str]]:
+        """Names of the limits that acted a moment ago, by joint or what else they are about."""
+        acting: dict[str, set[str]] = {}
+        if self._cycles:
+            now = self._cycles[-1].stamp
+            for (limit, place), at in self._acted.items():
+                if 0 <= now - at <= 1e9 * _SHOWN:
+                    acting.setdefault(place, set()).add(limit)
+        return acting
+
+    def close(self) -> None:
+        """Release the subscriptions."""
+        self._samples.close()
+
+    def _description(self, values: Mapping[str, Any]) -> str:
+        """The URDF on the topic, where the controller has it from there; empty if none comes."""
+        if values['robot'] != TOPIC:
+            return ''
+        self._samples.add(DESCRIPTION, String, LATCHED)
+        until = time.monotonic() + _PATIENCE
+        while time.monotonic() < until:
+            message = self._samples.newest(DESCRIPTION)
+            if message is not None:
+                return str(message.data)
+            time.sleep(_GLANCE)
+        return ''
+
+    def _new_cycles(self, samples: list[Sample]) -> list[Cycle]:
+        """The newest one that is known, and those that came since, in their order."""
+        cycles = self._cycles[-1:]
+        for sample in samples:
+            try:
+                cycle = read_cycle(sample.data, self._joints)
+            except RedresError:
+                continue  # of another arm
+            if cycles and cycle.stamp < cycles[-1].stamp:
+                cycles = []  # the clock of another robot
+            if not cycles or cycle.stamp > cycles[-1].stamp:
+                cycles.append(cycle)
+        return cycles

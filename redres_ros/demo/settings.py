@@ -1,0 +1,77 @@
+"""What a graph's parameters say of its arm, task, law and limits."""
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from redres_ros.demo.judge import Judge
+from redres_ros.laws import LAWS, Law, make_law
+from redres_ros.limits import Limits, gain_names, make_limits
+from redres_ros.nodes.motion_parameters import NONE
+from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
+from redres_ros.parameter import parameters
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import choose_arm, choose_tip
+from redres_ros.waypoints import load_task, task_for
+
+Values = Mapping[str, Any]  # parameters of a node by name
+
+
+def model_of(values: Values, description: str = '') -> RobotModel:
+    """The arm that a controller has.
+
+    Args:
+        values: Of the controller.
+        description: The URDF, for a controller that has it from a topic.
+
+    Raises:
+        RedresError: An arm that is not known here.
+    """
+    links = (values['tip_frame'], values['elbow_frame'])
+    if values['robot'] == TOPIC:
+        arm = choose_tip(description, *links)
+    else:
+        arm = choose_arm(values['robot'], *links)
+    mounting = {field.name: values[field.name] for field in fields(MountingParameters)}
+    mounting.pop('task_space')
+    return RobotModel(replace(arm, **mounting))
+
+
+def points_of(planner: Values, model: RobotModel) -> np.ndarray:
+    """The points of a planner's task, (P, 3) [m]. Raises RedresError."""
+    name = planner['task']
+    task = load_task(name) if name else task_for(model.arm, planner['robot'])
+    return task.waypoints
+
+
+def judge_of(values: Values, model: RobotModel) -> Judge:
+    """What judges the commands of a controller with these parameters. Raises RedresError."""
+    rows = 3 if values['task_space'] == 'position' else 6
+    return Judge(model, _law(values), _limits(values, model), 1.0 / values['rate'], rows)
+
+
+def chosen(values: Values, of: str) -> tuple[str, ...]:
+    """The names in a parameter such as 'limits', none for the word none."""
+    return tuple(name for name in values[of] if name != NONE)
+
+
+def _law(values: Values) -> Law:
+    name = values['law']
+    gains = {}
+    for field in parameters(LAWS[name]):
+        for key in (field.name, f'{name}.{field.name}'):
+            if key in values:
+                gains[field.name] = values[key]
+    return make_law(name, **gains)
+
+
+def _limits(values: Values, model: RobotModel) -> Limits:
+    return make_limits(
+        chosen(values, 'limits'),
+        model,
+        limit_scale=values['limit_scale'],
+        torque_scale=values['torque_scale'],
+        gains={gain: values[gain] for gain in gain_names() if gain in values},
+    )
