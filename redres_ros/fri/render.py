@@ -23,7 +23,8 @@ BACKENDS = (
     'egl',
     'osmesa',
 )  # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
-TIME_LIMIT = 120.0  # [s] for all pictures of a film
+TIME_LIMIT = 120.0  # [s] for the pictures of a film, and
+TIME_FOR_EACH = 1.0  # [s] for each: without a graphics card a picture takes half a second
 AZIMUTH = 28.0
 # [deg] where the camera looks: from the base frame's x towards y, from the horizontal
 ELEVATION = -14.0
@@ -67,6 +68,7 @@ def render(arm: Arm, film: Film) -> np.ndarray:
     RenderError.
     """
     failures = []
+    limit = TIME_LIMIT + TIME_FOR_EACH * len(film.q)
     with tempfile.TemporaryDirectory() as directory:
         job = Path(directory, 'job.npz')
         pictures = Path(directory, 'pictures.npy')
@@ -74,7 +76,7 @@ def render(arm: Arm, film: Film) -> np.ndarray:
             job, urdf=np.array(arm.description()), tip_frame=np.array(arm.tip_frame), **vars(film)
         )
         for backend in (os.environ['MUJOCO_GL'],) if os.environ.get('MUJOCO_GL') else BACKENDS:
-            failure = _draw_elsewhere(backend, job, pictures)
+            failure = _draw_elsewhere(backend, job, pictures, limit)
             if not failure:
                 return np.load(pictures)
             failures.append(f'{backend}: {failure}')
@@ -84,8 +86,8 @@ def render(arm: Arm, film: Film) -> np.ndarray:
     )
 
 
-def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
-    """Draw in another process; why that failed, empty if it did not."""
+def _draw_elsewhere(backend: str, job: Path, pictures: Path, limit: float) -> str:
+    """Draw in another process within a time [s]; why that failed, empty if it did not."""
     environment = {
         **os.environ,
         'MUJOCO_GL': backend,
@@ -101,10 +103,10 @@ def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
             capture_output=True,
             text=True,
             errors='replace',
-            timeout=TIME_LIMIT,
+            timeout=limit,
         )
     except subprocess.TimeoutExpired:
-        return f'took longer than {TIME_LIMIT:g} s'
+        return f'took longer than {limit:g} s'
     except OSError as error:
         return str(error)
     if done.returncode == 0:
@@ -116,7 +118,7 @@ def _draw_elsewhere(backend: str, job: Path, pictures: Path) -> str:
 def _draw(job: Path, pictures: Path) -> None:
     with np.load(job) as content:
         film = Film(**{field.name: content[field.name] for field in fields(Film)})
-        model = _scene(str(content['urdf']), str(content['tip_frame']))
+        model = scene(str(content['urdf']), str(content['tip_frame']))
     data = mujoco.MjData(model)
     (width, height) = _SIZE
     drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
@@ -128,7 +130,7 @@ def _draw(job: Path, pictures: Path) -> None:
 def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int) -> np.ndarray:
     data.qpos[:] = film.q[frame]
     mujoco.mj_forward(renderer.model, data)
-    renderer.update_scene(data, _camera())
+    renderer.update_scene(data, camera())
     for path, colour in ((film.tip, _BLACK), (film.elbow, _BLUE)):
         traced = path[: round(film.traced[frame] * len(path))]
         for start, end in pairwise(traced):
@@ -161,7 +163,7 @@ def _add_shape(
     return geom
 
 
-def _camera() -> mujoco.MjvCamera:
+def camera() -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.lookat[:] = _LOOK_AT
     camera.distance = _DISTANCE
@@ -170,7 +172,7 @@ def _camera() -> mujoco.MjvCamera:
     return camera
 
 
-def _scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
+def scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
     """The arm with the shapes of its URDF, with a tool, on a pedestal, in the light."""
     spec = mujoco.MjSpec.from_string(urdf)
     spec.add_material(name='paint', specular=0.5, shininess=0.6)

@@ -1,0 +1,71 @@
+"""A recorded motion as a page that replays it, in any browser and without a server."""
+
+from pathlib import Path
+
+import numpy as np
+
+from redres_ros.errors import FileError
+from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.recording import Recording
+from redres_ros.view.gate import CONTENT, close_server, free_port, open_server
+from redres_ros.view.scene import ArmScene
+from redres_ros.waypoints import WaypointTask
+
+_RATE = 20.0  # pictures a second
+_TRACED = 4  # pictures from one drawing of the ways to the next
+_LAST = 1.5  # [s] for which the last picture stays
+_LABEL = np.array((0.0, 0.0, 1.25))  # of the arm's reach: where the title stands
+
+
+def write_page(
+    recording: Recording, model: RobotModel, task: WaypointTask, title: str, path: Path
+) -> None:
+    """Write a page.
+
+    Args:
+        recording: The motion, of at least one row.
+        model: Of the arm that moved.
+        task: What it was to do.
+        title: Beside the arm.
+        path: Of the file.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    server = open_server(free_port(), 'redres')
+    try:
+        scene = ArmScene(server, model, task.waypoints)
+        server.scene.add_label('/title', title, position=model.reach * _LABEL)
+        serializer = server.get_scene_serializer()
+        ways: dict[str, list[np.ndarray]] = {}
+        for number, q in enumerate(_postures(recording)):
+            scene.show(q)
+            for way, place in scene.ways(q).items():
+                ways.setdefault(way, []).append(place)
+                if number % _TRACED == 0:
+                    scene.trace(way, np.array(ways[way]))
+            serializer.insert_sleep(1.0 / _RATE)
+        serializer.insert_sleep(_LAST)
+        page = serializer.as_html()
+    finally:
+        close_server(server)
+    try:
+        path.write_text(_closed(page), encoding='utf-8')
+    except OSError as error:
+        raise FileError(f'cannot write {path}: {error.strerror}') from None
+
+
+def _postures(recording: Recording) -> np.ndarray:
+    """q at each picture, (N, n) [rad]."""
+    t = recording['t']
+    times = np.arange(t[0], t[-1] + 0.5 / _RATE, 1.0 / _RATE)
+    rows = np.minimum(np.searchsorted(t, times), len(t) - 1)
+    postures: np.ndarray = recording.vectors('q1')[rows]
+    return postures
+
+
+def _closed(page: str) -> str:
+    """A page that the browser lets load nothing."""
+    policy = CONTENT.format(connect='')
+    rule = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+    return page.replace('<head>', f'<head>{rule}', 1)

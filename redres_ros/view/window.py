@@ -1,0 +1,47 @@
+"""MuJoCo's window beside a running graph: `redres demo --viewer`."""
+
+import sys
+import threading
+
+from redres_ros.demo.live_arm import LiveArm
+from redres_ros.demo.remote import Remote
+from redres_ros.fri.window import opened
+from redres_ros.nodes.runtime import Waiting, run_nodes
+from redres_ros.view.spectator import Spectator
+
+_PERIOD = 0.02  # [s] from one picture to the next
+
+
+class WindowNode(Spectator):
+    """Shows the arm of the graph in its domain and namespace."""
+
+    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
+        """Until the event is set or the window is closed.
+
+        Args:
+            stopped: Ends it.
+            waiting: How to wait.
+
+        Raises:
+            CallError: There is no graph.
+            WindowError: There is no display.
+        """
+        remote = Remote(self)
+        if not remote.await_nodes(stopped, waiting):
+            return
+        arm = LiveArm(self, remote.parameters('controller'))
+        with opened(arm.model.arm) as window:
+            while window.is_open and not stopped.is_set():
+                arm.look()
+                window.show(arm.q)
+                waiting.sleep(_PERIOD)
+        arm.close()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Console entry point."""
+    return run_nodes(WindowNode, arguments=arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
