@@ -19,6 +19,10 @@ TOOLS = [
     'mujoco>=3.10',  # whose mj_fullM takes the data
     'matplotlib>=3.9',
 ]
+# What `redres view`, `redres record` and films need.
+VIEW = ['viser>=1.1']
+RECORD = ['mcap>=1.3']
+VIDEO = ['imageio-ffmpeg>=0.6', 'pillow>=11.0']
 ROS = [
     *TOOLS,
     # ros-rclpy alone would bring a newer ROS than Jazzy
@@ -76,6 +80,9 @@ setup(
     extras_require={
         'tools': TOOLS,
         'ros': ROS,
+        'view': [*ROS, *VIEW],
+        'record': [*ROS, *RECORD],
+        'video': [*ROS, *VIDEO],
         'docs': DOCS,
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
             'embodik>=0.23',
@@ -88,6 +95,11 @@ setup(
         ],
         'test': [
             *DOCS,
+            *VIEW,
+            *RECORD,
+            *VIDEO,
+            'mcap-ros2-support>=0.5',  # reads what we record
+            'playwright>=1.45',  # steers a Chromium that is there
             'pytest>=7.4',
             'pytest-cov>=6.0',
             'pytest-xdist>=3.5',
@@ -118,6 +130,8 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         *shared('config', '*.yaml'),
         *shared('config', '*.rviz'),
+        *shared('config', '*.json'),
+        *shared('config', '*.xml'),
         *shared('launch', '*.launch.py'),
         # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so
         # that both installers lay out the same files, and a setup.cfg that sends the scripts

@@ -25,7 +25,7 @@ LAYERS = (
     {'simulation'},
     {'nodes', 'paper'},
     {'demo'},
-    {'bench'},
+    {'bench', 'view'},
     {'cli'},
 )
 
@@ -63,13 +63,26 @@ def test_only_the_robot_model_and_the_peers_import_pinocchio():
 
 
 def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
-    assert {'fri/plant.py'} <= files_with('mujoco') <= {'fri/plant.py', 'fri/render.py', PEERS}
+    assert (
+        {'fri/plant.py'}
+        <= files_with('mujoco')
+        <= {
+            'fri/plant.py',
+            'fri/render.py',
+            'fri/window.py',
+            PEERS,
+        }
+    )
 
 
 def test_what_is_not_required_is_imported_when_it_is_asked_for():
     others = ('embodik', 'pink', 'mink')
     assert not any(found.on_loading for found in IMPORTS if found.library in others)
     assert {other: files_with(other) for other in others} == {other: {PEERS} for other in others}
+
+
+def test_only_the_page_imports_viser():
+    assert {room(file) for file in files_with('viser')} == {'view'}
 
 
 def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():

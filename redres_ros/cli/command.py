@@ -4,7 +4,7 @@ import os
 import sys
 from typing import TextIO
 
-from redres_ros.cli import bench, compare, demo, laws, reproduce, simulate, watch
+from redres_ros.cli import bench, compare, demo, laws, record, reproduce, simulate, view, watch
 from redres_ros.cli.options import Parser, Version
 from redres_ros.errors import RedresError, quoted
 
@@ -14,9 +14,14 @@ _GROUPS = (
     compare,
     reproduce,
     laws,
+    view,
     watch,
+    record,
     bench,
 )  # in the order of `redres --help`
+
+# Extras that bring a package; all others come with [ros].
+_EXTRAS = {'viser': 'view', 'mcap': 'record', 'imageio_ffmpeg': 'video'}
 
 _BEGINNING = """\
 redres moves a redundant arm along a task. What to try first:
@@ -66,7 +71,8 @@ def _line(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError):
         if (error.name or '').startswith('redres_ros'):
             raise error
-        remedy = "install everything with: pip install 'redres_ros[ros]'"
+        extra = _EXTRAS.get(error.name or '', 'ros')
+        remedy = f"install it with: pip install 'redres_ros[{extra}]'"
         return f'the package {error.name} is not installed; {remedy}'
     if isinstance(error, OSError) and error.strerror:
         place = f': {error.filename}' if error.filename else ''

@@ -8,16 +8,13 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import OptionError, add_motion
 from redres_ros.errors import RangeError
 
-if TYPE_CHECKING:
-    from redres_ros.demo.demo import Demo
-    from redres_ros.demo.outcome import Outcome
-
+_PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
 _LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
 
@@ -55,6 +52,15 @@ def add(commands: Any) -> None:
         help='repeat the task for so long, by default the one named side_to_side; 0: once',
     )
     demo.add_argument(
+        '--view',
+        action='store_true',
+        help='a page in the browser to see and steer the nodes, which stay until Ctrl-C',
+    )
+    demo.add_argument(
+        '--viewer', action='store_true', help="MuJoCo's window, where there is a display"
+    )
+    _add_files(demo)
+    demo.add_argument(
         '--domain',
         type=int,
         metavar='ID',
@@ -70,17 +76,36 @@ def add(commands: Any) -> None:
     demo.set_defaults(run=_demo)
 
 
+def _add_files(demo: argparse.ArgumentParser) -> None:
+    """What else of the run is kept."""
+    files = demo.add_argument_group('files beside plot and data')
+    files.add_argument(
+        '--video', type=Path, metavar='FILE', help='a film of the motion: .mp4, .webp or .gif'
+    )
+    files.add_argument(
+        '--save-page',
+        type=Path,
+        metavar='FILE.html',
+        help='a page that replays the motion in any browser',
+    )
+    files.add_argument('--mcap', type=Path, metavar='FILE.mcap', help='all messages of the nodes')
+
+
 def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
+    from redres_ros.cli.demo_results import check_files, write_results
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
-    from redres_ros.demo.demo import Demo, DemoOptions
+    from redres_ros.demo.demo import Demo
     from redres_ros.demo.processes import own_domain
+    from redres_ros.demo.wanted import DemoOptions
     from redres_ros.demo.words import after, before
     from redres_ros.simulation.report import progress_bar
 
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
+    check_files(options)
+    views = _views(options)
     motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
     period = 1.0 / options.rate if options.rate else math.inf
     switches = tuple(map(_switch, options.switch or ()))
@@ -94,6 +119,8 @@ def _demo(options: argparse.Namespace) -> int:
         options.lockstep,
         options.composed,
         options.duration,
+        views,
+        options.mcap,
         {'plant': options.plant, **node_parameters(options, motion)},
     )
     demo = Demo(
@@ -114,14 +141,32 @@ def _demo(options: argparse.Namespace) -> int:
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )
+        if _PAGE in views:
+            address = f'http://127.0.0.1:{views[_PAGE]["port"]}'
+            print(f'page {address}, as soon as the nodes run; they stay until Ctrl-C', flush=True)
         ending = demo.run(progress)
     with _ending_at_once():
         outcome = demo.outcome(ending)
-        _write(outcome, demo, options.out)
+        write_results(outcome, demo, options)
         print(after(outcome))
     if outcome.interrupted:
         return 130
     return 0 if outcome.succeeded else 1
+
+
+def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """What shows the nodes: modules of the package with their parameters."""
+    views: dict[str, dict[str, Any]] = {}
+    if options.viewer:
+        if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+            raise OptionError('--viewer needs a display, and none is there; --view needs none')
+        views['view.window'] = {}
+    if options.view:
+        from redres_ros.demo.demo import START_PATIENCE
+        from redres_ros.view.gate import free_port
+
+        views[_PAGE] = {'port': free_port(), 'patience': START_PATIENCE}
+    return views
 
 
 @contextmanager
@@ -152,39 +197,3 @@ def _switch(text: str) -> tuple[str, float]:
     if not _SWITCHES[0] <= seconds <= _SWITCHES[1]:
         raise RangeError(f'the time of --switch {text}', seconds, *_SWITCHES, 's')
     return law, seconds
-
-
-def _write(outcome: 'Outcome', demo: 'Demo', out: Path) -> None:
-    """Table to the terminal; summary.json, motion.csv and motion.png to the directory."""
-    from redres_ros.simulation.report import print_tables
-
-    outcome.write_json(out / 'summary.json')
-    print_tables(outcome.table(demo.title))
-    if outcome.motion:
-        outcome.recording.write_csv(out / 'motion.csv')
-        _draw(outcome, demo, out / 'motion.png')
-        print(f'plot {out}/motion.png, data {out}/motion.csv')
-    else:
-        print('no plot and no data: the task did not begin')
-
-
-def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """The motion; and what another law would do with an ideal arm, unless the task was repeated."""
-    from redres_ros.controller import Controller
-    from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import Remarks, draw_motion
-
-    beside = {}
-    if not outcome.endurance:
-        laws = ['minimum_velocity', 'minimum_acceleration']
-        other = next(law for law in laws if law != demo.options.law)
-        controller = Controller(demo.model, demo.law(other), outcome.recording.T)
-        beside[other] = run(controller, demo.task)
-    draw_motion(
-        outcome.recording,
-        demo.model,
-        demo.task,
-        demo.title.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$').replace('λ', '$\\lambda$'),
-        path,
-        Remarks(beside, outcome.stop_reason, outcome.switches),
-    )

@@ -1,25 +1,25 @@
 """`redres demo`: the three nodes as processes, a task from start to end, and what came of it."""
 
+import math
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from std_srvs.srv import Trigger
 
-from redres_ros.demo.client import call, set_parameters
+from redres_ros.demo.client import call, read_parameters, set_parameters
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.onlooker import PLANNER, REASON, SESSION, Onlooker
 from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome
 from redres_ros.demo.processes import NodeProcess, remember_files
 from redres_ros.demo.replay import FINISHED, read_log, replay
-from redres_ros.demo.tape import read_tape
-from redres_ros.errors import RedresError
+from redres_ros.demo.tape import TOPICS, read_tape
+from redres_ros.demo.wanted import DemoError, DemoOptions, Ending
 from redres_ros.following import COMMANDING
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
@@ -39,41 +39,6 @@ CLOCK_PATIENCE = 5.0
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _LOOK = 0.02  # [s] between looks at the state of things
-
-
-class DemoError(RedresError):
-    """A run that came to nothing."""
-
-
-@dataclass(frozen=True)
-class DemoOptions:
-    """What to run.
-
-    dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task
-    began); parameters: more of them, for every node that has them; composed: one process instead of
-    three; duration [s]: repeat the task for so long, 0 for once.
-    """
-
-    task: str
-    law: str
-    rate: float
-    dynamics: str = 'identified'
-    switches: tuple[tuple[str, float], ...] = ()
-    lockstep: bool = False
-    composed: bool = False
-    duration: float = 0.0
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended.
-
-    endurance: where the task was repeated to the end; interrupted: by Ctrl-C.
-    """
-
-    endurance: Endurance | None
-    interrupted: bool
 
 
 class Demo:
@@ -108,6 +73,8 @@ class Demo:
         for name in (options.law, *(name for name, _ in options.switches)):
             law(name).check_damping(self._T)
         self._nodes: list[NodeProcess] = []
+        self._views: list[NodeProcess] = []
+        self._node_parameters: dict[str, dict[str, Any]] = {}  # as the nodes have them, by name
 
     @property
     def title(self) -> str:
@@ -132,16 +99,24 @@ class Demo:
         """
         interrupted = False
         endurance = None
+        last = math.inf
         try:
             with spun(Onlooker) as onlooker, self._processes():
                 self._await_robot(onlooker)
                 remember_files([os.getpid(), *(node.pid for node in self._nodes)])
+                if self.options.mcap:
+                    self._node_parameters = {
+                        f'/{name}': read_parameters(onlooker, name) for name in self._node_names
+                    }
                 self._run_task(onlooker, progress)
                 if self.options.duration:
                     endurance = self._repeat(onlooker, progress)
+                if self.options.views:
+                    last = onlooker.newest
+                    self._stay(onlooker)
         except KeyboardInterrupt:
             interrupted = True
-        return Ending(endurance, interrupted)
+        return Ending(endurance, interrupted, last)
 
     @contextmanager
     def _processes(self) -> Iterator[None]:
@@ -157,13 +132,16 @@ class Demo:
         try:
             for name, own in parameters.items():
                 log = self._out / f'{name}.log'
-                self._nodes.append(NodeProcess(name, log, own, tape=self._tape(name)))
+                tape = self._tape(name)
+                self._nodes.append(NodeProcess(name, log, own, tape=tape, topics=self._taped))
+            for name, given in self.options.views.items():
+                self._views.append(NodeProcess(name, self._out / f'{name}.log', given))
             yield
         finally:
             # A second signal must not leave a process behind.
             numbers = (signal.SIGINT, signal.SIGTERM)
             handlers = [signal.signal(number, signal.SIG_IGN) for number in numbers]
-            for node in self._nodes:
+            for node in (*self._views, *self._nodes):
                 node.end()
             for number, handler in zip(numbers, handlers, strict=True):
                 signal.signal(number, handler)
@@ -193,6 +171,15 @@ class Demo:
             'controller': shared | law,
             'planner': shared | {'task': options.task},
         }
+
+    @property
+    def _node_names(self) -> tuple[str, ...]:
+        return tuple(self._parameters())
+
+    @property
+    def _taped(self) -> tuple[str, ...]:
+        """The topics on the tapes; none stands for those that a run is judged by."""
+        return tuple(TOPICS) if self.options.mcap else ()
 
     def _tape(self, name: str) -> Path:
         return self._out / f'{name}.tape'
@@ -262,9 +249,21 @@ class Demo:
         memory = {node.name: (before[node.name], node.memory) for node in self._nodes}
         return Endurance(rounds, seconds(), memory)
 
+    def _stay(self, onlooker: Onlooker) -> None:
+        """As long as somebody looks, or until Ctrl-C, which is the end here."""
+        try:
+            while any(view.status is None for view in self._views):
+                self._check(onlooker)
+                time.sleep(_LOOK)
+        except KeyboardInterrupt:
+            return
+
     def _check(self, onlooker: Onlooker) -> None:
         for node in self._nodes:
             node.check()
+        for view in self._views:
+            if view.status:
+                view.check()
         if onlooker.newest and time.monotonic() - onlooker.heard_at > SILENCE:
             raise DemoError(
                 f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
@@ -273,7 +272,9 @@ class Demo:
     def outcome(self, ending: Ending) -> Outcome:
         """What came of the run that ended so, from the tapes, which are removed."""
         tapes = [self._tape(node.name) for node in self._nodes]
-        log = read_log(tapes, self.model.joint_names)
+        if self.options.mcap:
+            self._write_mcap(self.options.mcap, tapes)
+        log = read_log(tapes, self.model.joint_names, ending.last)
         pose = self.options.parameters.get('task_space') == 'pose'
         recording = replay(log, self.model, self.law, self._T, pose)
         motion = None
@@ -299,3 +300,13 @@ class Demo:
             endurance=ending.endurance,
             interrupted=ending.interrupted,
         )
+
+    def _write_mcap(self, path: Path, tapes: list[Path]) -> None:
+        """All that is on the tapes, with the arm and the nodes' parameters beside it."""
+        from redres_ros.demo.mcap_file import McapFile, write_tapes
+
+        since = time.time_ns() - time.monotonic_ns()
+        with McapFile(path) as file:
+            write_tapes(file, tapes, since)
+            file.attach_urdf(self.model.arm.description(), time.time_ns())
+            file.attach_parameters(self._node_parameters, time.time_ns())

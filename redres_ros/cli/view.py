@@ -1,0 +1,34 @@
+"""`redres view`: a page in the browser that shows running nodes and steers them."""
+
+import argparse
+from typing import Any
+
+from redres_ros.cli.options import add_domain
+from redres_ros.errors import RangeError
+
+PORTS = (1024, 65535)
+PORT = 8080
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    view = commands.add_parser('view', help='a page in the browser: see and steer running nodes')
+    view.add_argument(
+        '--port',
+        type=int,
+        default=PORT,
+        metavar='N',
+        help=f'of the page on this computer, {PORT} by default; the next free one is taken',
+    )
+    add_domain(view)
+    view.set_defaults(run=_view)
+
+
+def _view(options: argparse.Namespace) -> int:
+    from redres_ros.demo.processes import joined_domain
+    from redres_ros.view.serve import main
+
+    if not PORTS[0] <= options.port <= PORTS[1]:
+        raise RangeError('port', options.port, *PORTS)
+    with joined_domain(options.domain):
+        return main(['redres view', '--ros-args', '-p', f'port:={options.port}'])

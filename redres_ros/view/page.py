@@ -1,0 +1,107 @@
+"""The live page: the arm, its figures and its controls in a browser."""
+
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import viser
+
+from redres_ros.demo.live_arm import LiveArm
+from redres_ros.demo.remote import Remote
+from redres_ros.demo.settings import Values, points_of
+from redres_ros.view import words
+from redres_ros.view.controls import Controls
+from redres_ros.view.plots import Plots
+from redres_ros.view.scene import ArmScene
+from redres_ros.view.spectator import Spectator
+from redres_ros.view.trail import Trail
+
+_PERIOD = 0.04  # [s] from one picture of the arm to the next
+_SLOWLY = 8  # pictures from one drawing of plots, ways and words to the next
+_PLOTTED = 15.0  # [s] of the robot's clock
+_TRACED = 20.0  # [s]
+
+
+class Page:
+    """A page of one graph.
+
+    Args:
+        server: Of viser, still empty.
+        spectator: Listens to the graph; is spun by somebody else.
+        remote: Gives it orders.
+
+    Raises:
+        CallError: The controller or the planner is not there.
+        RedresError: It has an arm or a task that is not known here.
+    """
+
+    def __init__(self, server: viser.ViserServer, spectator: Spectator, remote: Remote) -> None:
+        self._server = server
+        self._spectator = spectator
+        values = {'controller': remote.parameters('controller'), 'sim': _of_sim(remote)}
+        self._arm = LiveArm(spectator, values['controller'])
+        model = self._arm.model
+        self._scene = ArmScene(server, model, points_of(remote.parameters('planner'), model))
+        self._add_panels(remote, values)
+        self._figures = Trail(_PLOTTED)
+        self._ways = {way: Trail(_TRACED) for way in self._scene.ways(self._arm.q)}
+        spectator.on_parameters = self._on_parameters
+
+    def run(self, stopped: threading.Event) -> None:
+        """Keep the page up to date until the event is set."""
+        number = 0
+        while not stopped.wait(_PERIOD):
+            self._look()
+            if not self._server.get_clients():
+                continue  # nobody looks
+            number += 1
+            with self._server.atomic():
+                self._scene.show(self._arm.q)
+                if number % _SLOWLY == 0:
+                    self._show_slowly()
+        self._arm.close()
+
+    def _add_panels(self, remote: Remote, values: Mapping[str, Values]) -> None:
+        """What is seen on the left, what is steered on the right."""
+        gui = self._server.gui
+        seen = gui.add_panel()
+        with seen.add_tab('what happens'):
+            self._state = gui.add_html('')
+            with gui.add_folder('joints in their ranges, and limits that act'):
+                self._bars = gui.add_html('')
+            with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
+                self._plots = Plots(gui)
+        seen.dock_left()
+        self._controls = Controls(self._server, remote, values)
+        gui.main_panel.dock_right()
+
+    def _look(self) -> None:
+        self._arm.look()
+        figures = self._arm.figures
+        if figures is not None:
+            self._figures.add(figures.time, figures)
+            for way, place in self._scene.ways(self._arm.q).items():
+                self._ways[way].add(figures.time, place)
+
+    def _show_slowly(self) -> None:
+        self._state.content = words.state(self._spectator.words, self._spectator.health)
+        arm = self._arm
+        self._bars.content = words.joints(arm.model.joint_names, arm.shares, arm.acting)
+        for way, trail in self._ways.items():
+            self._scene.trace(way, np.array(trail.values))
+        if len(self._figures.times) > 1:
+            self._plots.show(self._figures.times, self._figures.values)
+
+    def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
+        """Somebody, perhaps this page, has set something."""
+        self._controls.show(node, values)
+        if node == 'controller':
+            self._arm.apply(values)
+
+
+def _of_sim(remote: Remote) -> dict[str, Any]:
+    """The parameters of the fake robot; none beside a real one."""
+    if not remote.offers('sim'):
+        return {}
+    return remote.parameters('sim')

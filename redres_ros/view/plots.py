@@ -1,0 +1,70 @@
+"""The live plots of a page."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import viser
+from viser import uplot
+
+from redres_ros.demo.judge import Figures
+
+_HEIGHT = 92  # [pixels]
+_ZERO = np.zeros(2)
+
+
+class _Plot(NamedTuple):
+    """A plot of one of the Figures: title, colour, and the range that it shows at least."""
+
+    figure: str
+    title: str
+    colour: str
+    least: float
+
+
+_PLOTS = (
+    _Plot('speed', 'joint velocity, norm [rad/s]', '#1f77b4', 1.0),
+    _Plot('acceleration', 'joint acceleration, norm [rad/s²]', '#d62728', 10.0),
+    _Plot('null_speed', 'null-space velocity, norm [rad/s]', '#2ca02c', 1.0),
+    _Plot('torque', 'joint torque, norm [Nm]', '#9467bd', 50.0),
+    _Plot('scaling', 'task scaling, the share that limits allow', '#ff7f0e', 1.05),
+    _Plot('singular_value', 'smallest singular value', '#7f7f7f', 0.5),
+)
+
+
+class Plots:
+    """One small plot for each figure.
+
+    Args:
+        gui: Of viser.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._handles = {}
+        for plot in _PLOTS:
+            self._handles[plot] = gui.add_uplot(
+                (_ZERO, _ZERO),
+                ({'label': 't'}, {'label': plot.figure, 'stroke': plot.colour, 'width': 1.5}),
+                title=plot.title,
+                scales=_scales(plot.least),
+                axes=({'show': False}, {'size': 44, 'font': '10px sans-serif'}),
+                legend=uplot.Legend(show=False),
+                height=_HEIGHT,
+                padding=(2, 12, 2, 0),
+            )
+
+    def show(self, times: np.ndarray, figures: Sequence[Figures]) -> None:
+        """Draw figures (N) over times (N,) [s]."""
+        seconds = times - times[-1]
+        for plot, handle in self._handles.items():
+            values = np.array([getattr(each, plot.figure) for each in figures])
+            handle.data = (seconds, values)
+
+
+def _scales(least: float) -> dict[str, uplot.Scale]:
+    """Axes that begin at zero and show at least so much."""
+    top = {'pad': 0.05, 'soft': least, 'mode': 1}
+    return {
+        'x': uplot.Scale(time=False),
+        'y': uplot.Scale(range={'min': {'hard': 0.0, 'soft': 0.0, 'mode': 1}, 'max': top}),
+    }

@@ -1,0 +1,139 @@
+"""The arm in three dimensions: its shapes, the points of its task, the ways of tip and elbow."""
+
+import numpy as np
+import trimesh
+import viser
+
+from redres_ros.robot_model import RobotModel, quaternion
+from redres_ros.robots.urdf import motion_of
+from redres_ros.view.shapes import FIXED, Shape, shapes_of
+
+_BLACK = (30, 30, 34)
+_BLUE = (31, 119, 180)
+_RED = (214, 39, 40)
+_STONE = (150, 153, 160)
+_LINES = (205, 210, 216)
+_WAYS = {'tip': _BLACK, 'elbow': _BLUE}
+_POINT = 0.018  # [m] radius of a point of the task
+_THICKNESS = 0.008  # [m] of a way
+_TOOL = 0.011  # [m] radius of what leads from the last joint's shapes to the tip
+_FLOOR = -0.3  # [m]; the paper's task leads the wrist below the base
+_PEDESTAL = 0.1  # [m] radius
+# As in the pictures of `redres reproduce`, for an arm that reaches 1 m.
+_CAMERA = np.array((1.15, 0.65, 0.65))  # [m]
+_LOOK_AT = np.array((-0.1, 0.0, 0.3))  # [m]
+_FINENESS = 3  # of a sphere
+
+
+class ArmScene:
+    """Draws an arm into a page.
+
+    Args:
+        server: Of the page.
+        model: The arm.
+        points: Of its task, (P, 3) [m]; (0, 3) for none.
+    """
+
+    def __init__(self, server: viser.ViserServer, model: RobotModel, points: np.ndarray) -> None:
+        self._scene = server.scene
+        self._model = model
+        self._kinematics = model.arm.kinematics()
+        self._links = [
+            self._scene.add_frame(f'/arm/{joint.name}', show_axes=False)
+            for joint in self._kinematics.joints
+        ]
+        for number, shape in enumerate(shapes_of(model.arm)):
+            self._add_shape(shape, number)
+        self._add_tool()
+        self._add_surroundings()
+        for number, point in enumerate(points):
+            self._scene.add_icosphere(
+                f'/task/point_{number}', _POINT, color=_RED, position=point, cast_shadow=False
+            )
+        server.initial_camera.position = model.reach * _CAMERA
+        server.initial_camera.look_at = model.reach * _LOOK_AT
+
+    def show(self, q: np.ndarray) -> None:
+        """Move the arm to joint positions q (n,) [rad]."""
+        poses = self._kinematics.poses(q)
+        for index, joint in enumerate(self._kinematics.joints):
+            moved = poses[index] @ motion_of(
+                joint.axis, float(q[index]), is_prismatic=joint.is_prismatic
+            )
+            link = self._links[index]
+            link.position = moved[:3, 3]
+            link.wxyz = _wxyz(moved)
+
+    def ways(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Where tip and elbow are at q (n,) [rad], each (3,) [m]; an arm may have no elbow."""
+        places = {'tip': self._model.tip(q)[0]}
+        if self._model.arm.elbow_frame:
+            places['elbow'] = self._model.position(q, self._model.elbow_frame)
+        return places
+
+    def trace(self, way: str, points: np.ndarray) -> None:
+        """Draw the way of 'tip' or 'elbow' through points (N, 3) [m]."""
+        if len(points) > 1:
+            segments = np.stack((points[:-1], points[1:]), axis=1)  # (N - 1, 2, 3)
+            self._scene.add_line_segments(
+                f'/ways/{way}', segments, colors=_WAYS[way], thickness=_THICKNESS
+            )
+
+    def _add_shape(self, shape: Shape, number: int) -> None:
+        parent = '/base'
+        if shape.joint != FIXED:
+            parent = self._links[shape.joint].name
+        mesh = _mesh(shape.kind, shape.size)
+        self._scene.add_mesh_simple(
+            f'{parent}/shape_{number}',
+            mesh.vertices,
+            mesh.faces,
+            color=_colour(shape.colour),
+            wxyz=_wxyz(shape.pose),
+            position=shape.pose[:3, 3],
+        )
+
+    def _add_tool(self) -> None:
+        """A rod from the last link to a tip that lies away from it."""
+        way = self._kinematics.tip[:3, 3]
+        length = float(np.linalg.norm(way))
+        if length < _TOOL:
+            return
+        mesh = trimesh.creation.cylinder(_TOOL, segment=np.stack((np.zeros(3), way)))
+        self._scene.add_mesh_simple(
+            f'{self._links[-1].name}/tool', mesh.vertices, mesh.faces, color=_STONE
+        )
+
+    def _add_surroundings(self) -> None:
+        self._scene.world_axes.visible = False
+        self._scene.add_grid(
+            '/floor',
+            width=3.0,
+            height=3.0,
+            position=(0.0, 0.0, _FLOOR),
+            cell_size=0.25,
+            section_size=1.0,
+            cell_color=_LINES,
+            section_color=_LINES,
+        )
+        mesh = trimesh.creation.cylinder(_PEDESTAL, segment=[(0.0, 0.0, _FLOOR), (0.0, 0.0, 0.0)])
+        self._scene.add_mesh_simple('/base/pedestal', mesh.vertices, mesh.faces, color=_STONE)
+
+
+def _mesh(kind: str, size: tuple[float, ...]) -> trimesh.Trimesh:
+    if kind == 'cylinder':
+        return trimesh.creation.cylinder(size[0], size[1], sections=40)
+    if kind == 'sphere':
+        return trimesh.creation.icosphere(_FINENESS, size[0])
+    return trimesh.creation.box(size)
+
+
+def _colour(colour: tuple[float, ...]) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * share) for share in colour)
+    return red, green, blue
+
+
+def _wxyz(pose: np.ndarray) -> np.ndarray:
+    """The quaternion of a pose (4, 4), (4,), in viser's order."""
+    x, y, z, w = quaternion(pose[:3, :3])
+    return np.array((w, x, y, z))

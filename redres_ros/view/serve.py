@@ -1,0 +1,60 @@
+"""The live page as a node: `redres view` beside any graph, and `redres demo --view`."""
+
+import sys
+import threading
+from dataclasses import dataclass
+
+from redres_ros.demo.remote import Remote
+from redres_ros.nodes.parameters import declare
+from redres_ros.nodes.runtime import Waiting, run_nodes
+from redres_ros.parameter import param
+from redres_ros.view.gate import ADDRESS, close_server, open_server
+from redres_ros.view.page import Page
+from redres_ros.view.spectator import Spectator
+
+
+@dataclass(frozen=True)
+class ViewParameters:
+    """Parameters of the node."""
+
+    port: int = param(8080, 'of the page; the next free one is taken', 1024, 65535)
+    patience: float = param(10.0, 'how long a graph may take to appear [s]', 0.0, 600.0)
+
+
+class ViewNode(Spectator):
+    """Serves a page of the graph in its domain and namespace."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._settings = declare(self, ViewParameters())
+        self._remote = Remote(self)
+
+    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
+        """Wait for the graph, and serve the page until the event is set.
+
+        Args:
+            stopped: Ends it.
+            waiting: How to wait.
+
+        Raises:
+            CallError: No graph has appeared.
+            GateError: A server that would let in strangers.
+        """
+        if not self._remote.await_nodes(stopped, waiting, self._settings.patience):
+            return
+        server = open_server(self._settings.port, 'redres')
+        try:
+            page = Page(server, self, self._remote)
+            print(f'page: http://{ADDRESS}:{server.get_port()}', flush=True)
+            page.run(stopped)
+        finally:
+            close_server(server)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Console entry point."""
+    return run_nodes(ViewNode, arguments=arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,57 @@
+"""What the page knows of a running graph: its newest words and parameters."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from std_msgs.msg import String
+
+from redres_ros.nodes.qos import LATCHED
+
+SESSION = 'sim/session_state'
+QUALITY = 'sim/connection_quality'
+REASON = 'sim/stop_reason'
+PLANNER = 'planner/state'
+WORDS = (SESSION, QUALITY, REASON, PLANNER)
+NODES = ('sim', 'planner', 'controller')
+
+
+class Spectator(Node):
+    """Listens to what the nodes tell anyway, so that a page costs them next to nothing.
+
+    `on_parameters` is called with node and changed values whenever a node's parameters change.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('view')
+        self.words = dict.fromkeys(WORDS, '')
+        self.health: dict[str, str] = {}
+        self.on_parameters: Callable[[str, dict[str, Any]], None] = lambda node, values: None
+        for topic in WORDS:
+            self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        self.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
+
+    def _on_word(self, topic: str, message: String) -> None:
+        self.words[topic] = message.data
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            name = self._own(status.name)
+            if name in NODES:
+                self.health[name] = status.message
+
+    def _on_event(self, message: ParameterEvent) -> None:
+        name = self._own(message.node)
+        if name in NODES:
+            changed = [*message.new_parameters, *message.changed_parameters]
+            values = {p.name: parameter_value_to_python(p.value) for p in changed}
+            self.on_parameters(name, values)
+
+    def _own(self, name: str) -> str:
+        """The name of a node in this namespace."""
+        return name.removeprefix(self.get_namespace().rstrip('/') + '/')

@@ -1,0 +1,90 @@
+"""What the page says in words and bars. What comes from the graph is not ours, and is escaped."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from redres_ros.view.spectator import NODES, PLANNER, QUALITY, REASON, SESSION
+
+_STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
+_ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
+_DIM = 'color: #777;'
+_TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
+_NEAR = 0.06  # of the range, from an end
+_COLOURS = {
+    'position': '#d62728',
+    'velocity': '#ff7f0e',
+    'acceleration': '#9467bd',
+    'torque': '#8c564b',
+    'collision': '#2ca02c',
+}
+
+
+def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
+    """Session and planner as HTML, and why the robot has stopped, if it has."""
+    lines = []
+    if words[REASON]:
+        reason = escape(words[REASON])
+        lines.append(
+            f'<div style="{_ALARM}"><b>Stopped:</b> {reason}<br>Reset lets it go on.</div>'
+        )
+    session = escape(words[SESSION] or 'not heard')
+    quality = escape(words[QUALITY])
+    lines.append(f'<div>Robot: <b>{session}</b> {_dim(quality and f"connection {quality}")}</div>')
+    lines.append(f'<div>Task: <b>{escape(words[PLANNER] or "not heard")}</b></div>')
+    lines.extend(_health(node, health.get(node, 'not heard')) for node in NODES)
+    return f'<div style="{_STYLE}">{"".join(lines)}</div>'
+
+
+def joints(names: Sequence[str], shares: np.ndarray, acting: Mapping[str, Iterable[str]]) -> str:
+    """A bar for each joint as HTML, with the limits that act.
+
+    Args:
+        names: Of the joints.
+        shares: Where each is in its range, 0 to 1, (n,).
+        acting: The limits that act on a joint, or on a pair of bodies, by its name.
+    """
+    rows = [
+        _row(name, _bar(share), acting.get(name, ()))
+        for name, share in zip(names, shares.tolist(), strict=True)
+    ]
+    others = [place for place in acting if place not in names]
+    rows.extend(_row(place, '', acting[place]) for place in sorted(others))
+    table = f'<table style="width: 100%; border-collapse: collapse;">{"".join(rows)}</table>'
+    return f'<div style="{_STYLE}">{table}</div>'
+
+
+def _row(place: str, bar: str, limits: Iterable[str]) -> str:
+    tags = ' '.join(_tag(limit) for limit in sorted(limits))
+    return (
+        f'<tr><td style="{_DIM} white-space: nowrap; padding-right: 8px;">{escape(place)}</td>'
+        f'<td style="width: 45%;">{bar}</td>'
+        f'<td style="padding-left: 8px; width: 40%;">{tags}</td></tr>'
+    )
+
+
+def _bar(share: float) -> str:
+    place = 100.0 * min(max(share, 0.0), 1.0)
+    colour = '#d62728' if min(share, 1.0 - share) < _NEAR else '#1f77b4'
+    knob = (
+        f'<div style="position: absolute; left: calc({place:.1f}% - 5px); width: 10px; '
+        f'height: 9px; border-radius: 5px; background: {colour};"></div>'
+    )
+    return f'<div style="{_TRACK}">{knob}</div>'
+
+
+def _tag(limit: str) -> str:
+    colour = _COLOURS.get(limit, '#444')
+    return (
+        f'<span style="background: {colour}; color: white; border-radius: 3px; padding: 0 4px; '
+        f'font-size: 10px;">{escape(limit)}</span>'
+    )
+
+
+def _health(node: str, text: str) -> str:
+    return f'<div>{_dim(f"{node}: {escape(text)}")}</div>'
+
+
+def _dim(text: str) -> str:
+    return f'<span style="{_DIM}">{text}</span>'

@@ -1,0 +1,280 @@
+"""The live page: who may load it, what it shows, and that a click steers the node."""
+
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+from http.client import HTTPConnection
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+pytest.importorskip('viser', reason='needs the extra view')
+
+from graph_helpers import await_that, graph
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Int32
+
+from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.demo.client import read_parameters
+from redres_ros.demo.judge import Cycle, Judge, read_cycle
+from redres_ros.demo.sampling import Sampler
+from redres_ros.limits import make_limits
+from redres_ros.nodes.conversions import JointOrder, to_joint_state
+from redres_ros.robots import ARMS
+from redres_ros.simulation.closed_loop import run
+from redres_ros.view import gate, words
+from redres_ros.view.saved import write_page
+from redres_ros.view.shapes import FIXED, shapes_of
+from redres_ros.view.spectator import WORDS
+from redres_ros.view.trail import Trail
+
+T = 0.002  # [s]
+PORT = 8080
+CHROMIUM = ('/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome')
+
+
+# --- the gate -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:8080'])
+def test_a_browser_at_the_pages_own_address_is_let_in(host: str) -> None:
+    assert not gate.refusal([host], [], PORT, steers=False)
+    assert not gate.refusal([host], [f'http://{host}'], PORT, steers=True)
+
+
+@pytest.mark.parametrize(
+    ('hosts', 'origins', 'steers'),
+    [
+        (['elsewhere.example:8080'], [], False),
+        (['127.0.0.1:8081'], [], False),
+        ([], [], False),
+        (['localhost:8080', 'elsewhere.example'], [], False),
+        (['localhost:8080'], ['http://elsewhere.example'], True),
+        (['localhost:8080'], ['http://localhost:8081'], True),
+        (['localhost:8080'], ['http://127.0.0.1:8080'], True),
+        (['localhost:8080'], ['null'], True),
+        (['localhost:8080'], [], True),
+        (['localhost:8080'], ['http://localhost:8080', 'http://elsewhere.example'], True),
+        (['localhost:8080'], ['http://elsewhere.example'], False),
+    ],
+)
+def test_everybody_else_is_refused(hosts: list[str], origins: list[str], steers: bool) -> None:
+    assert gate.refusal(hosts, origins, PORT, steers=steers)
+
+
+@pytest.fixture(scope='module')
+def server() -> Iterator[Any]:
+    server = gate.open_server(gate.free_port(18080), 'test')
+    yield server
+    gate.close_server(server)
+
+
+def ask(server: Any, **headers: str) -> Any:
+    connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=5.0)
+    connection.request('GET', '/', headers={key.replace('_', '-'): v for key, v in headers.items()})
+    response = connection.getresponse()
+    response.read()
+    connection.close()
+    return response
+
+
+def test_the_page_may_load_nothing_from_elsewhere_and_stand_in_no_frame(server: Any) -> None:
+    response = ask(server)
+    assert response.status == 200
+    policy = response.headers['Content-Security-Policy']
+    assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
+    assert 'http' not in policy and policy.count('ws:') == 1
+    assert f'ws://127.0.0.1:{server.get_port()};' in policy
+
+
+def test_a_foreign_host_and_a_foreign_page_get_nothing(server: Any) -> None:
+    assert ask(server, Host='elsewhere.example').status == 403
+    steering = {
+        'Connection': 'Upgrade',
+        'Upgrade': 'websocket',
+        'Sec_WebSocket_Version': '13',
+        'Sec_WebSocket_Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
+    }
+    assert ask(server, **steering, Origin='http://elsewhere.example').status == 403
+    assert ask(server, **steering).status == 403
+    own = f'http://127.0.0.1:{server.get_port()}'
+    assert ask(server, **steering, Origin=own).status == 101
+
+
+def test_only_this_computer_reaches_the_page(server: Any) -> None:
+    with socket.socket() as probe:  # another address of the same computer
+        assert probe.connect_ex(('127.0.0.2', server.get_port())) != 0
+
+
+def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
+    handled = {kind.__name__ for kind in server._websock_server._incoming_handlers}
+    assert not any(name.startswith('ShareUrl') for name in handled)
+
+
+def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gate, '_judging', lambda answer: answer)
+    with pytest.raises(gate.GateError, match='strangers'):
+        gate.open_server(gate.free_port(18180), 'test')
+
+
+# --- what it shows --------------------------------------------------------------------------------
+
+
+def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
+    evil = '<img src=x onerror=alert(1)>'
+    shown = words.state(dict.fromkeys(WORDS, evil), {'sim': evil})
+    shown += words.joints([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
+    assert '<img' not in shown and shown.count('&lt;img') == len(WORDS) + 5
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_every_shape_of_an_arm_stands_where_its_link_is(name: str) -> None:
+    model = RobotModel.named(name)
+    kinematics = model.arm.kinematics()
+    q = np.linspace(-0.5, 0.5, model.n)
+    shapes = shapes_of(model.arm)
+    assert {shape.joint for shape in shapes} >= set(range(model.n - 1))
+    for shape in shapes:
+        if shape.joint != FIXED:
+            position, R = model.pose(q, kinematics.joints[shape.joint].link)
+            place = position + R @ shape.pose[:3, 3]
+            assert np.linalg.norm(place) < 2.0 * model.reach
+            assert all(size > 0.0 for size in shape.size)
+
+
+@pytest.fixture(scope='module')
+def motion() -> SimpleNamespace:
+    """A motion into the limits: what a controller was asked and has answered."""
+    model = RobotModel.named('lwr4_paper')
+    law = make_law('minimum_acceleration', damping=10.0)
+    names = ('position', 'velocity', 'acceleration', 'torque')
+    controller = Controller(model, law, T, limits=names, limit_scale=0.2)
+    q = load_task('rectangle').start
+    commands = []
+    for _ in range(300):
+        commands.append(controller.update(q, np.array((0.0, 0.6, -0.3))))
+        q = commands[-1].q_ref
+    judge = Judge(model, law, make_limits(names, model, limit_scale=0.2), T)
+    cycles = [
+        Cycle(round(tick * T * 1e9), command.q_ref, command.dq)
+        for tick, command in enumerate(commands)
+    ]
+    return SimpleNamespace(model=model, judge=judge, commands=commands, cycles=cycles)
+
+
+def test_the_limits_that_are_shown_are_those_that_the_controller_kept(
+    motion: SimpleNamespace,
+) -> None:
+    kinds = set()
+    for tick in range(1, len(motion.cycles)):
+        limiting = motion.commands[tick].limiting
+        acting = motion.judge.acting(motion.cycles[tick - 1], motion.cycles[tick])
+        if limiting:
+            joint, _, limit = limiting.partition(': ')
+            assert (limit, joint) in acting
+            kinds.add(limit)
+    assert len(kinds) >= 2
+
+
+def test_the_figures_are_those_of_the_controllers_own_answers(motion: SimpleNamespace) -> None:
+    command = motion.commands[200]
+    figures = motion.judge.figures(command.state.q, motion.cycles[199:201], 0.7)
+    assert figures.speed >= np.linalg.norm(command.dq) - 1e-12
+    assert np.isclose(figures.acceleration, np.linalg.norm(command.ddq))
+    assert np.isclose(figures.torque, np.linalg.norm(command.tau))
+    assert np.isclose(figures.null_speed, np.linalg.norm(command.null))
+    assert figures.singular_value == pytest.approx(command.min_singular_value)
+    assert (figures.time, figures.scaling) == (0.4, 0.7)
+
+
+def test_a_command_is_read_in_the_order_of_our_joints() -> None:
+    names = ('a', 'b', 'c')
+    message = to_joint_state(5, names, np.arange(3.0), np.arange(3.0) + 10.0)
+    cycle = read_cycle(serialize_message(message), JointOrder(names))
+    assert cycle.stamp == 5
+    assert cycle.q_ref.tolist() == [0.0, 1.0, 2.0] and cycle.dq.tolist() == [10.0, 11.0, 12.0]
+
+
+def test_a_trail_keeps_its_span_and_begins_anew_with_another_clock() -> None:
+    trail = Trail(1.0)
+    for tick in range(30):
+        trail.add(0.1 * tick, tick)
+    assert trail.values[0] >= 18 and trail.values[-1] == 29
+    trail.add(0.5, 'reset')
+    assert trail.values == ['reset']
+
+
+# --- beside a running graph -----------------------------------------------------------------------
+
+
+def test_samples_wait_in_their_order_until_they_are_taken() -> None:
+    with graph(lambda: Node('sampled')) as (node, _):
+        sampler = Sampler(node)
+        sampler.add('numbers', Int32, QoSProfile(depth=100))
+        publisher = node.create_publisher(Int32, 'numbers', QoSProfile(depth=100))
+        await_that(lambda: publisher.get_subscription_count() == 1, 'the sampler')
+        for number in range(50):
+            publisher.publish(Int32(data=number))
+        taken: list[Any] = []
+        await_that(lambda: taken.extend(sampler.take('numbers')) or len(taken) == 50, 'samples')
+        expected = [serialize_message(Int32(data=number)) for number in range(50)]
+        assert [sample.data for sample in taken] == expected
+        assert all(0 < sample.sent <= sample.received for sample in taken)
+        assert sampler.newest('numbers') is None
+        sampler.close()
+
+
+@pytest.fixture
+def chromium() -> Iterator[Any]:
+    """A page of a headless Chromium that is on this machine."""
+    playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
+    path = next((path for path in CHROMIUM if Path(path).exists()), None)
+    if path is None:
+        pytest.skip(f'needs a Chromium: none of {", ".join(CHROMIUM)} is there')
+    with playwright.sync_playwright() as driver:
+        software = ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']
+        browser = driver.chromium.launch(executable_path=path, args=['--no-sandbox', *software])
+        yield browser.new_page(viewport={'width': 900, 'height': 600})
+        browser.close()
+
+
+@pytest.mark.realtime
+def test_a_law_chosen_at_the_page_is_the_controllers_law(chromium: Any, tmp_path: Path) -> None:
+    asked: list[str] = []
+    chromium.on('request', lambda request: asked.append(request.url))
+    with graph(lambda: Node('asking')) as (node, start):
+        for name in ('sim', 'controller', 'planner'):
+            start(name, tmp_path / f'{name}.log')
+        log = tmp_path / 'view.log'
+        start('view.serve', log, port=gate.free_port(18280), patience=100.0)
+        await_that(lambda: 'page: ' in log.read_text(), 'the page')
+        address = log.read_text().partition('page: ')[2].strip()
+        chromium.goto(address)
+        chromium.get_by_role('combobox', name='law').click()
+        chromium.get_by_role('option', name='minimum_kinetic_energy').click()
+        await_that(
+            lambda: read_parameters(node, 'controller')['law'] == 'minimum_kinetic_energy',
+            'the law',
+        )
+    assert asked and all(url.startswith((address, f'blob:{address}')) for url in asked)
+
+
+@pytest.mark.slow
+def test_a_saved_page_replays_without_asking_anybody(chromium: Any, tmp_path: Path) -> None:
+    model = RobotModel.named('planar4r')
+    task = load_task('planar4r_hexagon')
+    whole = run(Controller(model, make_law('minimum_velocity'), 0.02), task)
+    path = tmp_path / 'page.html'
+    write_page(replace(whole, data=whole.data[:80]), model, task, 'a title', path)
+    asked: list[str] = []
+    chromium.on('request', lambda request: asked.append(request.url))
+    chromium.goto(path.as_uri())
+    chromium.locator('canvas').first.wait_for()
+    chromium.locator('input[value="1x"]').first.wait_for()  # the speed at which it plays
+    assert all(url.startswith(('file://', 'blob:', 'data:')) for url in asked)
