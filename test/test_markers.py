@@ -1,5 +1,7 @@
 """What RViz gets to show."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from visualization_msgs.msg import Marker, MarkerArray
 
-from redres_ros.nodes.markers import Markers
+from redres_ros.nodes.markers import Markers, show_obstacles
 
 PERIOD = 2_000_000  # [ns] between two states
 WAYPOINTS = np.array([[0.5, 0.0, 0.5], [0.6, 0.1, 0.4]])
@@ -81,3 +83,25 @@ def test_a_clock_that_was_set_back_does_not_end_the_trace() -> None:
     node.look()
     markers.see(10**12, np.zeros(3), np.zeros(3))
     assert move(markers, 500) == 20
+
+
+def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -> None:
+    node = Listened()
+    parameters = {
+        'limits': ['position'],
+        'collision.balls': [0.5, 0.1, 0.4, 0.1, 0.0, 0.0, 0.0, 0.0],  # radius 0: none
+        'collision.floor': 0.0,
+    }
+    node.get_parameter = lambda name: SimpleNamespace(value=parameters[name])
+    show_obstacles(node, 'world')
+    node.look()
+    assert node.sent[-1].markers == []
+    parameters['limits'] = ['position', 'collision']
+    node.look()
+    floor, ball = node.sent[-1].markers
+    assert (ball.pose.position.x, ball.scale.x, ball.scale.y) == (0.5, 0.2, 0.2)
+    assert (floor.type, floor.header.frame_id) == (Marker.CUBE, 'world')
+    parameters['limits'] = ['position']
+    node.look()
+    assert [marker.action for marker in node.sent[-1].markers] == 2 * [Marker.DELETE]
+    assert {marker.id for marker in node.sent[-1].markers} == {floor.id, ball.id}

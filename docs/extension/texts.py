@@ -11,7 +11,7 @@ TOPICS = {
     'with `forward_commands`',
     'target_pose': 'go there on a smooth way, in place of the task',
     'wrench': 'force and moment from outside on the tip, along the axes of the tip',
-    'markers': 'for RViz: the ways of tip and elbow, and the points of the task',
+    'markers': 'for RViz: the ways of tip and elbow, the points of the task, obstacles',
     'robot_description': 'the URDF of the arm',
     'controller/tip_pose': 'where the tip is',
     'controller/joint_velocity_norm': '‖q̇‖ of the command [rad/s]',

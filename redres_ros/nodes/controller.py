@@ -26,6 +26,7 @@ from redres_ros.nodes.conversions import (
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import ManagedNode
+from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.motion_parameters import MotionParameters
 from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
@@ -115,6 +116,7 @@ class ControllerNode(ManagedNode):
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
+        show_obstacles(self, self._frame)
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
         self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, RECENT)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)

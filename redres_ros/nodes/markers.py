@@ -1,7 +1,7 @@
-"""`markers` for RViz: the ways of tip and elbow, and the points of the task."""
+"""`markers` for RViz: the ways of tip and elbow, the points of the task, and obstacles."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -13,11 +13,13 @@ from redres_ros.nodes.conversions import to_time
 from redres_ros.nodes.qos import PUBLISH
 
 PERIOD = 0.2  # [s] between two messages
+_OBSTACLES_PERIOD = 1.0  # [s]
 _STEP = 50_000_000  # [ns] of the robot's clock between two points of a trace
 _LENGTH = 200  # points of a trace: 10 s
 
 _ORANGE = ColorRGBA(r=0.95, g=0.55, b=0.1, a=1.0)
 _BLUE = ColorRGBA(r=0.2, g=0.45, b=0.85, a=1.0)
+_RED = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.4)
 _GREY = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
 
 
@@ -77,11 +79,63 @@ class Markers:
             yield marker
 
 
+def show_obstacles(node: Node, frame: str) -> None:
+    """Have a node publish the balls and the floor that its limit `collision` keeps the arm from.
+
+    Args:
+        node: With the parameters of that limit.
+        frame: Of its figures.
+    """
+    publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
+
+    shown: set[int] = set()
+
+    def tell() -> None:
+        if publisher.get_subscription_count() == 0:
+            return
+        markers = list(_obstacles(node))
+        present = {marker.id for marker in markers}
+        gone = shown - present
+        shown.clear()
+        shown.update(present)
+        # One by one: to delete all would take the traces along.
+        markers += [Marker(ns='obstacles', id=number, action=Marker.DELETE) for number in gone]
+        for marker in markers:
+            marker.header.frame_id = frame
+        publisher.publish(MarkerArray(markers=markers))
+
+    node.create_timer(_OBSTACLES_PERIOD, tell)
+
+
+def _obstacles(node: Node) -> Iterator[Marker]:
+    if 'collision' in node.get_parameter('limits').value:
+        yield _floor(node.get_parameter('collision.floor').value)
+        balls = np.reshape(node.get_parameter('collision.balls').value, (-1, 4))
+        for number, ball in enumerate(balls, start=1):
+            if ball[3] > 0.0:
+                yield _ball(number, ball)
+
+
+def _ball(number: int, ball: np.ndarray) -> Marker:
+    """A ball, (4,): centre and radius [m]."""
+    marker = _marker('obstacles', Marker.SPHERE, 2.0 * float(ball[3]), _RED)
+    marker.id = number
+    marker.pose.position = _point(ball)
+    return marker
+
+
+def _floor(height: float) -> Marker:
+    marker = _marker('obstacles', Marker.CUBE, 3.0, _RED)
+    marker.scale.z = 0.001
+    marker.pose.position.z = height - 0.0005
+    return marker
+
+
 def _marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
     """A marker without points; size: diameter or width [m]."""
     marker = Marker(ns=name, type=kind, action=Marker.ADD, color=color)
     marker.scale.x = size
-    if kind == Marker.SPHERE_LIST:
+    if kind != Marker.LINE_STRIP:
         marker.scale.y = size
         marker.scale.z = size
     marker.pose.orientation.w = 1.0
