@@ -25,7 +25,7 @@ LAYERS = (
     {'simulation'},
     {'nodes', 'paper'},
     {'demo'},
-    {'bench', 'view'},
+    {'bench', 'check', 'view'},
     {'cli'},
 )
 

@@ -4,7 +4,19 @@ import os
 import sys
 from typing import TextIO
 
-from redres_ros.cli import bench, compare, demo, laws, record, reproduce, simulate, view, watch
+from redres_ros.cli import (
+    bench,
+    check,
+    compare,
+    demo,
+    laws,
+    record,
+    reproduce,
+    simulate,
+    teleop,
+    view,
+    watch,
+)
 from redres_ros.cli.options import Parser, Version
 from redres_ros.errors import RedresError, quoted
 
@@ -17,6 +29,8 @@ _GROUPS = (
     view,
     watch,
     record,
+    check,
+    teleop,
     bench,
 )  # in the order of `redres --help`
 

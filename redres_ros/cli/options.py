@@ -1,6 +1,7 @@
 """Options that several subcommands share. task.py and controller.py make what they ask for."""
 
 import argparse
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -284,3 +285,20 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
         metavar='ID',
         help='ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID',
     )
+
+
+def add_namespace(parser: argparse.ArgumentParser) -> None:
+    """--namespace of nodes that are running already."""
+    parser.add_argument(
+        '--namespace',
+        type=_namespace,
+        default='',
+        metavar='NAME',
+        help='namespace of the arm, where there are several; default: none',
+    )
+
+
+def _namespace(text: str) -> str:
+    if not re.fullmatch(r'/?([A-Za-z_]\w*(/[A-Za-z_]\w*)*)?', text, re.ASCII):
+        raise argparse.ArgumentTypeError(f'{text!r}; expected names with / between them, as left')
+    return text

@@ -1,0 +1,1 @@
+"""`redres check`: what is missing before a connected arm may move."""

@@ -1,0 +1,63 @@
+"""`redres check`: look at a running graph, and say what is missing before the arm moves."""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from redres_ros.cli.options import add_domain, add_namespace
+from redres_ros.errors import RangeError
+
+if TYPE_CHECKING:
+    from redres_ros.check.verdict import ExpectedArm
+
+_SHORTEST = 0.5  # [s]
+_LONGEST = 60.0
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    check = commands.add_parser('check', help='what is missing before a connected arm may move')
+    check.add_argument(
+        '--duration', type=float, default=4.0, metavar='S', help='for how long to look'
+    )
+    check.add_argument(
+        '--robot',
+        metavar='NAME|FILE.urdf|topic',
+        help="the arm, where no controller runs yet; default: the controller's",
+    )
+    check.add_argument(
+        '--tip', default='', metavar='FRAME', help='link that carries out the task, with --robot'
+    )
+    check.add_argument(
+        '--rate', type=float, default=500.0, metavar='HZ', help='states a second, with --robot'
+    )
+    add_domain(check)
+    add_namespace(check)
+    check.set_defaults(run=_check)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from redres_ros.check.judge import judge
+    from redres_ros.check.sighting import Looker
+    from redres_ros.check.verdict import Level
+    from redres_ros.demo.processes import joined_domain
+    from redres_ros.nodes.runtime import spun
+
+    if not _SHORTEST <= options.duration <= _LONGEST:
+        raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')
+    wanted = _wanted(options)
+    with joined_domain(options.domain), spun(lambda: Looker(options.namespace)) as node:
+        seen = node.look(options.duration)
+    verdicts = judge(seen, wanted)
+    for verdict in verdicts:
+        print(verdict)
+    faults = sum(verdict.level is Level.FAULT for verdict in verdicts)
+    print(f'faults: {faults}; do not move the arm yet' if faults else 'nothing is missing')
+    return 1 if faults else 0
+
+
+def _wanted(options: argparse.Namespace) -> 'ExpectedArm | None':
+    from redres_ros.check.verdict import ExpectedArm
+
+    if options.robot is None:
+        return None
+    return ExpectedArm(options.robot, options.tip, options.rate)

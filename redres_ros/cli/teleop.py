@@ -1,0 +1,46 @@
+"""`redres teleop`: move the tip of a running arm by keys."""
+
+import argparse
+from typing import Any
+
+from redres_ros.cli.options import add_domain, add_namespace
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    teleop = commands.add_parser('teleop', help='move the tip of a running arm by keys')
+    teleop.add_argument(
+        '--speed', type=float, default=0.05, metavar='X', help='of a key that moves [m/s]'
+    )
+    teleop.add_argument(
+        '--turn', type=float, default=0.3, metavar='X', help='of a key that turns [rad/s]'
+    )
+    teleop.add_argument(
+        '--frame',
+        default='',
+        metavar='FRAME',
+        help='link along whose axes the keys move; default: the base',
+    )
+    add_domain(teleop)
+    add_namespace(teleop)
+    teleop.set_defaults(run=_teleop)
+
+
+def _teleop(options: argparse.Namespace) -> int:
+    from redres_ros.demo.processes import joined_domain
+    from redres_ros.demo.steering import Steering
+    from redres_ros.demo.teleop import Teleop, check_terminal, steer
+    from redres_ros.nodes.runtime import spun
+
+    check_terminal()
+    steering = Steering(options.speed, options.turn)
+
+    def make() -> Teleop:
+        return Teleop(steering, options.frame, options.namespace)
+
+    try:
+        with joined_domain(options.domain), spun(make) as node:
+            steer(node, steering)
+    except KeyboardInterrupt:
+        pass  # the way to end it
+    return 0

@@ -1,0 +1,143 @@
+"""`redres teleop`: keys of a terminal as cartesian_velocity."""
+
+import os
+import select
+import signal
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
+
+from redres_ros.demo.steering import HELP, Steering
+from redres_ros.errors import RedresError
+from redres_ros.nodes.conversions import to_twist
+from redres_ros.nodes.qos import PUBLISH
+
+TOPIC = 'cartesian_velocity'
+
+_PERIOD = 0.02  # [s] between messages
+_LAST_WORDS = 0.3  # [s] for which zeros follow a motion; then others may have the topic
+_MOST_KEYS = 64  # read at once
+_ENDING = (signal.SIGTERM, signal.SIGHUP)  # these would end the process without clean-up
+_NOW = 0  # a stamp that means: as soon as it comes
+
+
+class TerminalError(RedresError):
+    """There is no terminal to read keys from."""
+
+
+class Teleop(Node):
+    """Publishes what the keys ask for, and nothing while nobody steers."""
+
+    def __init__(self, steering: Steering, frame: str, namespace: str = '') -> None:
+        super().__init__('teleop', namespace=namespace or None)
+        self._steering = steering
+        self._frame = frame
+        self._moved_at = -np.inf  # [s] when the task velocity was last not zero
+        self._publisher = self.create_publisher(TwistStamped, TOPIC, PUBLISH)
+
+    def publish(self, now: float) -> np.ndarray:
+        """Publish the task velocity of now [s]; it is returned, (6,)."""
+        dx = self._steering.twist(now)
+        if dx.any():
+            self._moved_at = now
+        if now - self._moved_at < _LAST_WORDS:
+            self._publisher.publish(to_twist(_NOW, self._frame, dx))
+        return dx
+
+    def stop(self) -> None:
+        """Ask for a standstill, whatever was pressed."""
+        if np.isfinite(self._moved_at):
+            self._publisher.publish(to_twist(_NOW, self._frame, np.zeros(6)))
+
+    @property
+    def listeners(self) -> int:
+        """How many hear it."""
+        return self._publisher.get_subscription_count()
+
+
+def check_terminal() -> None:
+    """Raise TerminalError if standard input is no terminal."""
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise TerminalError('standard input is no terminal, from which keys could be read')
+
+
+@contextmanager
+def keyboard() -> Iterator[int]:
+    """The terminal's keys one by one and without an echo; afterwards it is as before.
+
+    Ctrl-C stays a signal. Ctrl-Z is off: in the background nobody could stop the arm.
+
+    Yields:
+        The file to read from.
+
+    Raises:
+        TerminalError: Standard input is no terminal.
+    """
+    check_terminal()
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    handlers = {number: signal.signal(number, _interrupt) for number in _ENDING}
+    try:
+        tty.setcbreak(terminal)
+        changed = termios.tcgetattr(terminal)
+        changed[6][termios.VSUSP] = b'\0'
+        termios.tcsetattr(terminal, termios.TCSANOW, changed)
+        yield terminal
+    finally:
+        termios.tcsetattr(terminal, termios.TCSAFLUSH, before)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def steer(node: Teleop, steering: Steering) -> None:
+    """Publish what is typed until Ctrl-C; then ask for a standstill."""
+    with keyboard() as terminal:
+        print(HELP, flush=True)
+        try:
+            _steer(node, steering, terminal)
+        finally:
+            node.stop()
+            print(flush=True)
+
+
+def _steer(node: Teleop, steering: Steering, terminal: int) -> None:
+    told = ''
+    while True:
+        due = time.monotonic() + _PERIOD
+        while (left := due - time.monotonic()) > 0.0:
+            if not select.select([terminal], [], [], left)[0]:
+                continue
+            keys = os.read(terminal, _MOST_KEYS)
+            if not keys:
+                return  # the terminal has gone
+            for key in keys.decode(errors='replace'):
+                steering.press(key, time.monotonic())
+        dx = node.publish(time.monotonic())
+        line = _line(dx, steering, node.listeners)
+        if line != told:
+            print(f'\r{line:<78}', end='', flush=True)
+            told = line
+
+
+def _line(dx: np.ndarray, steering: Steering, listeners: int) -> str:
+    """What is asked for, in words."""
+    if not listeners:
+        return f'nobody listens to {TOPIC}; is the controller running in this ROS domain?'
+    speeds = f'{steering.speed:.3f} m/s, {steering.turn:.2f} rad/s'
+    moves = [
+        f'{axis} {value:+.3f}'
+        for axis, value in zip(('x', 'y', 'z', 'rx', 'ry', 'rz'), dx, strict=True)
+        if value
+    ]
+    return f'{speeds} | {"  ".join(moves) or "standing still"}'

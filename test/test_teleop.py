@@ -1,0 +1,130 @@
+"""`redres teleop`: what keys ask for, and that the terminal is afterwards as it was before."""
+
+import fcntl
+import os
+import pty
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from geometry_msgs.msg import TwistStamped
+from graph_helpers import Probe, await_that, graph
+
+from redres_ros.cli import main
+from redres_ros.demo.steering import WAYS, Steering
+from redres_ros.errors import RangeError
+
+
+def test_every_row_of_the_task_velocity_has_a_key_for_either_way() -> None:
+    assert sorted(WAYS.values()) == [(row, sign) for row in range(6) for sign in (-1.0, 1.0)]
+
+
+@pytest.mark.parametrize(('key', 'way'), WAYS.items())
+def test_a_key_moves_or_turns_along_its_axis_alone(key: str, way: tuple[int, float]) -> None:
+    steering = Steering(speed=0.1, turn=0.4)
+    steering.press(key, 10.0)
+    expected = np.zeros(6)
+    expected[way[0]] = way[1] * (0.1 if way[0] < 3 else 0.4)
+    np.testing.assert_array_equal(steering.twist(10.1), expected)
+
+
+def test_a_key_that_is_not_repeated_counts_as_released_within_a_second() -> None:
+    steering = Steering()
+    steering.press('w', 0.0)
+    steering.press('w', 0.5)
+    assert steering.twist(1.0).any()
+    assert not steering.twist(1.5).any()
+
+
+@pytest.mark.parametrize('key', [' ', 'x', '\x1b', '\N{SNOWMAN}'])
+def test_space_and_every_key_without_a_meaning_stop(key: str) -> None:
+    steering = Steering()
+    steering.press('w', 0.0)
+    steering.press(key, 0.1)
+    assert not steering.twist(0.1).any()
+
+
+def test_speeds_stay_within_what_a_keyboard_should_have() -> None:
+    steering = Steering(speed=0.1)
+    for _ in range(100):
+        steering.press('+', 0.0)
+    assert (steering.speed, steering.turn) == (2.0, 6.0)
+    with pytest.raises(RangeError, match=r'speed is nan; allowed: 0\.001 to 2 \(m/s\)'):
+        Steering(speed=np.nan)
+
+
+def test_without_a_terminal_it_refuses_in_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr(sys, 'stdin', nothing)
+        assert main(['teleop']) == 1
+    said = capsys.readouterr()
+    assert said.err == (
+        'redres teleop: standard input is no terminal, from which keys could be read\n'
+    )
+
+
+class Session:
+    """`redres teleop` in a terminal of its own."""
+
+    def __init__(self, *options: str) -> None:
+        self._hand, self.terminal = pty.openpty()
+        self.before = termios.tcgetattr(self.terminal)
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'redres_ros.cli', 'teleop', *options],
+            stdin=self.terminal,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        )
+
+    def type(self, keys: bytes) -> None:
+        os.write(self._hand, keys)
+
+    @property
+    def has_changed_the_terminal(self) -> bool:
+        return termios.tcgetattr(self.terminal) != self.before
+
+    def signal(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def end(self) -> tuple[int, str]:
+        """Exit status, and what it complained of."""
+        _, complaint = self._process.communicate(timeout=20.0)
+        return self._process.returncode, complaint
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('ending', ['Ctrl-C', 'SIGTERM', 'SIGHUP'])
+def test_keys_are_published_and_the_terminal_is_given_back(ending: str) -> None:
+    with graph(Probe) as (probe, _):
+        heard = probe.listen(TwistStamped, 'left/cartesian_velocity')
+        session = Session('--speed', '0.2', '--frame', 'tool0', '--namespace', 'left')
+        await_that(lambda: session.has_changed_the_terminal, 'the terminal to be read')
+        await_that(lambda: probe.count_publishers('left/cartesian_velocity') > 0, 'the publisher')
+        until = time.monotonic() + 10.0
+        while len(heard) < 5 and time.monotonic() < until:
+            session.type(b'd')
+            time.sleep(0.1)
+        if ending == 'Ctrl-C':
+            session.type(b'\x03')
+        else:
+            session.signal(signal.Signals[ending])
+        status, complaint = session.end()
+    assert (status, complaint) == (0, '')
+    assert not session.has_changed_the_terminal
+    moving = [message for message in heard if message.twist.linear.y]
+    assert {message.twist.linear.y for message in moving} == {-0.2}
+    assert {message.header.frame_id for message in heard} == {'tool0'}
+    assert {message.header.stamp.sec for message in heard} == {0}  # now
