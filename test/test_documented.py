@@ -92,6 +92,7 @@ def python_pages() -> dict[str, str]:
     return pages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('page', 'line'), list(commands()))
 def test_a_command_does_what_it_is_there_for(
     page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -33,6 +33,7 @@ def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
         yield probe
 
 
+@pytest.mark.slow
 class TestByServices:
     """A controller in a process of its own."""
 

@@ -5,6 +5,7 @@ import math
 import os
 import signal
 import sys
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from redres_ros.errors import RangeError
 
 _PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
+_WIDTH = 100  # columns of what is said in sentences
 _LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
 
 
@@ -137,7 +139,7 @@ def _demo(options: argparse.Namespace) -> int:
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
     ):
-        print(before(wanted, motion.model))
+        _say(before(wanted, motion.model))
         print(
             f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
         )
@@ -148,7 +150,7 @@ def _demo(options: argparse.Namespace) -> int:
     with _ending_at_once():
         outcome = demo.outcome(ending)
         write_results(outcome, demo, options)
-        print(after(outcome))
+        _say(after(outcome))
     if outcome.interrupted:
         return 130
     return 0 if outcome.succeeded else 1
@@ -167,6 +169,12 @@ def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
 
         views[_PAGE] = {'port': free_port(), 'patience': START_PATIENCE}
     return views
+
+
+def _say(text: str) -> None:
+    """Print some sentences; nothing for none."""
+    if text:
+        print(textwrap.fill(text, _WIDTH), flush=True)
 
 
 @contextmanager

@@ -1,0 +1,52 @@
+"""What the demo says before and after: two sentences that suit what happened."""
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from redres_ros import RobotModel
+from redres_ros.demo.demo import DemoOptions
+from redres_ros.demo.words import after, before
+
+
+def outcome(**given: Any) -> Any:
+    motion = SimpleNamespace(error=(0.0004, 3.0), acceleration=(8.7, 7.3))
+    usual = {'motion': motion, 'interrupted': False, 'stop_reason': '', 'succeeded': True}
+    return SimpleNamespace(**{**usual, **given})
+
+
+def sentences(text: str) -> int:
+    return len(re.findall(r'\.(?: |$)', text))
+
+
+def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel) -> None:
+    said = before(DemoOptions('rectangle', 'minimum_velocity', 500.0), model)
+    assert '7 joints' in said
+    assert 'minimum_velocity' in said
+    assert 'stretched' in said
+    assert sentences(said) == 2
+
+
+@pytest.mark.parametrize(
+    ('given', 'words'),
+    [
+        ({}, ('came through', '0.4 mm', '8.7 rad/s²', 'minimum_velocity')),
+        ({'stop_reason': 'acceleration of A1', 'succeeded': False}, ('stopped', 'limits')),
+        ({'stop_reason': 'timing: 6 missed', 'succeeded': False}, ('too busy', '--lockstep')),
+    ],
+)
+def test_after_it_says_what_came_of_it_and_what_to_try_next(
+    given: dict[str, Any], words: tuple[str, ...]
+) -> None:
+    said = after(outcome(**given))
+    assert all(word in said for word in words)
+    assert sentences(said) == 2
+
+
+@pytest.mark.parametrize('given', [{'interrupted': True}, {'motion': None}, {'succeeded': False}])
+def test_where_there_is_nothing_to_learn_it_says_nothing(given: dict[str, Any]) -> None:
+    assert after(outcome(**given)) == ''
