@@ -9,7 +9,10 @@ from extension.markdown import code, table
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'redres_ros'
 
-_EQUATION = re.compile(r'Eqs?\. ?\((\d+|[AB]\.\d+)\)')
+# 'Eq. (15)', and what goes on as 'Eq. (24)-(26) -> (27)' or 'Eq. (7) with (A.14)'
+_NUMBER = r'\((\d+|[AB]\.\d+)\)'
+_SEVERAL = re.compile(rf'Eqs?\. ?{_NUMBER}(?:(?:,|;| and| or| with|-|–| ->)? ?{_NUMBER})*')
+_RANGE = re.compile(rf'{_NUMBER}[-–]{_NUMBER}')
 
 
 def equations() -> Iterator[str]:
@@ -35,9 +38,17 @@ def _in_file(path: Path) -> Iterator[tuple[str, str]]:
         node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef | ast.ClassDef)
     ]
     for line, words in enumerate(text.splitlines(), start=1):
-        for number in _EQUATION.findall(words):
+        for number in _numbers(words):
             holder = [n.name for n in outermost if n.lineno <= line <= (n.end_lineno or 0)]
             yield number, '.'.join([module, *holder])
+
+
+def _numbers(words: str) -> Iterator[str]:
+    """The numbers of all equations that a line names, those between (24)-(26) too."""
+    for found in _SEVERAL.finditer(words):
+        yield from re.findall(_NUMBER, found[0])
+        for first, last in _RANGE.findall(found[0]):
+            yield from map(str, range(int(first) + 1, int(last)))
 
 
 def _order(number: str) -> tuple[str, int]:
