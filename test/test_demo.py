@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
 def lockstep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run in lock-step with an ideal arm."""
     out = tmp_path_factory.mktemp('lockstep')
-    done = demo(out, '--lockstep', '--plant', 'ideal')
+    done = demo(out, '--lockstep', '--plant', 'ideal', '--mcap', str(out / 'run.mcap'))
     assert done.returncode == 0, done.stdout + done.stderr
     return out
 
@@ -85,6 +86,26 @@ def test_lockstep_answers_every_state_and_records_every_answer(lockstep: Path) -
         'missed': 0,
         'stood_still': 0.0,
     }
+
+
+def test_the_messages_of_a_run_are_in_its_file(lockstep: Path) -> None:
+    reader = pytest.importorskip('mcap.reader')
+    with (lockstep / 'run.mcap').open('rb') as stream:
+        count = Counter(
+            channel.topic for _, channel, _ in reader.make_reader(stream).iter_messages()
+        )
+        stream.seek(0)
+        attached = {
+            each.name: each.data.decode() for each in reader.make_reader(stream).iter_attachments()
+        }
+    rows = len(motion(lockstep))
+    assert count['/joint_states'] >= rows and count['/joint_command'] >= rows
+    assert count['/controller/joint_velocity_norm'] == count['/joint_command']
+    assert count['/robot_description'] == 1 and count['/planner/state'] >= 2
+    assert '<robot' in attached['robot_description.urdf']
+    parameters = yaml.safe_load(attached['parameters.yaml'])
+    assert set(parameters) == {'/sim', '/controller', '/planner'}
+    assert parameters['/controller']['ros__parameters']['law'] == 'minimum_acceleration'
 
 
 @pytest.fixture

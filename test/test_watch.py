@@ -8,7 +8,7 @@ import time
 import pytest
 from rich.console import Console
 
-from redres_ros.demo.watch_page import STALE, Heard, NodeHealth, page
+from redres_ros.demo.watch_page import STALE, Heard, JointBar, NodeHealth, page
 
 FULL = {
     'sim': Heard(NodeHealth('in command', True), 100.0),
@@ -24,10 +24,10 @@ FULL = {
 }
 
 
-def text_of(heard: dict[str, Heard], now: float) -> str:
+def text_of(heard: dict[str, Heard], now: float, joints: tuple[JointBar, ...] = ()) -> str:
     """The page as plain text."""
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(page(heard, now, 7))
+    console.print(page(heard, now, 7, joints))
     return console.export_text()
 
 
@@ -84,6 +84,18 @@ def test_a_word_that_seldom_changes_is_not_old_while_its_node_lives() -> None:
     assert 'old' not in line_of(text_of(heard, 100.5), 'session')
 
 
+def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() -> None:
+    low = JointBar('shoulder', 0.0, -1.0, ())
+    high = JointBar('elbow', 1.2, 2.0, ('acceleration', 'position'))
+    text = text_of(FULL, 100.5, (low, JointBar('middle', 0.5, 0.0, ()), high))
+    bars = [line_of(text, name) for name in ('shoulder', 'middle', 'elbow')]
+    before = [bar.partition('●')[0].count('─') for bar in bars]
+    after = [bar.partition('●')[2].count('─') for bar in bars]
+    assert before[0] == after[2] == 0 and before[1] == after[1] > 0
+    assert 'acceleration   position' in bars[2] and 'acceleration' not in bars[0]
+    assert '+114.6°' in bars[2]
+
+
 def run_watch(duration: float, domain: int) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain', str(domain)]
     return subprocess.run(
@@ -115,3 +127,4 @@ def test_it_hears_the_nodes_and_tells_of_their_end(tmp_path) -> None:
     assert 'CMD' in line_of(done.stdout, 'session')
     assert 'rad/s' in line_of(done.stdout, 'joint velocity')
     assert 'planner: not heard' in done.stdout
+    assert '●' in line_of(done.stdout, 'lwr_a3_joint')
