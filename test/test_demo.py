@@ -198,7 +198,7 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
         assert figures[figure] == pytest.approx([column(rows, name)[at], rows[at, 0]])
     lines = {line[2:32].strip(): line[32:].strip() for line in printed.splitlines()}
     error, at = figures['error']
-    assert lines['largest task error'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
+    assert lines['farthest off the way'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
     acceleration, at = figures['acceleration']
     assert lines['largest joint acceleration'] == (
         f'{acceleration:.3f} rad/s² (norm) at {at:.3f} s'

@@ -18,6 +18,9 @@ STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as 
 
 _START = 0.1  # [s] that count as the start
 
+# What a robot does in its session states, for those who do not know their names.
+_MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
+
 
 @dataclass(frozen=True)
 class Endurance:
@@ -125,13 +128,16 @@ class Outcome:
         rows: list[tuple[str, ...]] = [
             ('task', self.ending),
             ('robot', f'stopped: {self.stop_reason}' if self.stop_reason else 'not stopped'),
-            ('session', ' > '.join(self.session)),
+            (
+                "robot's session",
+                ' > '.join(f'{word}{_MEANS.get(word, "")}' for word in self.session),
+            ),
         ]
         if self.motion:
             rows += _motion_rows(self.motion)
         if self.cycles:
             rows += _cycle_rows(self.cycles)
-            rows.append(('missed by the planner', str(self.planner_missed)))
+            rows.append(('not seen by the planner', str(self.planner_missed)))
         if self.endurance:
             rows += _endurance_rows(self.endurance)
         return facts(rows, title=title)
@@ -162,8 +168,8 @@ def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
     error, at = motion.error
     rows: list[tuple[str, ...]] = [
         ('motion',),
-        ('segments begun', f'{motion.segments} in {motion.seconds:.3f} s'),
-        ('largest task error', f'{1e3 * error:.3f} mm at {at:.3f} s'),
+        ('parts of the task begun', f'{motion.segments} in {motion.seconds:.3f} s'),
+        ('farthest off the way', f'{1e3 * error:.3f} mm at {at:.3f} s'),
         ('at the end', f'{1e3 * motion.final_error:.3f} mm from the last point'),
     ]
     for name, unit in (('acceleration', 'rad/s²'), ('velocity', 'rad/s'), ('torque', 'Nm')):
@@ -171,22 +177,22 @@ def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
         rows.append((f'largest joint {name}', f'{value:.3f} {unit} (norm) at {at:.3f} s'))
     return [
         *rows,
-        ('jump at the start', f'{motion.jump:.2g} rad/s of one joint, in one cycle'),
-        ('stood still', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
+        ('largest step at the start', f'{motion.jump:.2g} rad/s of one joint, in one cycle'),
+        ('arm stood still', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
     ]
 
 
 def _cycle_rows(cycles: CycleCounts) -> list[tuple[str, ...]]:
     kinds = {
         'answered in time': cycles.in_time,
-        'answered while the clock stood': cycles.waited_for,
-        'answered late': cycles.late,
-        'not answered': cycles.missed,
+        'late, and the clock waited': cycles.waited_for,
+        'answered too late': cycles.late,
+        'never answered': cycles.missed,
     }
     total = max(cycles.total, 1)
     rows: list[tuple[str, ...]] = [
-        ('cycles',),
-        ('all', f'{cycles.total}, and the clock stood still for {cycles.stood_still:.3f} s'),
+        ('cycles of the robot',),
+        ('in all', f'{cycles.total}, and the clock stood still for {cycles.stood_still:.3f} s'),
     ]
     return rows + [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
 
