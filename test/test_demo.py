@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -196,7 +197,7 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
     for figure, name in names.items():
         at = int(np.argmax(column(rows, name)))
         assert figures[figure] == pytest.approx([column(rows, name)[at], rows[at, 0]])
-    lines = {line[2:32].strip(): line[32:].strip() for line in printed.splitlines()}
+    lines = dict(re.findall(r'^ *(\S.*?) {2,}(\S.*?) *$', printed, re.MULTILINE))
     error, at = figures['error']
     assert lines['farthest off the way'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
     acceleration, at = figures['acceleration']
