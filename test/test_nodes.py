@@ -40,6 +40,11 @@ DX = np.array([0.02, -0.05, 0.03])
 BOX = ('position', 'velocity', 'acceleration')
 
 
+SECURED = {  # what somebody sets who wants keys, or no graph at all
+    'ROS_SECURITY_ENABLE': 'true',
+    'ROS_SECURITY_STRATEGY': 'Enforce',
+    'ROS_SECURITY_KEYSTORE': '/no/keys',
+}
 BAD_STARTS = [  # node, parameters, environment, words that its one line must hold
     ('controller', 'law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
     ('controller', 'damping:=600.0', {}, ('600', '0 to 500')),
@@ -60,6 +65,7 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 232')),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '-1'}, ('ROS_DOMAIN_ID', '-1', '0 to 232')),
     ('controller', 'rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
+    ('sim', 'rate:=500.0', SECURED, ('SECURITY', '/no/keys')),
 ]
 
 
