@@ -1,5 +1,6 @@
 """Into, in and out of the stretched arm at 500 Hz, for every arm of the table and every law."""
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -7,12 +8,15 @@ import pytest
 from scipy.optimize import minimize
 
 from redres_ros import LAWS, Command, Controller, RobotModel, make_law
+from redres_ros.planner import quintic
 from redres_ros.resolution import SINGULAR_RATIO
 from redres_ros.robots import ARMS
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
 SPEED = 0.05  # [m/s]
+# share of a path -> x_d (3,), and its slope by the share (3,)
+Path = Callable[[float], tuple[np.ndarray, np.ndarray]]
 EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
 EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 
@@ -128,6 +132,131 @@ def test_in_it_a_standing_arm_does_not_drift(arm, law):
     for _ in range(500):
         q_ref = controller.update(q_ref, np.zeros(3)).q_ref
     assert np.abs(q_ref - q).max() < 1e-3
+
+
+# --- along a path, as a planner asks for it -------------------------------------------------------
+
+
+def followed(
+    arm: str, law: str, q: np.ndarray, path: Path, duration: float, limits=BOX, ticks: int = 4000
+) -> list[tuple[Command, np.ndarray, float]]:
+    """A path by its share (0 to 1), at rest at both ends; the clock goes on by s T.
+
+    Returns:
+        Of every tick the command, the velocity that was asked for, and the error [m].
+    """
+    model = model_of(arm)
+    controller = Controller(model, make_law(law), T, limits=limits)
+    t = 0.0
+    found = []
+    while t < duration and len(found) < ticks:
+        share, rate = quintic(t / duration)
+        x_d, slope = path(share)
+        error = x_d - model.tip(q)[0]
+        dx = slope * rate / duration + 10.0 * error
+        command = controller.update(q, dx)
+        found.append((command, dx, float(np.linalg.norm(error))))
+        t += command.s * T
+        q = command.q_ref
+    return found
+
+
+def inward(arm: str) -> Path:
+    """Straight away from the stretched arm, 0.1 m."""
+    q, outward = stretched(arm)
+    x, _ = model_of(arm).tip(q)
+    way = -0.1 * outward
+    return lambda share: (x + share * way, way)
+
+
+def leaves(arm: str, commands: list[Command]) -> int:
+    """The first tick from which on no direction is damped."""
+    rank = 2 if arm == 'planar4r' else 3
+    values = [np.linalg.svd(command.J, compute_uv=False)[:rank] for command in commands]
+    damped = [k for k, s in enumerate(values) if s[-1] < SINGULAR_RATIO * s[0]]
+    return damped[-1] + 1
+
+
+def ticks_until_exact(arm: str, law: str, limits: tuple[str, ...], ticks: int) -> int:
+    """From leaving the singularity on, until the task is executed as asked for."""
+    q, _ = stretched(arm)
+    found = followed(arm, law, q, inward(arm), 1.0, limits, ticks)
+    first = leaves(arm, [command for command, _, _ in found])
+    off = [
+        k
+        for k, (command, dx, _) in enumerate(found[first:], start=1)
+        if np.linalg.norm(command.J @ command.dq - dx) > 1e-9
+    ]
+    return off[-1] if off else 0
+
+
+@pytest.mark.slow
+@EVERY_STRETCHED
+@EVERY_LAW
+def test_the_law_is_exact_in_the_very_tick_that_leaves_the_singularity(arm, law):
+    assert ticks_until_exact(arm, law, (), 100) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('arm', ['lwr4', 'lwr4_paper'])
+@EVERY_LAW
+def test_within_limits_it_is_exact_within_50_ms_where_joints_can_speed_up_as_fast(arm, law):
+    """Joints of 21 rad/s^2 and more. Those of 10 take 0.1 s, of 2 take 0.2 s, as they must."""
+    assert ticks_until_exact(arm, law, BOX, 200) * T <= 0.05
+
+
+def tangent(arm: str) -> np.ndarray:
+    """A direction (3,) in which the stretched arm can move."""
+    q, _ = stretched(arm)
+    J = model_of(arm).state(q, np.zeros(len(q))).J[:3]
+    return np.linalg.svd(J)[0][:, 0]
+
+
+@pytest.mark.slow
+@EVERY_STRETCHED
+@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
+def test_through_it(arm, law):
+    """An arc that touches the end of the reach from within, and goes on on the other side."""
+    q, outward = stretched(arm)
+    x_far, _ = model_of(arm).tip(q)
+    way = 0.05 * tangent(arm)
+    bent = driven(arm, law, q, [-SPEED * outward] * 400)[-1].q_ref
+    x, _ = model_of(arm).tip(bent)
+    depth = float((x_far - x) @ outward)
+
+    def arc(share: float) -> tuple[np.ndarray, np.ndarray]:
+        height = depth * (1.0 - (2.0 * share - 1.0) ** 2)
+        slope = -4.0 * depth * (2.0 * share - 1.0)
+        return x + share * way + height * outward, way + slope * outward
+
+    found = followed(arm, law, bent, arc, 6.0)
+    check(arm, [command for command, _, _ in found])
+    assert len(found) * T < 8.0
+    assert max(error for _, _, error in found) < 1.5e-3
+
+
+@pytest.mark.slow
+@EVERY_STRETCHED
+@EVERY_LAW
+def test_along_it(arm, law):
+    """The stretched arm swings about its base."""
+    q, _ = stretched(arm)
+    model = model_of(arm)
+    x_start, _ = model.tip(q)
+    direction = tangent(arm)
+    controller = Controller(model, make_law(law), T, limits=BOX)
+    commands = []
+    for k in range(300):
+        x, _ = model.tip(q)
+        outward = x / np.linalg.norm(x)
+        direction = direction - (direction @ outward) * outward
+        command = controller.update(q, SPEED * min(k / 100, 1.0) * direction)
+        commands.append(command)
+        q = command.q_ref
+    check(arm, commands)
+    assert still(commands) <= 2
+    way = np.linalg.norm(model.tip(q)[0] - x_start)
+    assert way > 0.6 * 250 * T * SPEED  # least torque flings; the others do all of it
 
 
 @EVERY_STRETCHED
