@@ -10,6 +10,7 @@ from redres_ros.errors import FileError
 from redres_ros.paper import claims, figures
 from redres_ros.paper.claims import CLAIMS, Claim, Finding, check_all, table, theoretical, write_csv
 from redres_ros.paper.figures import Runs
+from redres_ros.paper.saturation import LWR_DAMPED, angle_between, run
 
 pytestmark = pytest.mark.slow
 
@@ -84,3 +85,17 @@ def test_the_command_draws_measures_and_writes(
     assert drawn == [tmp_path]
     assert f'{len(CHEAP)} of {len(CHEAP)} claims held' in capsys.readouterr().out
     assert len((tmp_path / 'claims.csv').read_text().splitlines()) == 1 + len(CHEAP)
+
+
+def test_a_motion_of_others_is_as_fast_here_and_straighter() -> None:
+    ours = run(LWR_DAMPED)
+    assert ours.seconds == pytest.approx(LWR_DAMPED.seconds, rel=0.01)
+    assert ours.astray < 0.1 * LWR_DAMPED.astray
+    assert ours.used < 1.0 + 1e-9
+
+
+def test_angles_are_exact_for_small_and_large_ones() -> None:
+    x = np.array((1.0, 0.0))
+    for angle in (1e-12, 0.3, 3.0):
+        turned = 2.0 * np.array((np.cos(angle), np.sin(angle)))
+        assert angle_between(x, turned) == pytest.approx(angle, rel=1e-9)

@@ -9,6 +9,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
+from redres_ros.paper import saturation
 from redres_ros.paper.apart import Apart
 from redres_ros.paper.equivalence import (
     SIMULATION_DYNAMICS,
@@ -18,6 +19,7 @@ from redres_ros.paper.equivalence import (
     difference,
 )
 from redres_ros.paper.experiment import Experiment, experiment
+from redres_ros.paper.saturation import Saturated
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.paper.sensing import as_in_the_paper
 from redres_ros.robot_model import RobotModel
@@ -160,6 +162,23 @@ class Runs:
         limits = (*JOINT_LIMITS, 'torque')
         law = self._law('minimum_velocity', limits=limits, torque_scale=TORQUE_SCALE)
         return self._try(law, seed=1)
+
+    # --- what others published --------------------------------------------------------------------
+
+    @cached_property
+    def saturated_lwr(self) -> Saturated:
+        """The LWR there and back."""
+        return saturation.run(saturation.LWR)
+
+    @cached_property
+    def saturated_lwr_damped(self) -> Saturated:
+        """The same with its self-motion damped."""
+        return saturation.run(saturation.LWR_DAMPED)
+
+    @cached_property
+    def saturated_planar(self) -> Saturated:
+        """The planar arm twice around a hexagon."""
+        return saturation.run(saturation.PLANAR)
 
     @property
     def apart_23(self) -> Apart:
