@@ -137,6 +137,10 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
         replace(GOOD, controller=told(forward_commands=True)),
         ('commands', f'nobody listens to {FORWARD}; is that controller loaded'),
     ),
+    'another order of joints': (
+        replace(GOOD, forward_joints=NAMES[::-1]),
+        ('order', f'goes by {NAMES[6]}'),
+    ),
     'a rival': (
         replace(GOOD, publishers={**GOOD.publishers, FORWARD: ('/gui',)}),
         ('commands', '/gui publishes forward_position_controller/commands too'),

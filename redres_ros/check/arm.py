@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.check.sighting import STATES, TWISTS, Sighting, StateSeen
+from redres_ros.check.sighting import FORWARD, STATES, TWISTS, Sighting, StateSeen
 from redres_ros.check.verdict import ExpectedArm, Level, Verdict
 from redres_ros.errors import RedresError
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
@@ -27,6 +27,7 @@ def judge_arm(seen: Sighting, expected: ExpectedArm) -> Iterator[Verdict]:
         return
     limits = JointLimits.of(model.arm)
     yield from _judge_joints(seen.states, limits)
+    yield from _judge_order(seen.forward_joints, limits.joint_names)
     yield from _judge_description(seen.description, expected, limits)
     yield from _judge_frames(seen, model)
 
@@ -67,6 +68,15 @@ def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> Iterato
     q = np.array([positions[name] for name in limits.joint_names])
     yield from _judge_positions(q, limits)
     yield from _judge_standstill(ours, limits.joint_names)
+
+
+def _judge_order(got: tuple[str, ...], expected: tuple[str, ...]) -> Iterator[Verdict]:
+    """Commands for ros2_control are numbers without names: the order must be the arm's."""
+    if got == expected:
+        yield Verdict(Level.OK, 'order', f'{FORWARD} goes by {", ".join(got)}')
+    elif got:
+        text = f'{FORWARD} goes by {", ".join(got)}; expected {", ".join(expected)}'
+        yield Verdict(Level.FAULT, 'order', text)
 
 
 def _judge_positions(q: np.ndarray, limits: JointLimits) -> Iterator[Verdict]:

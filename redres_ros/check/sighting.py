@@ -1,7 +1,7 @@
 """What a listener has seen of a running graph in a few seconds, before the arm moves."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -25,6 +26,8 @@ TWISTS = 'cartesian_velocity'
 COMMANDS = 'joint_command'
 FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
+
+_FORWARDING = 'forward_position_controller'
 
 _ASKED = (  # of the controller
     'rate',
@@ -59,6 +62,7 @@ class Sighting:
         description: The URDF on robot_description; empty: none came.
         controller: Parameters of the controller by name; None: there is no controller.
         controllers: How many nodes have its name.
+        forward_joints: In the order of the forward_position_controller; empty: not known.
     """
 
     states: tuple[StateSeen, ...] = ()
@@ -69,17 +73,24 @@ class Sighting:
     description: str = ''
     controller: Mapping[str, Any] | None = None
     controllers: int = 0
+    forward_joints: tuple[str, ...] = ()
 
 
 class Looker(Node):
-    """Listens, and asks the controller for its parameters; publishes nothing."""
+    """Listens, and asks controllers for their parameters; publishes nothing.
 
-    def __init__(self, namespace: str = '') -> None:
+    Args:
+        namespace: Of the arm's nodes; empty: none.
+        states: The topic of the states, where it is remapped.
+    """
+
+    def __init__(self, namespace: str = '', states: str = STATES) -> None:
         super().__init__('redres_check', namespace=namespace or None)
+        self._states_topic = states
         self._states: list[StateSeen] = []
         self._frames: set[str] = set()
         self._words: dict[str, str] = {}
-        self.create_subscription(JointState, STATES, self._on_state, _MANY)
+        self.create_subscription(JointState, states, self._on_state, _MANY)
         self.create_subscription(TwistStamped, TWISTS, self._on_twist, _MANY)
         for topic in (DESCRIPTION, SESSION, REASON):
             self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
@@ -87,41 +98,52 @@ class Looker(Node):
     def look(self, seconds: float) -> Sighting:
         """What is seen in that time; the node must be spun by somebody else."""
         time.sleep(seconds)
-        topics = (STATES, TWISTS, COMMANDS, FORWARD)
+        topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD)}
+        topics[STATES] = self._states_topic
         return Sighting(
             states=tuple(self._states),
-            publishers={topic: self._nodes(topic, publishers=True) for topic in topics},
-            subscribers={topic: self._nodes(topic, publishers=False) for topic in topics},
+            publishers={
+                topic: self._nodes(name, publishers=True) for topic, name in topics.items()
+            },
+            subscribers=self._nodes(topics, self.get_subscriptions_info_by_topic),
             twist_frames=frozenset(self._frames),
             words={topic: word for topic, word in self._words.items() if topic != DESCRIPTION},
             description=self._words.get(DESCRIPTION, ''),
-            controller=self._ask_controller(),
+            controller=self._ask(CONTROLLER, _ASKED),
             controllers=self._count(CONTROLLER),
+            forward_joints=self._forward_joints(),
         )
 
-    def _nodes(self, topic: str, *, publishers: bool) -> tuple[str, ...]:
-        name = self.resolve_topic_name(topic)
-        found = self.get_subscriptions_info_by_topic(name)
-        if publishers:
-            found = self.get_publishers_info_by_topic(name)
-        nodes = (f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in found)
+    def _nodes(
+        self, topics: Mapping[str, str], infos: Callable[[str], Sequence[TopicEndpointInfo]]
+    ) -> dict[str, tuple[str, ...]]:
+        """Full names of the nodes at the ends of topics, by the topics' own names."""
         own = self.get_fully_qualified_name()
-        return tuple(sorted(node for node in nodes if node != own))
+        found = {}
+        for topic, name in topics.items():
+            ends = infos(self.resolve_topic_name(name))
+            nodes = {f'{end.node_namespace.rstrip("/")}/{end.node_name}' for end in ends}
+            found[topic] = tuple(sorted(nodes - {own}))
+        return found
 
     def _count(self, name: str) -> int:
         wanted = (name, self.get_namespace())
         return self.get_node_names_and_namespaces().count(wanted)
 
-    def _ask_controller(self) -> dict[str, Any] | None:
-        if not self._count(CONTROLLER):
+    def _forward_joints(self) -> tuple[str, ...]:
+        told = self._ask(_FORWARDING, ('joints',))
+        return tuple(told['joints'] or ()) if told else ()
+
+    def _ask(self, node: str, names: Sequence[str]) -> dict[str, Any] | None:
+        """Parameters of a node; None if it is not there, or does not answer."""
+        if not self._count(node):
             return None
-        request = GetParameters.Request(names=list(_ASKED))
+        request = GetParameters.Request(names=list(names))
         try:
-            answer = call(self, GetParameters, f'{CONTROLLER}/get_parameters', request)
+            answer = call(self, GetParameters, f'{node}/get_parameters', request)
         except CallError:
             return None
-        values = map(parameter_value_to_python, answer.values)
-        return dict(zip(_ASKED, values, strict=True))
+        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
 
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)

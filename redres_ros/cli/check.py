@@ -25,10 +25,13 @@ def add(commands: Any) -> None:
         help="the arm, where no controller runs yet; default: the controller's",
     )
     check.add_argument(
-        '--tip', default='', metavar='FRAME', help='link that carries out the task, with --robot'
+        '--tip', metavar='FRAME', help='link that carries out the task, with --robot'
     )
     check.add_argument(
         '--rate', type=float, default=500.0, metavar='HZ', help='states a second, with --robot'
+    )
+    check.add_argument(
+        '--states', default='joint_states', metavar='TOPIC', help='where the states are published'
     )
     add_domain(check)
     add_namespace(check)
@@ -45,7 +48,11 @@ def _check(options: argparse.Namespace) -> int:
     if not _SHORTEST <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')
     wanted = _wanted(options)
-    with joined_domain(options.domain), spun(lambda: Looker(options.namespace)) as node:
+
+    def make() -> Looker:
+        return Looker(options.namespace, options.states)
+
+    with joined_domain(options.domain), spun(make) as node:
         seen = node.look(options.duration)
     verdicts = judge(seen, wanted)
     for verdict in verdicts:
@@ -60,4 +67,4 @@ def _wanted(options: argparse.Namespace) -> 'ExpectedArm | None':
 
     if options.robot is None:
         return None
-    return ExpectedArm(options.robot, options.tip, options.rate)
+    return ExpectedArm(options.robot, options.tip or '', options.rate)

@@ -17,7 +17,6 @@ def add(commands: Any) -> None:
     )
     teleop.add_argument(
         '--frame',
-        default='',
         metavar='FRAME',
         help='link along whose axes the keys move; default: the base',
     )
@@ -36,7 +35,7 @@ def _teleop(options: argparse.Namespace) -> int:
     steering = Steering(options.speed, options.turn)
 
     def make() -> Teleop:
-        return Teleop(steering, options.frame, options.namespace)
+        return Teleop(steering, options.frame or '', options.namespace)
 
     try:
         with joined_domain(options.domain), spun(make) as node:

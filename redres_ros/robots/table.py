@@ -65,7 +65,8 @@ _FR3 = Arm(
     tip_frame='tool0',
     elbow_frame='fr3_link4',
     body_radius=(0.09, 0.0, 0.06, 0.055, 0.055, 0.0, 0.05, 0.045),
-    # Franka Robotics' interface specification; libfranka refuses commands beyond it.
+    # The joint limits of FR3 in Franka's documentation of its interface; libfranka's rate limiter
+    # has the same. The robot ends a motion beyond them.
     acceleration_limit=(10.0,) * 7,
     start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',

@@ -1,0 +1,134 @@
+"""docs/real_robots.md: each robot's parameters, on a stand-in with its topics and its rules."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from stand_in import COMMANDS, FrankaRules, Judge, LbrGuard, StandIn, behind_ros2_control
+from test_urdf import PARTS, urdf
+from virtual_graph import Graph
+
+from redres_ros.nodes.conversions import to_pose
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import Arm, arm_from_urdf, find_arm
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.share import share_path
+from redres_ros.yaml_file import read_yaml
+
+FOLDER = share_path('config/robots')
+PAGE = Path(__file__).parents[1] / 'docs' / 'real_robots.md'
+RAIL = PARTS['yaw'].replace('"revolute"', '"prismatic"').replace('"0 0 1"', '"0 1 0"')
+ON_A_RAIL = urdf(yaw=RAIL).replace('"tip"', '"tool0"')
+
+
+class Robot(NamedTuple):
+    """A robot as its driver shows it.
+
+    Args:
+        arm: Its URDF.
+        judge: Its rules, made of limits and the period.
+        others: Joints of a gripper.
+        description: What is published.
+    """
+
+    arm: Arm
+    judge: Callable[[JointLimits, float], Judge]
+    others: tuple[str, ...] = ()
+    description: str = ''
+
+
+ROBOTS = {
+    'lbr_iiwa7': Robot(find_arm('iiwa7'), LbrGuard),
+    'franka_fr3': Robot(find_arm('fr3'), FrankaRules, ('fr3_finger_joint1', 'fr3_finger_joint2')),
+    'kinova_gen3': Robot(find_arm('gen3'), FrankaRules, ('robotiq_85_left_knuckle_joint',)),
+    'ros2_control': Robot(
+        arm_from_urdf(ON_A_RAIL, 'tool0'), FrankaRules, ('finger',), description=ON_A_RAIL
+    ),
+}
+UP = np.array((0.0, 0.0, 0.02))  # [m]
+EVERY = pytest.mark.parametrize('name', ROBOTS)
+
+
+def rate_of(name: str) -> float:
+    rate: float = read_yaml(FOLDER / f'{name}.yaml')['/**']['ros__parameters']['rate']
+    return rate
+
+
+def move(name: str, graph: Graph, robot: StandIn) -> str:
+    """Send a target 2 cm above the tip, and wait until the planner has done; its last word."""
+    words: list[str] = []
+    graph.listen('planner/state', 'test', lambda message: words.append(message.data))
+    graph.clock.advance(0.5)
+    model = RobotModel(ROBOTS[name].arm)
+    x, R = model.tip(robot.q)
+    graph.publish('target_pose', to_pose(0, '', x + UP, R))
+    for _ in range(60):
+        graph.clock.advance(0.1)
+        if words[-1] == 'finished':
+            break
+    assert np.linalg.norm(model.tip(robot.q)[0] - x - UP) < 2e-3
+    return words[-1]
+
+
+def stand_in(name: str, graph: Graph, **options: Any) -> StandIn:
+    robot = ROBOTS[name]
+    rate = rate_of(name)
+    limits = JointLimits.of(robot.arm)
+    judge = robot.judge(limits, 1.0 / rate)
+    start = np.array(robot.arm.start)
+    return StandIn(graph, limits, start, rate, judge, others=robot.others, **options)
+
+
+@pytest.mark.slow
+@EVERY
+def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
+    with behind_ros2_control(FOLDER / f'{name}.yaml', ROBOTS[name].description) as (graph, _):
+        robot = stand_in(name, graph)
+        assert move(name, graph, robot) == 'finished'
+    assert robot.complaints == []
+    steps = np.abs(np.diff(robot.way, axis=0)).max()
+    assert 0.0 < steps <= 0.2 * JointLimits.of(ROBOTS[name].arm).velocity.max() / rate_of(name)
+
+
+@pytest.mark.slow
+def test_a_franka_arm_stops_for_a_single_command_that_is_late() -> None:
+    # What the page warns of: the driver repeats the last position, and the velocity falls to zero.
+    late = False
+
+    def lose_one(message: Any, now: float) -> list[tuple[float, Any]]:
+        return [] if late else [(0.0, message)]
+
+    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):
+        graph.faults[COMMANDS, 'robot'] = lose_one
+        robot = stand_in('franka_fr3', graph)
+        clock.advance(0.5)
+        x, R = RobotModel(ROBOTS['franka_fr3'].arm).tip(robot.q)
+        graph.publish('target_pose', to_pose(0, '', x + UP, R))
+        clock.advance(0.5)
+        assert robot.complaints == []
+        late = True
+        clock.advance(0.001)
+        late = False
+        clock.advance(0.01)
+    assert robot.complaints[0] == 'joint_motion_generator_velocity_discontinuity'
+
+
+@EVERY
+def test_the_page_tells_of_the_robot_and_of_its_file(name: str) -> None:
+    assert f'config/robots/{name}.yaml' in PAGE.read_text(encoding='utf-8')
+
+
+def test_every_file_of_a_robot_is_tested() -> None:
+    assert sorted(path.stem for path in FOLDER.glob('*.yaml')) == sorted(ROBOTS)
+
+
+@EVERY
+def test_first_steps_are_at_reduced_limits(name: str) -> None:
+    controller = read_yaml(FOLDER / f'{name}.yaml')['/**/controller']['ros__parameters']
+    assert controller['limit_scale'] <= 0.25
+    assert set(controller['limits']) >= {'position', 'velocity', 'acceleration'}
