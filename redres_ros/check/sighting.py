@@ -102,9 +102,7 @@ class Looker(Node):
         topics[STATES] = self._states_topic
         return Sighting(
             states=tuple(self._states),
-            publishers={
-                topic: self._nodes(name, publishers=True) for topic, name in topics.items()
-            },
+            publishers=self._nodes(topics, self.get_publishers_info_by_topic),
             subscribers=self._nodes(topics, self.get_subscriptions_info_by_topic),
             twist_frames=frozenset(self._frames),
             words={topic: word for topic, word in self._words.items() if topic != DESCRIPTION},
