@@ -1,7 +1,7 @@
 """The launch file: its arguments, and the processes that they make.
 
 No package index has ROS's launch. Where it is not installed a stand-in with the five names that the
-file uses takes its place; it makes the same list of processes.
+file uses takes its place; where it is, both must make the same processes.
 """
 
 import importlib.util
@@ -124,3 +124,18 @@ def test_rviz_shows_topics_that_the_nodes_publish() -> None:
         if key in display
     }
     assert topics == {'robot_description', 'markers', 'controller/tip_pose', 'wrench'}
+
+
+def test_ros_itself_makes_the_same_processes() -> None:
+    pytest.importorskip('launch_ros.actions', reason='needs launch and launch_ros of ROS 2')
+    from launch import LaunchContext
+    from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+    context = LaunchContext()
+    source = PythonLaunchDescriptionSource(str(FILE))
+    *arguments, start = source.get_launch_description(context).entities
+    for argument in arguments:
+        argument.execute(context)
+    made = {(node.node_package, node.node_executable) for node in start.execute(context)}
+    ours = {('redres_ros', name) for name in OURS}
+    assert made == ours | {('robot_state_publisher', 'robot_state_publisher')}
