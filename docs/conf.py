@@ -30,6 +30,7 @@ myst_heading_anchors = 3  # headings down to this level can be linked to
 smartquotes = False  # options begin with two hyphens
 
 html_theme = 'furo'
+html_show_copyright = False  # LICENSE says it
 html_title = f'redres_ros {release}'
 html_theme_options = {'navigation_with_keys': True}
 html_static_path = ['static']
