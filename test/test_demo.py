@@ -17,6 +17,7 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
@@ -58,19 +59,43 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
 
 
 @pytest.fixture(scope='module')
-def lockstep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def short_task(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A file with a corner from the start of the paper's task: 0.2 m to the side and 0.2 m up, each
+    in 1 s.
+    """
+    task = load_task('rectangle')
+    path = tmp_path_factory.mktemp('task') / 'short.yaml'
+    waypoints = task.waypoints[0] + np.array([[0.0, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, -0.2, 0.2]])
+    path.write_text(
+        yaml.safe_dump(
+            {
+                'robot': task.robot,
+                'start': np.degrees(task.start).tolist(),
+                'segment_time': 1.0,
+                'waypoints': waypoints.tolist(),
+            }
+        )
+    )
+    return str(path)
+
+
+@pytest.fixture(scope='module')
+def lockstep(tmp_path_factory: pytest.TempPathFactory, short_task: str) -> Path:
     """A run in lock-step with an ideal arm."""
     out = tmp_path_factory.mktemp('lockstep')
-    done = demo(out, '--lockstep', '--plant', 'ideal', '--mcap', str(out / 'run.mcap'))
+    to_mcap = ('--mcap', str(out / 'run.mcap'))
+    done = demo(out, '--lockstep', '--plant', 'ideal', '--task', short_task, *to_mcap)
     assert done.returncode == 0, done.stdout + done.stderr
     return out
 
 
-def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(lockstep: Path) -> None:
+def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
+    lockstep: Path, short_task: str
+) -> None:
     controller = Controller(
         RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), 0.002, switch_time=0.2
     )
-    expected = run(controller, load_task('rectangle'), delay=1).data
+    expected = run(controller, load_task(short_task), delay=1).data
     got = motion(lockstep)
     assert len(got) == len(expected)
     np.testing.assert_allclose(got[:, JOINTS], expected[:, JOINTS], rtol=0.0, atol=1e-9)
@@ -109,27 +134,6 @@ def test_the_messages_of_a_run_are_in_its_file(lockstep: Path) -> None:
     assert parameters['/controller']['ros__parameters']['law'] == 'minimum_acceleration'
 
 
-@pytest.fixture
-def short_task(tmp_path: Path) -> str:
-    """A file with a corner from the start of the paper's task: 0.2 m to the side and 0.2 m up, each
-    in 1 s.
-    """
-    task = load_task('rectangle')
-    path = tmp_path / 'short.yaml'
-    waypoints = task.waypoints[0] + np.array([[0.0, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, -0.2, 0.2]])
-    path.write_text(
-        yaml.safe_dump(
-            {
-                'robot': task.robot,
-                'start': np.degrees(task.start).tolist(),
-                'segment_time': 1.0,
-                'waypoints': waypoints.tolist(),
-            }
-        )
-    )
-    return str(path)
-
-
 def test_lockstep_with_physics_is_the_same_to_the_last_bit_every_time(
     tmp_path: Path, short_task: str
 ) -> None:
@@ -140,9 +144,9 @@ def test_lockstep_with_physics_is_the_same_to_the_last_bit_every_time(
 
 
 def test_composed_in_one_process_the_nodes_do_the_same_and_no_row_is_lost(
-    tmp_path: Path, lockstep: Path
+    tmp_path: Path, lockstep: Path, short_task: str
 ) -> None:
-    done = demo(tmp_path, '--lockstep', '--plant', 'ideal', '--composed')
+    done = demo(tmp_path, '--lockstep', '--plant', 'ideal', '--task', short_task, '--composed')
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / 'composed.log').exists()
     assert not (tmp_path / 'controller.log').exists()
@@ -331,21 +335,40 @@ def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
         (('--damping', '501'), ('501', '0 to 500')),
         (('--rate', '0'), ('rate', '0', '10')),
         (('--rate', 'nan'), ('rate', 'nan')),
-        (('--rate', '300'), ('300', 'plant steps')),
         (('--task', 'foo'), ('foo', 'rectangle')),
         (('--switch', 'minimum_velocity'), ('minimum_velocity', 'LAW@SECONDS')),
         (('--switch', 'foo@1'), ('foo', 'minimum_velocity')),
-        (('--domain', '500'), ('500', '0 to 232')),
         (('--out', '/dev/null/here'), ('/dev/null/here',)),
     ],
 )
 def test_bad_options_get_one_line(
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    words: tuple[str, ...],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['demo', '--out', str(tmp_path), *arguments]) == 1
+    assert_one_line(capsys.readouterr().err, words)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (('--rate', '300'), ('300', 'plant steps')),  # told by the sim
+        (('--domain', '500'), ('500', '0 to 232')),
+    ],
+)
+def test_what_shows_when_the_graph_starts_gets_one_line_too(
     tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
-    done = demo(tmp_path, *arguments) if '--out' not in arguments else demo(Path(arguments[1]))
+    done = demo(tmp_path, *arguments)
     assert done.returncode == 1
-    lines = [line for line in done.stderr.splitlines() if line.strip()]
-    assert len(lines) == 1, done.stderr
+    assert_one_line(done.stderr, words)
+
+
+def assert_one_line(printed: str, words: tuple[str, ...]) -> None:
+    lines = [line for line in printed.splitlines() if line.strip()]
+    assert len(lines) == 1, printed
     assert all(word in lines[0] for word in words), lines[0]
 
 
