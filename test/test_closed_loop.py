@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 MODEL = RobotModel.named('lwr4_paper', dynamics='cylinders')
 TASK = load_task('rectangle')
-PERIODS = pytest.mark.parametrize('T', [0.001, 0.002])
+T = 0.002  # [s], unless a figure was expected at 1 ms
 K_D = 10.0  # [1/s]
 FORGETFUL = -1.0  # stands for the damping 1/T
 
@@ -47,7 +47,7 @@ UNDAMPED = [
 
 
 @cache
-def damped_loops(T: float) -> np.ndarray:
+def damped_loops() -> np.ndarray:
     """q (ticks, rows of DAMPED, 7) of the whole task."""
     laws, k_d = zip(*DAMPED, strict=True)
     dampings = np.where(np.array(k_d) == FORGETFUL, 1.0 / T, k_d)
@@ -55,7 +55,7 @@ def damped_loops(T: float) -> np.ndarray:
 
 
 @cache
-def undamped_loops(T: float) -> tuple[np.ndarray, np.ndarray]:
+def undamped_loops() -> tuple[np.ndarray, np.ndarray]:
     """q (ticks, rows of UNDAMPED, 7) of the first segment; and of twins that start 1e-12 rad
     away.
     """
@@ -66,11 +66,10 @@ def undamped_loops(T: float) -> tuple[np.ndarray, np.ndarray]:
     return q[:, : len(UNDAMPED)], q[:, len(UNDAMPED) :]
 
 
-@PERIODS
 @pytest.mark.parametrize(('law', 'k_d'), DAMPED)
-def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d, T):
+def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d):
     q = simulated(law, T, k_d).vectors('q1')
-    expected = damped_loops(T)[:, DAMPED.index((law, k_d))]
+    expected = damped_loops()[:, DAMPED.index((law, k_d))]
     ticks = min(len(q), len(expected))  # minimum_torque arrives some ticks late
     assert ticks == round(9.0 / T)
     # A start 1e-12 rad away ends 1e-10 rad away with minimum_torque and 1e-11 with the others;
@@ -78,10 +77,9 @@ def test_the_whole_motion_is_that_of_an_independent_loop(law, k_d, T):
     assert np.abs(q[:ticks] - expected).max() < 1e-8
 
 
-@PERIODS
 @pytest.mark.parametrize('law', UNDAMPED)
-def test_without_damping_the_motion_is_the_same_for_as_long_as_rounding_allows(law, T):
-    q, twin = (loops[:, UNDAMPED.index(law)] for loops in undamped_loops(T))
+def test_without_damping_the_motion_is_the_same_for_as_long_as_rounding_allows(law):
+    q, twin = (loops[:, UNDAMPED.index(law)] for loops in undamped_loops())
     got = run(Controller(MODEL, make_law(law, damping=0.0), T), one_segment()).vectors('q1')
     apart = np.abs(q - twin).max(axis=1) > 1e-9  # from 1e-12 at the start
     # ticks in which errors grow up to 1000 times
@@ -151,19 +149,17 @@ def test_dynamic_consistency_moves_faster_than_minimum_acceleration():
     assert fast.peak('joint_velocity_norm')[0] > 1.5 * slow.peak('joint_velocity_norm')[0]
 
 
-@PERIODS
 @pytest.mark.parametrize(
     'law', sorted({*LAWS} - {'minimum_torque'})
 )  # at 80 rad/s J is not constant for a tick
-def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law, T):
+def test_the_tip_stays_nearer_to_the_line_than_a_point_must_be_reached(law):
     assert simulated(law, T)['task_error'].max() < TASK.tolerance
 
 
 def test_the_columns_belong_together():
-    recording = simulated('minimum_acceleration', 0.002)
+    recording = simulated('minimum_acceleration', T)
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')
-    T = 0.002
     ddq = np.diff(dq, axis=0, prepend=np.zeros((1, 7))) / T
     assert q[1:] == pytest.approx(q[:-1] + T * dq[:-1], abs=1e-14)
     assert recording['joint_acceleration_norm'] == pytest.approx(
@@ -176,8 +172,6 @@ def test_the_columns_belong_together():
 
 
 # --- the loop's own options -----------------------------------------------------------------------
-
-T = 0.002  # [s]
 
 
 def short(**options: object) -> Recording:

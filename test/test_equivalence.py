@@ -47,7 +47,6 @@ def side(task: WaypointTask) -> WaypointTask:
     ('name', 'damping', 'T'),
     [
         ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
-        ('dynamically_consistent', 1000.0, 0.001),  # Fig. 8
         ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
     ],
 )

@@ -168,22 +168,3 @@ def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, o
     assert (status, err) == (0, '')
     assert out.startswith(f'usage: redres_{name} ')
     assert 'redres.yaml' in out
-
-
-@needs_ros
-@pytest.mark.parametrize(
-    ('name', 'parameter', 'words'),
-    [
-        ('sim', 'start:=[]', 'start is nothing; allowed: an array of numbers'),
-        ('sim', 'processors:=[]', 'processors is nothing; allowed: an array of whole numbers'),
-        ('controller', 'processors:=[]', 'processors is nothing'),
-        ('sim', 'use_sim_time:=5', "'use_sim_time' to '5'"),
-        ('controller', 'use_sim_time:=x', "'use_sim_time' to 'x'"),
-        ('planner', 'task:=' + 'x' * 300, "unknown task 'xxx"),
-    ],
-)
-def test_a_parameter_that_cannot_be_is_refused_in_one_line(tmp_path, name, parameter, words):
-    status, out, err = entry(name, f'--ros-args -p {parameter}', tmp_path)
-    assert (status, out) == (1, '')
-    assert words in err
-    assert err.count('\n') == 1

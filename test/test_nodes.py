@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from redres_ros.demo.client import CallError, call, set_parameters
 from redres_ros.demo.processes import own_domain
 from redres_ros.following import Following, FollowingSettings
 from redres_ros.laws import LAWS, make_law
+from redres_ros.nodes import controller, planner, sim
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
@@ -38,6 +38,10 @@ pytestmark = pytest.mark.slow
 
 DX = np.array([0.02, -0.05, 0.03])
 BOX = ('position', 'velocity', 'acceleration')
+# of a controller that tests share, and what of it some of them set meanwhile
+LIVE = {'law': 'minimum_acceleration', 'damping': 10.0, 'limits': BOX, 'switch_time': 0.0}
+LIVE |= {'command_timeout': 0.1}
+SHARED = LIVE | {'state_timeout': 10.0}
 
 
 SECURED = {  # what somebody sets who wants keys, or no graph at all
@@ -45,6 +49,7 @@ SECURED = {  # what somebody sets who wants keys, or no graph at all
     'ROS_SECURITY_STRATEGY': 'Enforce',
     'ROS_SECURITY_KEYSTORE': '/no/keys',
 }
+MAINS = {'controller': controller.main, 'planner': planner.main, 'sim': sim.main}
 BAD_STARTS = [  # node, parameters, environment, words that its one line must hold
     ('controller', 'law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
     ('controller', 'damping:=600.0', {}, ('600', '0 to 500')),
@@ -56,35 +61,65 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
     ('controller', 'robot:=r2d2', {}, ('r2d2', 'lwr4_paper', '.urdf', 'topic')),
     ('controller', 'tip_frame:=nose', {}, ('nose', 'tool0')),
     ('planner', 'task:=no_such_task', {}, ('no_such_task', 'rectangle')),
+    ('planner', 'task:=' + 'x' * 300, {}, ("unknown task 'xxx",)),
     ('planner', 'task:=/no/such/file.yaml', {}, ('/no/such/file.yaml',)),
     ('sim', 'rate:=300.0', {}, ('300', 'whole number', 'plant steps')),
     ('sim', 'start:=[0.0, 0.0]', {}, ('[0.0, 0.0]', '7')),
     ('sim', 'start:=[9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]', {}, ('lwr_a1_joint', '9')),
     ('sim', 'plant:=gazebo', {}, ('gazebo', 'mujoco')),
+    ('sim', 'start:=[]', {}, ('start is nothing', 'an array of numbers')),
+    ('sim', 'processors:=[]', {}, ('processors is nothing', 'an array of whole numbers')),
+    ('sim', 'use_sim_time:=5', {}, ("'use_sim_time' to '5'",)),
+    ('controller', 'use_sim_time:=x', {}, ("'use_sim_time' to 'x'",)),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': 'abc'}, ('ROS_DOMAIN_ID', 'abc', '0 to 232')),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 232')),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '-1'}, ('ROS_DOMAIN_ID', '-1', '0 to 232')),
-    ('controller', 'rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
-    ('sim', 'rate:=500.0', SECURED, ('SECURITY', '/no/keys')),
 ]
 
 
-@pytest.fixture(scope='module')
-def bad_starts() -> list[subprocess.CompletedProcess[str]]:
-    """All of them, some at a time."""
+@pytest.fixture
+def as_it_was() -> Iterator[None]:
+    """What a node sets for its process is as before afterwards."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    handlers = [signal.getsignal(number) for number in numbers]
+    errors = np.geterr()
+    with own_domain():
+        yield
+    np.seterr(**errors)
+    for number, handler in zip(numbers, handlers, strict=True):
+        signal.signal(number, handler)
 
-    def run(
-        module: str, parameter: str, environment: dict[str, str]
-    ) -> subprocess.CompletedProcess[str]:
-        command = [
-            sys.executable,
-            '-m',
-            f'redres_ros.nodes.{module}',
-            '--ros-args',
-            '-p',
-            parameter,
-        ]
-        return subprocess.run(
+
+@pytest.mark.parametrize(('node', 'parameter', 'environment', 'words'), BAD_STARTS)
+def test_a_node_that_cannot_start_says_why_in_one_line(
+    node: str,
+    parameter: str,
+    environment: dict[str, str],
+    words: tuple[str, ...],
+    as_it_was: None,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert MAINS[node](['--ros-args', '-p', parameter]) == 1
+    assert_one_line(capfd.readouterr().err, words)
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'environment', 'words'),
+    [
+        ('law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
+        ('rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
+        ('rate:=500.0', SECURED, ('SECURITY', '/no/keys')),
+    ],
+)
+def test_a_process_of_a_node_that_cannot_start_ends_with_a_status_and_one_line(
+    parameter: str, environment: dict[str, str], words: tuple[str, ...]
+) -> None:
+    command = [sys.executable, '-m', 'redres_ros.nodes.controller', '--ros-args', '-p', parameter]
+    with own_domain():
+        done = subprocess.run(
             command,
             text=True,
             timeout=60,
@@ -92,24 +127,13 @@ def bad_starts() -> list[subprocess.CompletedProcess[str]]:
             check=False,
             env={**os.environ, **environment},
         )
-
-    with own_domain(), ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda case: run(*case[:3]), BAD_STARTS))
-
-
-@pytest.mark.parametrize(
-    'number',
-    range(len(BAD_STARTS)),
-    ids=[f'{parameter} {environment}' for _, parameter, environment, _ in BAD_STARTS],
-)
-def test_a_node_that_cannot_start_says_why_in_one_line(
-    bad_starts: list[subprocess.CompletedProcess[str]], number: int
-) -> None:
-    done = bad_starts[number]
-    words = BAD_STARTS[number][3]
     assert done.returncode not in (0, -signal.SIGKILL)
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
+    assert_one_line(done.stderr, words)
+
+
+def assert_one_line(printed: str, words: tuple[str, ...]) -> None:
+    lines = printed.strip().splitlines()
+    assert len(lines) == 1, printed
     assert all(word in lines[0] for word in words), lines[0]
 
 
@@ -202,28 +226,40 @@ def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_
         assert np.linalg.norm(q_ref - START) > 1e-6
 
 
-def test_joints_are_matched_by_name(tmp_path: Path) -> None:
-    order = np.array([3, 0, 6, 1, 5, 2, 4])
-    with nodes(tmp_path, controller={}) as (probe, _):
-        straight, _ = probe.ask(START)
-        shuffled, _ = probe.ask(START[order], tuple(NAMES[i] for i in order))
-        np.testing.assert_array_equal(straight, START)
-        np.testing.assert_array_equal(shuffled, START)
+Shared = tuple[Probe, Callable[[], list[str]]]
 
 
 @pytest.fixture(scope='class')
-def resting(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[tuple[Probe, Callable[[], list[str]]]]:
-    """A probe beside a controller that only ever gets bad input, and the lines that the controller
-    has printed.
+def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
+    """A probe beside a controller whose arm stands still at the start, and the lines that the
+    controller has printed.
     """
     directory = tmp_path_factory.mktemp('resting')
-    with nodes(directory, controller={'switch_time': 0.0, 'state_timeout': 10.0}) as (probe, _):
+    with nodes(directory, controller=SHARED) as (probe, _):
         yield probe, lambda: log_lines(directory, 'controller')
 
 
-class TestBadInput:
+@pytest.fixture
+def movable(resting: Shared) -> Iterator[Callable[..., Probe]]:
+    """The same controller, for a test that moves its arm: takes live parameters, gives the probe.
+    Afterwards it is as it was.
+    """
+    probe, _ = resting
+
+    def with_parameters(**values: Any) -> Probe:
+        if values:
+            set_parameters(probe, 'controller', values)
+        probe.ask(START)
+        return probe
+
+    yield with_parameters
+    set_parameters(probe, 'controller', LIVE)
+    time.sleep(0.6)  # a robot that starts again is silent before
+    probe.stamp += 10 * 10**9
+    probe.ask(START)
+
+
+class TestOneController:
     """One controller gets it all, and is none the worse for it."""
 
     @pytest.mark.parametrize(
@@ -255,7 +291,7 @@ class TestBadInput:
     )
     def test_a_bad_state_is_not_answered_and_told_once(
         self,
-        resting: tuple[Probe, Callable[[], list[str]]],
+        resting: Shared,
         spoil: Callable[[Any], None],
         words: tuple[str, ...],
     ) -> None:
@@ -288,7 +324,7 @@ class TestBadInput:
     )
     def test_a_bad_task_velocity_does_not_move_the_arm(
         self,
-        resting: tuple[Probe, Callable[[], list[str]]],
+        resting: Shared,
         dx: np.ndarray,
         frame: str,
         words: tuple[str, ...],
@@ -307,58 +343,95 @@ class TestBadInput:
         assert len(refusals) == 1
         assert all(word in refusals[0] for word in words), refusals[0]
 
+    def test_joints_are_matched_by_name(self, resting: Shared) -> None:
+        probe, _ = resting
+        order = np.array([3, 0, 6, 1, 5, 2, 4])
+        straight, _ = probe.ask(START)
+        shuffled, _ = probe.ask(START[order], tuple(NAMES[i] for i in order))
+        np.testing.assert_array_equal(straight, START)
+        np.testing.assert_array_equal(shuffled, START)
 
-def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(tmp_path: Path) -> None:
-    T = 0.002
-    switch_time = 0.1
-    with nodes(tmp_path, controller={'switch_time': switch_time, 'command_timeout': 0.01}) as (
-        probe,
-        _,
-    ):
-        q_ref, _ = probe.ask(START)
-        speeds = []
-        for tick in range(200):
-            if tick < 80:
-                probe.steer(DX)
-            q_ref, dq = probe.ask(q_ref)
-            speeds.append(dq)
-    speeds = np.array(speeds)
-    cruising = np.linalg.norm(speeds[79])
-    assert cruising > 0.01
-    np.testing.assert_array_equal(speeds[-1], np.zeros(7))
-    # Blending over switch_time with the quintic changes the speed by at most 15/8 of its mean rate.
-    assert (
-        np.linalg.norm(np.diff(speeds[80:], axis=0), axis=1).max()
-        < 2.0 * cruising * T / switch_time
-    )
-
-
-@pytest.mark.parametrize('side', ['ahead of', 'behind'])
-def test_a_task_velocity_far_from_the_robots_clock_is_refused_by_name_and_never_acts(
-    tmp_path: Path, side: str
-) -> None:
-    away = 75 * PERIOD if side == 'ahead of' else -75 * PERIOD
-    with nodes(tmp_path, controller={'switch_time': 0.0, 'state_timeout': 10.0}) as (probe, _):
+    @pytest.mark.parametrize('side', ['ahead of', 'behind'])
+    def test_a_task_velocity_far_from_the_robots_clock_is_refused_by_name_and_never_acts(
+        self, resting: Shared, side: str
+    ) -> None:
+        probe, _ = resting
+        away = 75 * PERIOD if side == 'ahead of' else -75 * PERIOD
         health = probe.listen(DiagnosticArray, '/diagnostics')
-        q_ref, _ = probe.ask(START)
+        probe.ask(START)
         probe.steer(DX, stamp=probe.stamp + away)
         words = f"{side} the robot's clock"
         await_that(
             lambda: any(words in array.status[0].message for array in health), 'the diagnostics'
         )
         for _ in range(100):
-            q_ref, dq = probe.ask(q_ref)
+            _, dq = probe.ask(START)
             np.testing.assert_array_equal(dq, np.zeros(7))
-    assert sum(words in line for line in log_lines(tmp_path, 'controller')) == 1
 
+    def test_the_torque_that_is_published_is_that_of_the_model(self, resting: Shared) -> None:
+        probe, _ = resting
+        norms = probe.listen(Float64, 'controller/joint_torque_norm')
+        await_that(lambda: probe.ask(START) and bool(norms), 'joint_torque_norm')
+        model = RobotModel.named('lwr4_paper')
+        # Standing still, the torque is what carries the arm.
+        assert norms[-1].data == pytest.approx(
+            np.linalg.norm(model.state(START, np.zeros(7)).n), rel=1e-12
+        )
 
-def test_a_task_velocity_in_the_axes_of_a_link_is_turned_into_those_of_the_base(
-    tmp_path: Path,
-) -> None:
-    model = RobotModel.named('lwr4_paper')
-    small = 0.03 * DX  # within one cycle's acceleration
-    with nodes(tmp_path, controller={'switch_time': 0.0}) as (probe, _):
-        q_ref, _ = probe.ask(START)
+    def test_a_namespace_makes_a_second_robot(self, resting: Shared) -> None:
+        probe, _ = resting
+        command = [
+            sys.executable,
+            '-m',
+            'redres_ros.nodes.controller',
+            '--ros-args',
+            '-r',
+            '__ns:=/left',
+        ]
+        second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        try:
+            expected = {'/joint_command', '/left/joint_command', '/left/controller/law'}
+            await_that(
+                lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()},
+                'topics of both',
+            )
+        finally:
+            second.terminate()
+            second.wait(10.0)
+
+    def test_a_stale_task_velocity_brings_the_arm_to_rest_without_a_jump(
+        self,
+        movable: Callable[..., Probe],
+    ) -> None:
+        T = 0.002
+        switch_time = 0.1
+        probe = movable(switch_time=switch_time, command_timeout=0.03)
+        q_ref = START
+        speeds = []
+        for tick in range(200):
+            if tick < 80 and tick % 10 == 0:
+                probe.steer(DX)
+            q_ref, dq = probe.ask(q_ref)
+            speeds.append(dq)
+        speeds = np.array(speeds)
+        cruising = np.linalg.norm(speeds[79])
+        assert cruising > 0.01
+        np.testing.assert_array_equal(speeds[-1], np.zeros(7))
+        # Blending over switch_time with the quintic changes the speed by at most 15/8 of its mean
+        # rate.
+        assert (
+            np.linalg.norm(np.diff(speeds[80:], axis=0), axis=1).max()
+            < 2.0 * cruising * T / switch_time
+        )
+
+    def test_a_task_velocity_in_the_axes_of_a_link_is_turned_into_those_of_the_base(
+        self,
+        movable: Callable[..., Probe],
+    ) -> None:
+        model = RobotModel.named('lwr4_paper')
+        small = 0.03 * DX  # within one cycle's acceleration
+        probe = movable()
+        q_ref = START
         for frame in ('tool0', 'link_4', '', 'world'):
             base = frame in ('', 'world')
             expected = small if base else model.pose(q_ref, frame)[1] @ small
@@ -369,23 +442,70 @@ def test_a_task_velocity_in_the_axes_of_a_link_is_turned_into_those_of_the_base(
             J = model.state(q, dq).J[:3]
             np.testing.assert_allclose(J @ dq, expected, rtol=0.0, atol=1e-6)
 
-
-def test_hold_begins_at_once_in_the_middle_of_a_blend(tmp_path: Path) -> None:
-    with nodes(tmp_path, controller={'switch_time': 2.0, 'limits': 'none'}) as (probe, _):
-        q_ref, _ = probe.ask(START)
-        for tick in range(400):
+    def test_hold_begins_at_once_in_the_middle_of_a_blend(
+        self, movable: Callable[..., Probe]
+    ) -> None:
+        probe = movable(switch_time=0.5, limits='none')
+        q_ref = START
+        for tick in range(100):
             if tick % 20 == 0:
                 probe.steer(DX)
             q_ref, dq = probe.ask(q_ref)
         assert np.linalg.norm(dq) > 0.01
         call(probe, SetBool, 'controller/hold', SetBool.Request(data=True))
         speeds = []
-        for tick in range(100):
+        for tick in range(25):
             if tick % 20 == 0:
                 probe.steer(DX)
             q_ref, dq = probe.ask(q_ref)
             speeds.append(np.linalg.norm(dq))
+        call(probe, SetBool, 'controller/hold', SetBool.Request(data=False))
         assert speeds[-1] < speeds[0]
+
+    def test_hold_stops_the_arm_and_lets_it_go_again(self, movable: Callable[..., Probe]) -> None:
+        probe = movable(switch_time=0.02)
+        q_ref = START
+
+        def speed_after(ticks: int) -> float:
+            nonlocal q_ref
+            for tick in range(ticks):
+                if tick % 5 == 0:
+                    probe.steer(DX)
+                q_ref, dq = probe.ask(q_ref)
+            return float(np.linalg.norm(dq))
+
+        assert speed_after(15) > 0.01
+        call(probe, SetBool, 'controller/hold', SetBool.Request(data=True))
+        assert speed_after(15) == 0.0
+        call(probe, SetBool, 'controller/hold', SetBool.Request(data=False))
+        assert speed_after(15) > 0.01
+
+    def test_law_and_gains_are_switched_live_and_refused_with_a_reason(
+        self,
+        movable: Callable[..., Probe],
+    ) -> None:
+        probe = movable()
+        laws = probe.listen(String, 'controller/law')
+        probe.ask(START)
+        for name in LAWS:
+            set_parameters(probe, 'controller', {'law': name, 'damping': 20.0})
+            await_that(
+                lambda name=name: probe.ask(START) and laws and laws[-1].data == name,
+                f'{name} in force',
+            )
+        for values, words in (
+            ({'law': 'none'}, ('none', 'minimum_torque')),
+            ({'damping': 501.0}, ('501', '500')),
+            ({'damping': float('nan')}, ('nan',)),
+            ({'law': 7}, ('STRING', 'INTEGER')),
+            ({'rate': 100.0}, ('rate',)),
+            ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',)),
+        ):
+            with pytest.raises(CallError) as refusal:
+                set_parameters(probe, 'controller', values)
+            assert all(word in str(refusal.value) for word in words), refusal.value
+        probe.ask(START)
+        assert laws[-1].data == 'minimum_torque'
 
 
 def test_a_target_pose_is_approached_in_a_straight_line_and_a_bad_one_refused(
@@ -474,31 +594,6 @@ def test_silence_of_the_states_is_told_once_and_its_end_too(tmp_path: Path) -> N
         await_that(back, 'the end of the warning')
 
 
-def test_law_and_gains_are_switched_live_and_refused_with_a_reason(tmp_path: Path) -> None:
-    with nodes(tmp_path, controller={}) as (probe, _):
-        laws = probe.listen(String, 'controller/law')
-        probe.ask(START)
-        for name in LAWS:
-            set_parameters(probe, 'controller', {'law': name, 'damping': 20.0})
-            await_that(
-                lambda name=name: probe.ask(START) and laws and laws[-1].data == name,
-                f'{name} in force',
-            )
-        for values, words in (
-            ({'law': 'none'}, ('none', 'minimum_torque')),
-            ({'damping': 501.0}, ('501', '500')),
-            ({'damping': float('nan')}, ('nan',)),
-            ({'law': 7}, ('STRING', 'INTEGER')),
-            ({'rate': 100.0}, ('rate',)),
-            ({'law': 'minimum_velocity', 'damping': -1.0}, ('-1',)),
-        ):
-            with pytest.raises(CallError) as refusal:
-                set_parameters(probe, 'controller', values)
-            assert all(word in str(refusal.value) for word in words), refusal.value
-        probe.ask(START)
-        assert laws[-1].data == 'minimum_torque'
-
-
 def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
     tmp_path: Path,
 ) -> None:
@@ -528,35 +623,6 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
             assert all(word in str(refusal.value) for word in words), refusal.value
 
 
-def test_the_torque_that_is_published_is_that_of_the_model(tmp_path: Path) -> None:
-    with nodes(tmp_path, controller={}) as (probe, _):
-        norms = probe.listen(Float64, 'controller/joint_torque_norm')
-        await_that(lambda: probe.ask(START) and bool(norms), 'joint_torque_norm')
-        model = RobotModel.named('lwr4_paper')
-        # Standing still, the torque is what carries the arm.
-        assert norms[-1].data == pytest.approx(
-            np.linalg.norm(model.state(START, np.zeros(7)).n), rel=1e-12
-        )
-
-
-def test_hold_stops_the_arm_and_lets_it_go_again(tmp_path: Path) -> None:
-    with nodes(tmp_path, controller={'switch_time': 0.02}) as (probe, _):
-        q_ref, _ = probe.ask(START)
-
-        def speed_after(ticks: int) -> float:
-            nonlocal q_ref
-            for _ in range(ticks):
-                probe.steer(DX)
-                q_ref, dq = probe.ask(q_ref)
-            return float(np.linalg.norm(dq))
-
-        assert speed_after(15) > 0.01
-        call(probe, SetBool, 'controller/hold', SetBool.Request(data=True))
-        assert speed_after(15) == 0.0
-        call(probe, SetBool, 'controller/hold', SetBool.Request(data=False))
-        assert speed_after(15) > 0.01
-
-
 def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(tmp_path: Path) -> None:
     with nodes(tmp_path, planner={'lockstep': True}) as (probe, _):
         twists = probe.listen(TwistStamped, 'cartesian_velocity')
@@ -581,28 +647,6 @@ def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(tmp_path
         assert speed() == pytest.approx(under_way, rel=0.1)
 
 
-def test_a_namespace_makes_a_second_robot(tmp_path: Path) -> None:
-    with nodes(tmp_path, controller={}) as (probe, _):
-        command = [
-            sys.executable,
-            '-m',
-            'redres_ros.nodes.controller',
-            '--ros-args',
-            '-r',
-            '__ns:=/left',
-        ]
-        second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-        try:
-            expected = {'/joint_command', '/left/joint_command', '/left/controller/law'}
-            await_that(
-                lambda: expected <= {name for name, _ in probe.get_topic_names_and_types()},
-                'topics of both',
-            )
-        finally:
-            second.terminate()
-            second.wait(10.0)
-
-
 def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path: Path) -> None:
     with nodes(tmp_path, sim={'plant': 'ideal'}) as (probe, _):
         states = probe.listen(JointState, 'joint_states')
@@ -619,17 +663,6 @@ def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path:
         assert all(list(state.position) == START.tolist() for state in states)
 
 
-def test_the_sim_stamps_its_states_exactly_one_period_apart(tmp_path: Path) -> None:
-    with nodes(tmp_path, sim={}) as (probe, _):
-        states = probe.listen(JointState, 'joint_states', QoSProfile(depth=1000))
-        await_that(lambda: len(states) > 500, 'states')
-    stamps = np.array(
-        [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
-    )
-    assert set(np.unique((stamps - stamps[0]) % PERIOD)) == {0}
-    assert np.diff(stamps).min() == PERIOD
-
-
 def test_the_sim_stamps_its_states_by_the_computers_clock_whatever_use_sim_time_says(
     tmp_path: Path,
 ) -> None:
@@ -639,27 +672,43 @@ def test_the_sim_stamps_its_states_by_the_computers_clock_whatever_use_sim_time_
         assert abs(states[0].header.stamp.sec - time.time()) < 3600.0
 
 
-def test_the_sim_reports_its_session_and_the_five_statistics(tmp_path: Path) -> None:
-    with nodes(tmp_path, sim={}) as (probe, _):
-        state = probe.listen(String, 'sim/session_state', LATCHED)
-        reports = probe.listen(DiagnosticArray, '/diagnostics')
+@pytest.fixture(scope='class')
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
+    """A probe beside a sim, for tests that leave it as it was."""
+    with nodes(tmp_path_factory.mktemp('robot'), sim={}) as (probe, _):
+        yield probe
+
+
+class TestOneSim:
+    """One sim, which every test leaves as it was."""
+
+    def test_the_sim_stamps_its_states_exactly_one_period_apart(self, robot: Probe) -> None:
+        states = robot.listen(JointState, 'joint_states', QoSProfile(depth=1000))
+        await_that(lambda: len(states) > 200, 'states')
+        stamps = np.array(
+            [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
+        )
+        assert set(np.unique((stamps - stamps[0]) % PERIOD)) == {0}
+        assert np.diff(stamps).min() == PERIOD
+
+    def test_the_sim_reports_its_session_and_the_five_statistics(self, robot: Probe) -> None:
+        state = robot.listen(String, 'sim/session_state', LATCHED)
+        reports = robot.listen(DiagnosticArray, '/diagnostics')
         await_that(lambda: bool(state and reports), 'session state and diagnostics')
         assert state[-1].data == 'MON'
         keys = {pair.key for pair in reports[-1].status[0].values}
         assert {'answer_rate', 'latency', 'jitter', 'miss_rate', 'miss_count'} <= keys
-        assert call(probe, Trigger, 'sim/reset', Trigger.Request()).success
+        assert call(robot, Trigger, 'sim/reset', Trigger.Request()).success
 
-
-def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(tmp_path: Path) -> None:
-    with nodes(tmp_path, sim={}) as (probe, _):
-        states = probe.listen(JointState, 'joint_states')
+    def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(self, robot: Probe) -> None:
+        states = robot.listen(JointState, 'joint_states')
         await_that(lambda: len(states) > 10, 'states')
-        set_parameters(probe, 'sim', {'state_loss': 1.0})
+        set_parameters(robot, 'sim', {'state_loss': 1.0})
         time.sleep(0.2)
         lost_from = len(states)
         time.sleep(0.3)
         assert len(states) == lost_from
-        set_parameters(probe, 'sim', {'state_loss': 0.0})
+        set_parameters(robot, 'sim', {'state_loss': 0.0})
         await_that(lambda: len(states) > lost_from + 10, 'states again')
         for values, words in (
             ({'frozen_joint': 8}, ('8', '7')),
@@ -667,7 +716,7 @@ def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(tmp_path: Path
             ({'fault_seed': 1}, ('fault_seed',)),
         ):
             with pytest.raises(CallError) as refusal:
-                set_parameters(probe, 'sim', values)
+                set_parameters(robot, 'sim', values)
             assert all(word in str(refusal.value) for word in words), refusal.value
 
 
