@@ -27,7 +27,13 @@ class RedresError(Exception):
 
 
 class UnknownNameError(RedresError):
-    """A name that is in no table: law, robot, task, dynamics."""
+    """A name that is in no table: law, robot, task, dynamics.
+
+    Args:
+        kind: What it would be the name of.
+        got: The name.
+        allowed: The names in the table.
+    """
 
     def __init__(self, kind: str, got: object, allowed: Iterable[str]) -> None:
         self.kind = kind
@@ -37,7 +43,15 @@ class UnknownNameError(RedresError):
 
 
 class RangeError(RedresError):
-    """A number outside its range, or not a finite number at all."""
+    """A number outside its range, or not a finite number at all.
+
+    Args:
+        name: What has the value.
+        got: The value.
+        lower: Least one that is allowed.
+        upper: Largest one that is allowed.
+        why: A remark, such as the unit; empty for none.
+    """
 
     def __init__(self, name: str, got: float, lower: float, upper: float, why: str = '') -> None:
         self.name = name
@@ -53,7 +67,13 @@ class ArrayError(RedresError):
 
 
 class DivergedError(RedresError):
-    """A speed of the joints beyond any arm's, which is not commanded."""
+    """A speed of the joints beyond any arm's, which is not commanded.
+
+    Args:
+        speed: Norm of the joint velocities [rad/s].
+        limit: Largest one that is commanded [rad/s].
+        reason: What asks for it.
+    """
 
     def __init__(self, speed: float, limit: float, reason: str) -> None:
         self.speed = speed
@@ -66,7 +86,12 @@ class DivergedError(RedresError):
 
 
 class JointNamesError(RedresError):
-    """Joint names of a message that are not those of the arm."""
+    """Joint names of a message that are not those of the arm.
+
+    Args:
+        got: Those of the message.
+        expected: Those of the arm.
+    """
 
     def __init__(self, got: Iterable[str], expected: Iterable[str]) -> None:
         self.got = tuple(got)

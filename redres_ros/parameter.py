@@ -35,8 +35,15 @@ def param(
     choices: tuple[str, ...] = (),
     live: bool = False,
 ) -> Any:
-    """A dataclass field with a description (unit in brackets), an inclusive range or the allowed
-    words.
+    """A dataclass field that is a parameter: of Python, of a node, and of the command line.
+
+    Args:
+        default: Its value unless another is given.
+        description: What it is, with its unit in brackets.
+        lower: Least number that is allowed.
+        upper: Largest number that is allowed.
+        choices: The words that are allowed.
+        live: Whether a running node takes another value.
     """
     return field(
         default=default, metadata={_KEY: Parameter(description, lower, upper, choices, live)}
@@ -106,7 +113,12 @@ def several(things: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
 
 
 def name_of(thing: object, table: Mapping[str, type]) -> str:
-    """The name of an object's class in a table; the class's own name if it is not in it."""
+    """The name of an object's class in a table; the class's own name if it is not in it.
+
+    Args:
+        thing: The object.
+        table: Classes by their names.
+    """
     cls = type(thing)
     return next((name for name, listed in table.items() if listed is cls), cls.__name__)
 

@@ -19,7 +19,12 @@ def quintic(xi: float) -> tuple[float, float]:
 
 
 def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """The rotation vector that turns R (3, 3) into R_d, (3,) [rad] in the base frame."""
+    """The rotation vector that turns R into R_d, (3,) [rad] in the base frame.
+
+    Args:
+        R_d: Wanted orientation, (3, 3).
+        R: Orientation, (3, 3).
+    """
     return rotation_vector(R_d.dot(R.T))
 
 

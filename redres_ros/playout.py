@@ -101,7 +101,12 @@ class Playout:
         self._left = 0  # cycles until the detour is over
 
     def put(self, cycle: int, dx: np.ndarray) -> None:
-        """Take in a task velocity dx (m,) that belongs to a cycle, unless there is one already."""
+        """Take in a task velocity, unless its cycle has one already.
+
+        Args:
+            cycle: The one that it belongs to.
+            dx: A task velocity, (m,).
+        """
         twists = self._twists
         self.late += cycle + self._lag <= self._played
         if not twists or cycle > twists[-1].cycle:

@@ -31,6 +31,10 @@ _PACKAGES = (
 def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
     """Write figures with units in their names, and the machine; null for what is no number.
 
+    Args:
+        results: Figures by the part of the bench that measured them.
+        path: Of the file.
+
     Raises:
         FileError: it cannot be written.
     """

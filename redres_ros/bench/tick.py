@@ -149,7 +149,12 @@ def controllers(model: RobotModel) -> dict[str, Controller]:
 
 
 def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
-    """The beginning of the paper's task under minimum acceleration."""
+    """The beginning of the paper's task under minimum acceleration.
+
+    Args:
+        model: Of the arm.
+        ticks: How many.
+    """
     task = load_task('rectangle')
     planner = Planner(task)
     controller = Controller(model, make_law('minimum_acceleration'), T)
@@ -169,6 +174,11 @@ def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
 def deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
     """Largest distance between a peer's velocities and the least ones, Eq. (2), on the stretch
     [rad/s].
+
+    Args:
+        peer: Another library's inverse kinematics.
+        model: Of the arm.
+        stretch: States and task velocities.
     """
     largest = 0.0
     controller = Controller(model, make_law('minimum_velocity'), T)

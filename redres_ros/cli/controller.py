@@ -79,7 +79,15 @@ def make_controller(
 
 
 def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limit, ...]':
-    """The limits that are to be kept. Raises RedresError for a name or a figure that is wrong."""
+    """The limits that are to be kept.
+
+    Args:
+        options: The command line.
+        model: Of the arm.
+
+    Raises:
+        RedresError: A name or a figure is wrong.
+    """
     names = limit_names(options)
     if not names:
         _check_scales(options)
@@ -147,7 +155,12 @@ def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
-    """Kind and name of the laws, and of everything that is added to them."""
+    """Kind and name of the laws, and of everything that is added to them.
+
+    Args:
+        options: The command line.
+        *laws: Names of the laws.
+    """
     used = {('law', law) for law in laws}
     used |= {('limit', name) for name in limit_names(options)}
     used |= {('preference', text.partition('=')[0]) for text in options.prefer or ()}

@@ -31,7 +31,13 @@ def check_files(options: argparse.Namespace) -> None:
 
 
 def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
-    """Table to the terminal; summary.json, motion.csv and motion.png to the directory."""
+    """Table to the terminal; summary.json, motion.csv and motion.png to the directory.
+
+    Args:
+        outcome: What came of the run.
+        demo: The run.
+        options: The command line.
+    """
     from redres_ros.simulation.report import print_tables
 
     out = options.out

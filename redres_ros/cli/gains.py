@@ -93,7 +93,13 @@ def given_gains(options: argparse.Namespace) -> dict[Gain, Any]:
 
 
 def gains_of(options: argparse.Namespace, kind: str, owner: str) -> dict[str, Any]:
-    """The gains that the command line gives to one thing, by their own names."""
+    """The gains that the command line gives to one thing, by their own names.
+
+    Args:
+        options: The command line.
+        kind: 'law', 'preference', 'task' or 'limit'.
+        owner: Name of the thing in the table of its kind.
+    """
     return {
         gain.name: value
         for gain, value in given_gains(options).items()

@@ -45,7 +45,12 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]  # the base class has overloads
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
-        """As of the base class."""
+        """As of the base class.
+
+        Args:
+            args: The words; None for those of the process.
+            namespace: Takes what they say; None for a new one.
+        """
         self.declare_all(sys.argv[1:] if args is None else args)
         return super().parse_known_args(args, namespace)
 
@@ -102,7 +107,13 @@ _READINGS: dict[type | None, Callable[[str], Any]] = {
 
 
 class Version(argparse.Action):
-    """Prints the package's version."""
+    """Prints the package's version.
+
+    Args:
+        option_strings: As of argparse.Action, like all that follow.
+        dest: Where a value would go.
+        help: What it does.
+    """
 
     def __init__(self, option_strings: Sequence[str], dest: str, help: str = '') -> None:  # noqa: A002
         super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)

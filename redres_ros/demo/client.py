@@ -21,10 +21,20 @@ _ASK_AGAIN = 1.0  # [s]
 
 
 def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.0) -> Any:
-    """The response of a service; the node must be spun by somebody else. Raises CallError.
+    """The response of a service.
 
     A server drops the answer to a client that it has not discovered yet, so the request is made
     again after a second; the services of this package bear that.
+
+    Args:
+        node: Asks; must be spun by somebody else.
+        kind: Type of the service.
+        service: Its name.
+        request: What is asked.
+        timeout: How long to wait for the service, and for its answer [s].
+
+    Raises:
+        CallError: Nobody offers the service, or it does not answer.
     """
     client = node.create_client(kind, service)
     try:
@@ -56,7 +66,16 @@ def _first(futures: Sequence[Future], until: float) -> Any:
 
 
 def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
-    """Set all parameters of another node or none. Raises CallError with the node's reason."""
+    """Set all parameters of another node or none.
+
+    Args:
+        node: Asks; must be spun by somebody else.
+        of: Name of the other node.
+        values: By the names of the parameters.
+
+    Raises:
+        CallError: The node does not answer, or refuses, with its reason.
+    """
     wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     request = SetParametersAtomically.Request(parameters=wanted)
     result = call(node, SetParametersAtomically, f'{of}/set_parameters_atomically', request).result
@@ -65,7 +84,15 @@ def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
 
 
 def read_parameters(node: Node, of: str) -> dict[str, Any]:
-    """All parameters of another node that have a value. Raises CallError."""
+    """All parameters of another node that have a value.
+
+    Args:
+        node: Asks; must be spun by somebody else.
+        of: Name of the other node.
+
+    Raises:
+        CallError: The node does not answer.
+    """
     request = ListParameters.Request()
     names = call(node, ListParameters, f'{of}/list_parameters', request).result.names
     values = call(node, GetParameters, f'{of}/get_parameters', GetParameters.Request(names=names))

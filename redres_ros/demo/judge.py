@@ -48,7 +48,15 @@ class Figures:
 
 
 def read_cycle(data: bytes, joints: JointOrder) -> Cycle:
-    """A cycle from a serialised joint_command. Raises RedresError for one of another arm."""
+    """A cycle from a command.
+
+    Args:
+        data: A serialised joint_command.
+        joints: Puts its joints into the arm's order.
+
+    Raises:
+        RedresError: The message is of another arm.
+    """
     message = deserialize_message(data, JointState)
     return Cycle(
         to_nanoseconds(message.header.stamp),
@@ -106,7 +114,12 @@ class Judge:
         )
 
     def acting(self, before: Cycle, now: Cycle) -> set[tuple[str, str]]:
-        """The limits at whose bounds a command is: name, and joint or what else it is about."""
+        """The limits at whose bounds a command is: name, and joint or what else it is about.
+
+        Args:
+            before: The cycle before.
+            now: That of the command.
+        """
         state = self.model.state(before.q_ref, before.dq)
         bounds = self.limits.at(state, self.period)
         touched: list[tuple[Limit, int]] = []

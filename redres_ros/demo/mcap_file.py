@@ -43,7 +43,12 @@ class McapFile:
         self._stream.close()
 
     def add_topic(self, topic: str, kind: Any) -> None:
-        """Declare a topic, before its first message."""
+        """Declare a topic, before its first message.
+
+        Args:
+            topic: Its name.
+            kind: Type of its messages.
+        """
         name = name_of(kind)
         if name not in self._schemas:
             text = definition_of(kind).encode()
@@ -62,11 +67,21 @@ class McapFile:
         self._writer.add_message(self._channels[topic], received, data, sent)
 
     def attach_urdf(self, text: str, time: int) -> None:
-        """Put the arm's URDF beside the messages, at an instant [ns]."""
+        """Put the arm's URDF beside the messages.
+
+        Args:
+            text: The URDF.
+            time: An instant [ns].
+        """
         self._attach(_URDF, 'text/xml', text, time)
 
     def attach_parameters(self, nodes: Mapping[str, Mapping[str, Any]], time: int) -> None:
-        """Put the nodes' parameters beside them, as a file that nodes can be started with."""
+        """Put the nodes' parameters beside them, as a file that nodes can be started with.
+
+        Args:
+            nodes: Values of parameters by the names of node and parameter.
+            time: An instant [ns].
+        """
         content = {node: {'ros__parameters': dict(values)} for node, values in nodes.items()}
         self._attach(_PARAMETERS, 'application/yaml', yaml.safe_dump(content), time)
 

@@ -65,7 +65,12 @@ class MotionFigures:
 
     @classmethod
     def of(cls, recording: Recording, final_error: float) -> 'MotionFigures':
-        """Of a recording of at least one tick."""
+        """The figures of a recording.
+
+        Args:
+            recording: Of at least one tick.
+            final_error: Distance from the last point at the end [m].
+        """
         t = recording['t']
         moves = recording['joint_velocity_norm'] > STILL
         dq = recording.vectors('dq1')  # (N, n)

@@ -91,7 +91,15 @@ class Remote:
         return _said(service, self._call(service, SetBool.Request(data=held)))
 
     def set_parameters(self, of: str, values: Mapping[str, Any]) -> None:
-        """Set all of these parameters of a node or none. Raises CallError with its reason."""
+        """Set all of these parameters of a node or none.
+
+        Args:
+            of: Name of the node.
+            values: By the names of the parameters.
+
+        Raises:
+            CallError: The node does not answer, or refuses, with its reason.
+        """
         wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParametersAtomically.Request(parameters=wanted)
         result = self._call(f'{of}/set_parameters_atomically', request).result

@@ -40,20 +40,41 @@ def model_of(values: Values, description: str = '') -> RobotModel:
 
 
 def points_of(planner: Values, model: RobotModel) -> np.ndarray:
-    """The points of a planner's task, (P, 3) [m]. Raises RedresError."""
+    """The points of a planner's task, (P, 3) [m].
+
+    Args:
+        planner: The planner's parameters.
+        model: Of the arm.
+
+    Raises:
+        RedresError: There is no such task.
+    """
     name = planner['task']
     task = load_task(name) if name else task_for(model.arm, planner['robot'])
     return task.waypoints
 
 
 def judge_of(values: Values, model: RobotModel) -> Judge:
-    """What judges the commands of a controller with these parameters. Raises RedresError."""
+    """What judges the commands of a controller with these parameters.
+
+    Args:
+        values: The controller's parameters.
+        model: Of the arm.
+
+    Raises:
+        RedresError: A parameter has a value that cannot be.
+    """
     rows = 3 if values['task_space'] == 'position' else 6
     return Judge(model, _law(values), _limits(values, model), 1.0 / values['rate'], rows)
 
 
 def chosen(values: Values, of: str) -> tuple[str, ...]:
-    """The names in a parameter such as 'limits', none for the word none."""
+    """The names in a parameter such as 'limits', none for the word none.
+
+    Args:
+        values: A node's parameters.
+        of: The parameter's name.
+    """
     return tuple(name for name in values[of] if name != NONE)
 
 

@@ -92,7 +92,13 @@ class Tape:
         self._file = path.open('wb', buffering=_BUFFER)
 
     def write(self, topic: str, message: Any, heard: bool) -> None:
-        """Append a message that is published or heard now."""
+        """Append a message that is published or heard now.
+
+        Args:
+            topic: Its name.
+            message: What was said.
+            heard: Whether the node heard it; otherwise it published it.
+        """
         now = time.monotonic_ns()
         data = serialize_message(message)
         if not heard:

@@ -102,7 +102,13 @@ def page(
 
 
 def silence(heard: Mapping[str, Heard], node: str, now: float) -> float:
-    """For how long nothing was heard of a node [s]; infinite if nothing ever was."""
+    """For how long nothing was heard of a node [s]; infinite if nothing ever was.
+
+    Args:
+        heard: What was heard last, by its source.
+        node: Its name.
+        now: [s], on the clock of what was heard.
+    """
     sources = {node, *(row.topic for row in NODES[node])}
     return min((now - heard[source].at for source in sources & heard.keys()), default=float('inf'))
 

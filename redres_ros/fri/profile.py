@@ -82,7 +82,12 @@ class Profile:
     guard: GuardSettings
 
     def after(self, state: State, event: Event) -> State:
-        """The state to which an event leads."""
+        """The state to which an event leads.
+
+        Args:
+            state: The one before.
+            event: What happens in it.
+        """
         return self.transitions.get((state, event), state)
 
     def awaits_command(self, state: State) -> bool:

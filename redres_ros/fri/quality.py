@@ -68,7 +68,13 @@ class Threshold:
         """Name of the statistic that breaks its bound, empty if none does.
 
         NaN breaks every bound. Misses follow from answers that are lost or late, so they are named
-        only if nothing else is at fault. The arguments are those of Statistics.
+        only if nothing else is at fault.
+
+        Args:
+            answer_rate: As in Statistics, like all that follow.
+            latency: Mean time to an answer [s].
+            jitter: Its standard deviation [s].
+            miss_rate: Share of the cycles without an answer.
         """
         if not answer_rate >= self.answer_rate:
             return 'answer_rate'

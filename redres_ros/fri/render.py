@@ -64,8 +64,17 @@ class Film:
 
 
 def render(arm: Arm, film: Film) -> np.ndarray:
-    """The arm at each q of a film, with the paths up to there, (N, height, width, 3) uint8. Raises
-    RenderError.
+    """The arm at each q of a film, with the paths up to there.
+
+    Args:
+        arm: Whose URDF it is.
+        film: What it does, and how large the pictures are.
+
+    Returns:
+        (N, height, width, 3) uint8.
+
+    Raises:
+        RenderError: MuJoCo finds no renderer.
     """
     failures = []
     limit = TIME_LIMIT + TIME_FOR_EACH * len(film.q)
@@ -173,7 +182,12 @@ def camera() -> mujoco.MjvCamera:
 
 
 def scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
-    """The arm with the shapes of its URDF, with a tool, on a pedestal, in the light."""
+    """The arm with the shapes of its URDF, with a tool, on a pedestal, in the light.
+
+    Args:
+        urdf: Text of the URDF.
+        tip_frame: Where the tool is.
+    """
     spec = mujoco.MjSpec.from_string(urdf)
     spec.add_material(name='paint', specular=0.5, shininess=0.6)
     for geom in spec.geoms:

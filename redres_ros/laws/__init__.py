@@ -21,8 +21,15 @@ LAWS: dict[str, type[Law]] = {
 
 
 def make_law(name: str, **gains: float) -> Law:
-    """The law of that name with the given gains, as damping=10.0. Raises UnknownNameError,
-    RangeError.
+    """The law of that name with the given gains.
+
+    Args:
+        name: In the table LAWS.
+        **gains: Those that differ from their defaults, as damping=10.0.
+
+    Raises:
+        UnknownNameError: No law has that name.
+        RangeError: A gain is outside its range.
     """
     return make('law', LAWS, name, gains)
 

@@ -30,8 +30,11 @@ class Law(ABC):
 
     @abstractmethod
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        """b, the joint velocity that the law would like best, (n,) [rad/s], for a sampling time T
-        [s].
+        """b, the joint velocity that the law would like best, (n,) [rad/s].
+
+        Args:
+            state: Of the arm at this tick.
+            T: Sampling time [s].
         """
 
     def bias_with(self, state: RobotState, T: float, ddq_N: np.ndarray | None) -> np.ndarray:

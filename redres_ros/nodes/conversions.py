@@ -97,8 +97,13 @@ class JointOrder:
 
 
 def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
-    """Positions [rad] and velocities [rad/s] with a stamp [ns]; a state of the robot or a command
-    for it.
+    """A state of the robot, or a command for it.
+
+    Args:
+        stamp: [ns].
+        names: Of the joints.
+        q: Positions, (n,) [rad].
+        dq: Velocities, (n,) [rad/s].
     """
     message = JointState(
         name=list(names), position=array('d', q.tobytes()), velocity=array('d', dq.tobytes())
@@ -120,7 +125,13 @@ class JointMessage:
         self._dq = np.frombuffer(self.message.velocity)
 
     def filled(self, stamp: int, q: np.ndarray, dq: np.ndarray) -> JointState:
-        """The message with positions [rad], velocities [rad/s] and a stamp [ns]."""
+        """The message with these values.
+
+        Args:
+            stamp: [ns].
+            q: Positions, (n,) [rad].
+            dq: Velocities, (n,) [rad/s].
+        """
         self._q[:] = q
         self._dq[:] = dq
         time = self.message.header.stamp
@@ -129,7 +140,13 @@ class JointMessage:
 
 
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
-    """Task velocity (3,) [m/s] or (6,) with the angular part [rad/s] below."""
+    """A task velocity as a message.
+
+    Args:
+        stamp: [ns].
+        frame: Whose axes the velocity is in.
+        dx: (3,) [m/s], or (6,) with the angular part [rad/s] below.
+    """
     message = TwistStamped()
     message.header.stamp = to_time(stamp)
     message.header.frame_id = frame
@@ -210,7 +227,14 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[np.ndarray
 
 
 def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped:
-    """Position (3,) [m] and orientation (3, 3) as a unit quaternion."""
+    """A pose as a message, with a unit quaternion.
+
+    Args:
+        stamp: [ns].
+        frame: Which the pose is in.
+        x: Position, (3,) [m].
+        R: Orientation, (3, 3).
+    """
     message = PoseStamped()
     message.header.stamp = to_time(stamp)
     message.header.frame_id = frame

@@ -55,7 +55,13 @@ class Markers:
         return self.heard and not self._next - _STEP < stamp < self._next
 
     def see(self, stamp: int, tip: np.ndarray, elbow: np.ndarray) -> None:
-        """Where tip and elbow are, (3,) [m], at a state [ns]."""
+        """Take in where tip and elbow are at a state.
+
+        Args:
+            stamp: Of the state [ns].
+            tip: (3,) [m].
+            elbow: (3,) [m].
+        """
         self._next = stamp + _STEP
         self._tip.append(_point(tip))
         self._elbow.append(_point(elbow))

@@ -130,7 +130,12 @@ class MotionParameters:
         make_limits({key.partition('.')[0] for key in of_limits}, self._model, gains=of_limits)
 
     def apply(self, changes: Mapping[str, Any], controller: Controller) -> None:
-        """Make the changes, and have a controller go over to them."""
+        """Make the changes, and have a controller go over to them.
+
+        Args:
+            changes: New values by the names of the parameters.
+            controller: Goes over to what they say.
+        """
         wanted = self.wanted(changes)
         limits_before = self._limits_say()
         self._settings = self._changed_settings(changes)

@@ -28,9 +28,19 @@ class ParameterError(RedresError):
 
 
 def declare(node: Node, defaults: P) -> P:
-    """Declare every field of a dataclass instance and return one that holds the node's values.
+    """Declare every field of a dataclass as a parameter.
 
-    Raises ParameterError, RangeError or UnknownNameError for a value that is not allowed.
+    Args:
+        node: Gets the parameters.
+        defaults: A dataclass whose fields are made with `param`.
+
+    Returns:
+        The same with the node's values.
+
+    Raises:
+        ParameterError: A value has another type.
+        RangeError: A number is not allowed.
+        UnknownNameError: A word is not allowed.
     """
     values = {}
     for field, parameter in parameters(defaults).items():

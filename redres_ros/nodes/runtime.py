@@ -66,7 +66,15 @@ class Waiting(Protocol):
         """Wait for that long."""
 
     def wait(self, event: threading.Event, seconds: float) -> bool:
-        """Wait until the event is set, but no longer than that; whether it is set."""
+        """Wait until the event is set.
+
+        Args:
+            event: What is waited for.
+            seconds: How long at most.
+
+        Returns:
+            Whether it is set.
+        """
 
 
 class OwnThread:
@@ -82,6 +90,10 @@ class Spinner:
     EventsExecutor.spin() and spin_once() without a timeout never return in the PyPI build of rclpy
     7.1.6 (their endless wait overflows there and becomes a busy loop); spin_until_future_complete
     with a timeout and one Future that never completes does the same work.
+
+    Args:
+        nodes: Their callbacks are answered.
+        stopped: The event that ends it.
     """
 
     def __init__(self, nodes: Iterable[Node], stopped: threading.Event) -> None:
@@ -104,7 +116,15 @@ class Spinner:
         self._executor.spin_until_future_complete(self._never, timeout_sec=max(seconds, 0.0))
 
     def wait(self, event: threading.Event, seconds: float) -> bool:
-        """Answer callbacks until one sets the event, or for that long; whether it is set."""
+        """Answer callbacks until the event is set.
+
+        Args:
+            event: What is waited for, until a callback sets it.
+            seconds: How long at most.
+
+        Returns:
+            Whether it is set.
+        """
         until = time.monotonic() + seconds
         while not event.is_set() and time.monotonic() < until and not self._stopped.is_set():
             self.sleep(min(until - time.monotonic(), _GLANCE))

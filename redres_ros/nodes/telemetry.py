@@ -33,7 +33,12 @@ class Telemetry:
         node.create_timer(LOOK_PERIOD, self._look)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
-        """Publish what make() gives, a message or a plain number or text, if somebody listens."""
+        """Publish if somebody listens.
+
+        Args:
+            name: Of the topic.
+            make: Gives a message, or a plain number or text; is called only if somebody listens.
+        """
         if name in self._heard:
             self._publishers[name].publish(_to_message(make()))
 

@@ -14,9 +14,16 @@ PREFERENCES: dict[str, type[Preference]] = {
 
 
 def make_preference(name: str, **gains: object) -> Preference:
-    """The preference of that name with the given gains, as gain=4.0.
+    """The preference of that name with the given gains.
 
-    Raises UnknownNameError, RangeError, ArrayError.
+    Args:
+        name: In the table PREFERENCES.
+        **gains: Those that differ from their defaults, as gain=4.0.
+
+    Raises:
+        UnknownNameError: No preference has that name.
+        RangeError: A gain is outside its range.
+        ArrayError: A gain is no vector of finite numbers, where one is expected.
     """
     return make('preference', PREFERENCES, name, gains)
 

@@ -85,7 +85,15 @@ def _check_mimic(urdf: Urdf, joint: UrdfJoint) -> None:
 
 
 def axis_of(urdf: Urdf, joint: UrdfJoint) -> np.ndarray:
-    """The joint's axis, a unit vector (3,) in its own frame. Raises FileError."""
+    """The joint's axis, a unit vector (3,) in its own frame.
+
+    Args:
+        urdf: The file.
+        joint: One of its joints.
+
+    Raises:
+        FileError: The axis is no direction.
+    """
     given = urdf.numbers(joint.element.find('axis'), 'xyz', '1 0 0', f'joint {joint.name}')
     length = float(np.linalg.norm(given))
     if length < 1e-6:
@@ -115,7 +123,18 @@ def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
 
 
 def limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
-    """Lower and upper position limit [rad] or [m], 0 where the URDF has none. Raises FileError."""
+    """The joint's position limits.
+
+    Args:
+        urdf: The file.
+        joint: One of its joints.
+
+    Returns:
+        Lower and upper limit [rad] or [m], 0 where the URDF has none.
+
+    Raises:
+        FileError: They are no numbers.
+    """
     limit = joint.element.find('limit')
     lower = urdf.number(limit, 'lower', '0', f'joint {joint.name}')
     upper = urdf.number(limit, 'upper', '0', f'joint {joint.name}')

@@ -36,7 +36,13 @@ def choose_arm(robot: str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
 
 
 def choose_tip(source: Path | str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
-    """As `choose_arm`, from the file (Path) or the text (str) of a URDF."""
+    """As `choose_arm`, from the file or the text of a URDF.
+
+    Args:
+        source: A file (Path) or the text (str) of a URDF.
+        tip_frame: Link at the tip; empty for the one that the URDF leaves no doubt about.
+        elbow_frame: Link at the elbow; empty for one in the middle.
+    """
     return arm_from_urdf(source, tip_frame or _last_link(source), elbow_frame)
 
 

@@ -36,7 +36,12 @@ class Kinematics:
 
     @classmethod
     def of(cls, urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> 'Kinematics':
-        """Of a chain as `settle_chain` leaves it."""
+        """That of a chain.
+
+        Args:
+            urdf: The file.
+            chain: Its joints from base to tip, as `settle_chain` leaves them.
+        """
         joints: list[MovingJoint] = []
         H = np.eye(4)
         for joint in chain:

@@ -119,11 +119,26 @@ class Urdf:
         return np.array(values)
 
     def number(self, element: ET.Element | None, attribute: str, default: str, owner: str) -> float:
-        """As `numbers`, for a single one."""
+        """A number that an attribute holds.
+
+        Args:
+            element: None for one that is not there.
+            attribute: Its name.
+            default: Its text where there is none.
+            owner: What an error says the element belongs to.
+
+        Raises:
+            FileError: The text is no finite number.
+        """
         return float(self.numbers(element, attribute, default, owner)[0])
 
     def placement(self, element: ET.Element, owner: str) -> np.ndarray:
-        """The pose (4, 4) that an element's origin gives; the identity without one."""
+        """The pose (4, 4) that an element's origin gives; the identity without one.
+
+        Args:
+            element: Of a URDF.
+            owner: What an error says the element belongs to.
+        """
         origin = element.find('origin')
         H = np.eye(4)
         H[:3, 3] = self.numbers(origin, 'xyz', '0 0 0', owner)
@@ -155,7 +170,12 @@ def _read(path: Path) -> str:
 
 
 def child(element: ET.Element, tag: str) -> ET.Element:
-    """The element's first child of that tag, made if there is none."""
+    """The element's first child of that tag, made if there is none.
+
+    Args:
+        element: Its parent.
+        tag: Its name.
+    """
     found = element.find(tag)
     return ET.SubElement(element, tag) if found is None else found
 
@@ -166,7 +186,12 @@ def words(values: np.ndarray) -> str:
 
 
 def set_placement(element: ET.Element, H: np.ndarray) -> None:
-    """Write the pose H (4, 4) into the element's origin."""
+    """Write a pose into the element's origin.
+
+    Args:
+        element: Of a URDF.
+        H: The pose, (4, 4).
+    """
     origin = child(element, 'origin')
     origin.set('xyz', words(H[:3, 3]))
     origin.set('rpy', words(rpy_from_rotation(H[:3, :3])))
@@ -191,7 +216,15 @@ def rpy_from_rotation(R: np.ndarray) -> np.ndarray:
 
 
 def rotation_about(axis: np.ndarray, angle: float | np.ndarray) -> np.ndarray:
-    """Rotations (..., 3, 3) by angles (...,) [rad] about a unit vector (3,), by Rodrigues."""
+    """Rotations about an axis, by the formula of Rodrigues.
+
+    Args:
+        axis: A unit vector, (3,).
+        angle: (...,) [rad].
+
+    Returns:
+        (..., 3, 3).
+    """
     K = np.cross(np.eye(3), axis)  # K @ v = axis x v
     sine = np.multiply.outer(np.sin(angle), K)
     versine = np.multiply.outer(1.0 - np.cos(angle), K @ K)

@@ -28,7 +28,12 @@ class Client(Protocol):
     m: int
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
-        """The command for joint positions q (n,) [rad] and a task velocity dx (m,)."""
+        """The command at a tick.
+
+        Args:
+            q: Joint positions, (n,) [rad].
+            dx: Task velocity, (m,).
+        """
 
 
 def run(

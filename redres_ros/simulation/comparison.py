@@ -63,7 +63,12 @@ class Effort:
 
     @classmethod
     def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
-        """From a recording of at least one tick."""
+        """That of a motion.
+
+        Args:
+            recording: Of at least one tick.
+            model: Of the arm.
+        """
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
@@ -156,7 +161,16 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
 
 
 def draw(recordings: Mapping[str, Recording], title: str, path: Path) -> None:
-    """The norms of all laws over time, one panel a norm. Raises FileError."""
+    """Draw the norms of all laws over time, one panel a norm.
+
+    Args:
+        recordings: By the names of their laws.
+        title: Of the picture.
+        path: Of its file.
+
+    Raises:
+        FileError: It cannot be written.
+    """
     figure = Figure(figsize=(11.0, 9.0), layout='constrained')
     figure.suptitle(title)
     axes = figure.subplots(len(NORMS), 1, sharex=True)

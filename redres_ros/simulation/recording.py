@@ -44,7 +44,13 @@ def columns(n: int, pose: bool = False) -> tuple[str, ...]:
 
 
 def row(t: float, command: Command, reference: Reference) -> list[float]:
-    """One tick in the order of `columns`; all norms are Euclidean."""
+    """One tick in the order of `columns`; all norms are Euclidean.
+
+    Args:
+        t: Time [s].
+        command: Of this tick.
+        reference: Where the task is.
+    """
     norm = np.linalg.norm
     state = command.state
     turn_left = reference.orientation_error
@@ -91,7 +97,16 @@ class Recording:
         ending: str,
         pose: bool = False,
     ) -> 'Recording':
-        """From rows as `row` makes them; the rest as in the class."""
+        """A recording of rows.
+
+        Args:
+            rows: As `row` makes them.
+            n: Number of joints.
+            T: Sampling time [s].
+            finished: Whether the last point was reached.
+            ending: How it ended, in words.
+            pose: Whether the task has orientations.
+        """
         data = np.array(list(rows), dtype=np.float64).reshape(-1, len(columns(n, pose)))
         return cls(data, n, T, finished, ending, pose)
 

@@ -16,9 +16,16 @@ TASKS: dict[str, type[Task]] = {
 
 
 def make_task(name: str, **gains: object) -> Task:
-    """The task of that name with the given gains and target, as gain=5.0.
+    """The task of that name with the given gains and target.
 
-    Raises UnknownNameError, RangeError, ArrayError.
+    Args:
+        name: In the table TASKS.
+        **gains: Gains and target that differ from their defaults, as gain=5.0.
+
+    Raises:
+        UnknownNameError: No task has that name.
+        RangeError: A gain is outside its range.
+        ArrayError: The target does not suit the task.
     """
     return make('task', TASKS, name, gains)
 

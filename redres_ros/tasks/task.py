@@ -62,7 +62,16 @@ class FrameTask(Task):
 
 
 def check_target(name: str, target: tuple[float, ...], *lengths: int) -> None:
-    """Raise ArrayError unless a target is open, (), or as long as it may be, and finite."""
+    """Refuse a target that does not suit a task.
+
+    Args:
+        name: What an error calls it.
+        target: () where it is open.
+        *lengths: Those that are allowed.
+
+    Raises:
+        ArrayError: It has another length, or is not finite.
+    """
     allowed = ' or '.join(str(length) for length in lengths)
     if target and len(target) not in lengths:
         raise ArrayError(f'{name} holds {len(target)} numbers; expected {allowed}, or none')

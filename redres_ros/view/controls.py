@@ -66,7 +66,12 @@ class Controls:
             self._add_faults(values['sim'])
 
     def show(self, node: str, values: Mapping[str, Any]) -> None:
-        """Show what a node has now, whoever has set it."""
+        """Show what a node has now, whoever has set it.
+
+        Args:
+            node: Its name.
+            values: Of its parameters, by their names.
+        """
         for name, value in values.items():
             if name in self._shows.get(node, {}):
                 self._shows[node][name](value)

@@ -54,7 +54,12 @@ class Plots:
             )
 
     def show(self, times: np.ndarray, figures: Sequence[Figures]) -> None:
-        """Draw figures (N) over times (N,) [s]."""
+        """Draw figures over time.
+
+        Args:
+            times: (N,) [s].
+            figures: Over these times, (N,) each.
+        """
         seconds = times - times[-1]
         for plot, handle in self._handles.items():
             values = np.array([getattr(each, plot.figure) for each in figures])

@@ -72,7 +72,12 @@ class ArmScene:
         return places
 
     def trace(self, way: str, points: np.ndarray) -> None:
-        """Draw the way of 'tip' or 'elbow' through points (N, 3) [m]."""
+        """Draw the way of tip or elbow.
+
+        Args:
+            way: 'tip' or 'elbow'.
+            points: (N, 3) [m].
+        """
         if len(points) > 1:
             segments = np.stack((points[:-1], points[1:]), axis=1)  # (N - 1, 2, 3)
             self._scene.add_line_segments(

@@ -18,7 +18,12 @@ class Trail:
         self._kept: deque[tuple[float, Any]] = deque()
 
     def add(self, time: float, value: Any) -> None:
-        """Keep a value; a clock that went back begins anew."""
+        """Keep a value; a clock that went back begins anew.
+
+        Args:
+            time: [s].
+            value: At that time.
+        """
         if self._kept and time < self._kept[-1][0]:
             self._kept.clear()
         self._kept.append((time, value))

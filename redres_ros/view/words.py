@@ -22,7 +22,12 @@ _COLOURS = {
 
 
 def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
-    """Session and planner as HTML, and why the robot has stopped, if it has."""
+    """Session and planner as HTML, and why the robot has stopped, if it has.
+
+    Args:
+        words: Heard last, by their topics.
+        health: Of the nodes, by their names.
+    """
     lines = []
     if words[REASON]:
         reason = escape(words[REASON])
