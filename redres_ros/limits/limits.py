@@ -50,8 +50,9 @@ class Bounds(NamedTuple):
     def _nearest(self, joint: int, side: int) -> BoxLimit:
         """The limit to which a joint's bound is due."""
         end = UPPER if side > 0 else 0
-        distances = [abs(box[end][joint] - self.box[end][joint]) for box in self.boxes]
-        return self.box_limits[int(np.argmin(distances))]
+        bound = float(self.box[end][joint])
+        distances = [abs(value - bound) for value in self.boxes[:, end, joint].tolist()]
+        return self.box_limits[distances.index(min(distances))]
 
 
 class Limits:
