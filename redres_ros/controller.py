@@ -283,7 +283,9 @@ class Controller:
         resolver = self._resolver.advanced(self.T, self.switch_time)
         measured = RobotState(self.model, q, self._dq_prev)
         state = measured
-        if resolver.anchor and start is not q:
+        if start is not q and resolver.anchor == 1.0:
+            state = RobotState(self.model, start, self._dq_prev)
+        elif start is not q and resolver.anchor > 0.0:
             state = RobotState(self.model, q + resolver.anchor * (start - q), self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
         blend = self._blend.advanced(

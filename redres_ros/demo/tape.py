@@ -100,7 +100,7 @@ class Tape:
             heard: Whether the node heard it; otherwise it published it.
         """
         now = time.monotonic_ns()
-        data = serialize_message(message)
+        data = message if isinstance(message, bytes) else serialize_message(message)
         if not heard:
             now = time.monotonic_ns()  # it goes out when this is done
         self._file.write(_HEAD.pack(now, _NAMES.index(topic), heard, len(data)) + data)

@@ -20,8 +20,7 @@ from redres_ros.nodes.conversions import (
     Axes,
     JointMessage,
     JointOrder,
-    from_twist,
-    to_nanoseconds,
+    check_twist,
     to_pose,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
@@ -33,6 +32,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
 from redres_ros.playout import PlayoutSettings
 
@@ -95,6 +95,7 @@ class ControllerNode(ManagedNode):
         self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
         self._frame = self._settings.base_frame or model.base_frame
         self._axes = Axes(model, self._frame)
+        self._states = JointStateReader()
         self._joints = JointOrder(model.joint_names, self.get_logger().info)
         self._message = JointMessage(model.joint_names)
         self._scaling = 0.0  # published last
@@ -117,31 +118,37 @@ class ControllerNode(ManagedNode):
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         show_obstacles(self, self._frame)
-        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST)
-        self.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, RECENT)
+        self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
+        self.create_subscription(
+            TwistStamped, 'cartesian_velocity', self._on_twist, RECENT, raw=True
+        )
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         if self._following.settings.twist_patience:
             self.create_timer(_LOOK, self._on_look)
 
-    def _on_state(self, message: JointState) -> None:
-        if self._joints.concerns(message):
+    def _on_state(self, message: JointState | bytes) -> None:
+        try:
+            sample = self._states.read(message)
+        except RedresError as error:
+            self._refusals.refuse('joint_states', error)
+            return
+        if self._joints.concerns(sample):
             self._watchdog.feed()
-            self._answer('joint_states', self._enter_state, message)
+            self._answer('joint_states', self._enter_state, sample)
 
-    def _enter_state(self, message: JointState) -> Reply | None:
-        q = self._joints.positions(message)
-        stamp = to_nanoseconds(message.header.stamp)
-        return self._following.enter_state(stamp, q, time.monotonic())
+    def _enter_state(self, sample: JointSample) -> Reply | None:
+        q = self._joints.positions(sample)
+        return self._following.enter_state(sample.stamp, q, time.monotonic())
 
-    def _on_twist(self, message: TwistStamped) -> None:
+    def _on_twist(self, message: TwistStamped | bytes) -> None:
         self._answer('cartesian_velocity', self._enter_twist, message)
 
-    def _enter_twist(self, message: TwistStamped) -> Reply | None:
-        dx = from_twist(message)
+    def _enter_twist(self, message: TwistStamped | bytes) -> Reply | None:
+        stamp, frame, dx = read_twist(message)
+        check_twist(dx)
         if self._following.q is not None:
-            dx = self._axes.to_base(dx, message.header.frame_id, self._following.q)
-        stamp = to_nanoseconds(message.header.stamp)
+            dx = self._axes.to_base(dx, frame, self._following.q)
         return self._following.enter_twist(stamp, dx[: self._controller.m], time.monotonic())
 
     def _on_look(self) -> None:

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
 from redres_ros.fri.robot_clock import NANOSECONDS
+from redres_ros.nodes.wire import JointSample
 from redres_ros.robot_model import RobotModel, quaternion
 from redres_ros.rotation import from_quaternion
 
@@ -41,7 +42,7 @@ class JointOrder:
         self._orders: dict[tuple[str, ...], np.ndarray | None] = {self.names: None}
         self._foreign: set[tuple[str, ...]] = set()  # sets of names without any of ours
 
-    def concerns(self, message: JointState) -> bool:
+    def concerns(self, message: JointState | JointSample) -> bool:
         """Whether a message names any of the arm's joints; one of another device need not."""
         if message.name == self._seen:
             return True
@@ -55,7 +56,7 @@ class JointOrder:
             self._tell_of(names)
         return False
 
-    def positions(self, message: JointState) -> np.ndarray:
+    def positions(self, message: JointState | JointSample) -> np.ndarray:
         """q (n,) [rad] in our order.
 
         Raises:
@@ -158,16 +159,10 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
     return message
 
 
-def from_twist(message: TwistStamped) -> np.ndarray:
-    """(linear, angular), (6,) [m/s], [rad/s], along the axes of the message's frame. Raises
-    ArrayError for NaN or infinity.
-    """
-    linear = message.twist.linear
-    angular = message.twist.angular
-    dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-    if not np.isfinite(dx).all():
+def check_twist(dx: np.ndarray) -> None:
+    """Raise ArrayError for a twist (6,) that holds NaN or infinity."""
+    if not math.isfinite(sum(dx.tolist())) and not np.isfinite(dx).all():  # the first is quicker
         raise ArrayError(f'cartesian_velocity is {dx.tolist()}; every value must be finite')
-    return dx
 
 
 class Axes:

@@ -17,7 +17,6 @@ from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import (
     JointOrder,
     from_pose,
-    to_nanoseconds,
     to_pose,
     to_time,
     to_twist,
@@ -30,6 +29,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.wire import JointSample, JointStateReader
 from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference
@@ -67,6 +67,7 @@ class PlannerNode(ManagedNode):
         name = self._settings.task
         self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
         self._frame = self._settings.base_frame or self._model.base_frame
+        self._states = JointStateReader()
         self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
         T = 1.0 / self._settings.rate
         pacing = Pacing(T, self._settings.lockstep)
@@ -90,7 +91,7 @@ class PlannerNode(ManagedNode):
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
-        self.create_subscription(JointState, 'joint_states', self._on_state, RECENT)
+        self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
         self.create_subscription(String, 'sim/stop_reason', self._on_stop_reason, LATCHED)
         self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
@@ -103,25 +104,31 @@ class PlannerNode(ManagedNode):
             task = way_to(task, x, R, *self._target, self._settings.target_speed)
         return Planner(task, x, R, feedback_limit=self._settings.feedback_limit)
 
-    def _on_state(self, message: JointState) -> None:
-        if not self.configured or not self._joints.concerns(message):
+    def _on_state(self, message: JointState | bytes) -> None:
+        if not self.configured:
             return
-        self._watchdog.feed()
-        stamp = to_nanoseconds(message.header.stamp)
         try:
-            q = self._joints.positions(message)
-            x, R = self._model.tip(q)
-            self._tip = (x, R)
-            if self._markers.wants(stamp):
-                self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-            step = self._run.enter_state(stamp, x, R, time.monotonic())
+            sample = self._states.read(message)
+            if not self._joints.concerns(sample):
+                return
+            self._watchdog.feed()
+            self._enter_state(sample)
         except RedresError as error:
             self._refusals.refuse('joint_states', error)
             return
         self._refusals.accept('joint_states')
+        self._tell()
+
+    def _enter_state(self, sample: JointSample) -> None:
+        stamp = sample.stamp
+        q = self._joints.positions(sample)
+        x, R = self._model.tip(q)
+        self._tip = (x, R)
+        if self._markers.wants(stamp):
+            self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
+        step = self._run.enter_state(stamp, x, R, time.monotonic())
         if step is not None:
             self._publish(step, R)
-        self._tell()
 
     def _publish(self, step: Step, R: np.ndarray) -> None:
         self._twist_publisher.publish(to_twist(step.stamp, self._frame, step.dx))

@@ -32,6 +32,7 @@ from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
 from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.wire import EncodingError, JointStateReader
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -104,6 +105,7 @@ class SimNode(ManagedNode):
             seed=seed,
             timed=not self._settings.lockstep,
         )
+        self._commands = JointStateReader()
         self._asked = JointState()  # the newest state that got out
         self._arrival = threading.Event()
         self._client_lives = False
@@ -126,7 +128,7 @@ class SimNode(ManagedNode):
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
         self._diagnostics = Diagnostics(self, self._description.name, self._health)
-        self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST)
+        self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         # By the steady clock: under use_sim_time the node's own may stand still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -211,11 +213,15 @@ class SimNode(ManagedNode):
         """Whether a state that got out, not lost or delayed by a fault, has no answer."""
         return self._inbox.newest < _stamp(self._asked)
 
-    def _on_command(self, message: JointState) -> None:
+    def _on_command(self, message: JointState | bytes) -> None:
         if not self.active:
             return
-        stamp = to_nanoseconds(message.header.stamp)
-        self._inbox.put(stamp, message.name, np.array(message.position))
+        try:
+            sample = self._commands.read(message)
+        except EncodingError as error:
+            self._refusals.refuse('joint_command', error)
+            return
+        self._inbox.put(sample.stamp, sample.name, np.array(sample.position))
         self._client_lives = True
         self._arrival.set()
 
