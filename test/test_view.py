@@ -23,6 +23,8 @@ from std_msgs.msg import Int32
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.demo.client import read_parameters
 from redres_ros.demo.judge import Cycle, Judge, read_cycle
+from redres_ros.demo.onlooker import PLANNER, Onlooker
+from redres_ros.demo.replay import FINISHED, MOVING
 from redres_ros.demo.sampling import Sampler
 from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import JointOrder, to_joint_state
@@ -248,10 +250,10 @@ def chromium() -> Iterator[Any]:
 
 
 @pytest.mark.realtime
-def test_a_law_chosen_at_the_page_is_the_controllers_law(chromium: Any, tmp_path: Path) -> None:
+def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_path: Path) -> None:
     asked: list[str] = []
     chromium.on('request', lambda request: asked.append(request.url))
-    with graph(lambda: Node('asking')) as (node, start):
+    with graph(Onlooker) as (node, start):
         for name in ('sim', 'controller', 'planner'):
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'
@@ -262,10 +264,13 @@ def test_a_law_chosen_at_the_page_is_the_controllers_law(chromium: Any, tmp_path
         # Events of their own: a real click waits until all that is drawn has come to rest.
         chromium.get_by_role('combobox', name='law').dispatch_event('click')
         chromium.get_by_role('option', name='minimum_kinetic_energy').dispatch_event('click')
-        await_that(
-            lambda: read_parameters(node, 'controller')['law'] == 'minimum_kinetic_energy',
-            'the law',
-        )
+        chromium.get_by_role('checkbox', name='torque').dispatch_event('click')
+        chromium.get_by_role('button', name='start').dispatch_event('click')
+        await_that(lambda: node.word(PLANNER) in (MOVING, FINISHED), 'the task')
+        controller = read_parameters(node, 'controller')
+        assert controller['law'] == 'minimum_kinetic_energy'
+        assert 'torque' in controller['limits'] and 'position' in controller['limits']
+        chromium.get_by_text('Robot: CMD').wait_for()
     assert asked and all(url.startswith((address, f'blob:{address}')) for url in asked)
 
 

@@ -85,7 +85,7 @@ class Page:
                 self._ways[way].add(figures.time, place)
 
     def _show_slowly(self) -> None:
-        self._state.content = words.state(self._spectator.words, self._spectator.health)
+        self._state.content = words.state(self._spectator.words, self._spectator.health())
         arm = self._arm
         self._bars.content = words.joints(arm.model.joint_names, arm.shares, arm.acting)
         for way, trail in self._ways.items():

@@ -50,7 +50,7 @@ class Plots:
                 axes=({'show': False}, {'size': 44, 'font': '10px sans-serif'}),
                 legend=uplot.Legend(show=False),
                 height=_HEIGHT,
-                padding=(2, 12, 2, 0),
+                padding=(8, 12, 4, 0),
             )
 
     def show(self, times: np.ndarray, figures: Sequence[Figures]) -> None:

@@ -1,5 +1,6 @@
 """The live page as a node: `redres view` beside any graph, and `redres demo --view`."""
 
+import os
 import sys
 import threading
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
 from redres_ros.view.gate import ADDRESS, close_server, open_server
 from redres_ros.view.page import Page
-from redres_ros.view.spectator import Spectator
+from redres_ros.view.spectator import NICENESS, Spectator
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class ViewNode(Spectator):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
+    os.nice(NICENESS)
     return run_nodes(ViewNode, arguments=arguments)
 
 

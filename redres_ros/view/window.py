@@ -1,5 +1,6 @@
 """MuJoCo's window beside a running graph: `redres demo --viewer`."""
 
+import os
 import sys
 import threading
 
@@ -7,7 +8,7 @@ from redres_ros.demo.live_arm import LiveArm
 from redres_ros.demo.remote import Remote
 from redres_ros.fri.window import opened
 from redres_ros.nodes.runtime import Waiting, run_nodes
-from redres_ros.view.spectator import Spectator
+from redres_ros.view.spectator import NICENESS, Spectator
 
 _PERIOD = 0.02  # [s] from one picture to the next
 
@@ -40,6 +41,7 @@ class WindowNode(Spectator):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
+    os.nice(NICENESS)
     return run_nodes(WindowNode, arguments=arguments)
 
 
