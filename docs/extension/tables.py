@@ -1,10 +1,8 @@
 """Directives that stand for a table made from the code, as ```{topics}."""
 
 from collections.abc import Callable, Iterable
-from typing import ClassVar
 
 from docutils import nodes
-from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -40,12 +38,11 @@ def _directive(make: Callable[..., Iterable[str]]) -> type[SphinxDirective]:
 
     class FromCode(SphinxDirective):
         optional_arguments = 1
-        lines: ClassVar = staticmethod(make)
 
         def run(self) -> list[nodes.Node]:
             self.env.note_reread()  # the page cannot know when the code has changed
             words = self.arguments[0].split() if self.arguments else []
-            text = StringList(list(self.lines(*words)), source=self.get_location())
-            return self.parse_text_to_nodes('\n'.join(text), allow_section_headings=True)
+            text = '\n'.join(make(*words))
+            return self.parse_text_to_nodes(text, allow_section_headings=True)
 
     return FromCode
