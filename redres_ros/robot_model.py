@@ -254,9 +254,13 @@ class RobotModel:
 
     def _reach(self) -> float:
         """Length of the arm from its second joint to the tip, stretched out [m]."""
-        joints = self._model.jointPlacements[2:]
-        tip = self._model.frames[self._tip].placement
-        return float(sum(np.linalg.norm(place.translation) for place in (*joints, tip)))
+        tip = self._model.frames[self._tip]
+        reach = np.linalg.norm(tip.placement.translation)
+        joint = tip.parentJoint
+        while self._model.parents[joint]:
+            reach += np.linalg.norm(self._model.jointPlacements[joint].translation)
+            joint = self._model.parents[joint]
+        return float(reach)
 
     def _frame(self, name: str) -> int:
         """The frame of a link; a joint may have the same name."""

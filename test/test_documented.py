@@ -61,6 +61,7 @@ def _with_files_of_a_reader(folder: Path) -> Path:
     """The folder with an arm and a task in it, as pages name them."""
     shutil.copy(ROOT / 'redres_ros/robots/planar4r.urdf', folder / 'my_arm.urdf')
     shutil.copy(ROOT / 'config/tasks/rectangle.yaml', folder / 'my_task.yaml')
+    (folder / 'examples').symlink_to(ROOT / 'examples')
     return folder
 
 

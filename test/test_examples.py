@@ -79,6 +79,16 @@ def test_the_notebook_runs_and_prints_what_it_says_that_it_prints() -> None:
     assert printed(run(path)) == printed(json.loads(path.read_text(encoding='utf-8')))
 
 
+@pytest.mark.parametrize(('options', 'right_keeps_its_place'), [((), True), (('--far',), False)])
+def test_of_two_arms_the_second_gives_way_only_where_both_tasks_cannot_be(
+    options: tuple[str, ...], right_keeps_its_place: bool
+) -> None:
+    joints, left, right = run('two_arms', *options).splitlines()
+    assert joints.count(',') == 6
+    assert numbers(left)[0] < 1.0  # [mm]
+    assert (numbers(right)[0] < 0.1) == right_keeps_its_place
+
+
 @pytest.mark.realtime
 def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')

@@ -6,6 +6,7 @@ one thing of it.
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +24,7 @@ from redres_ros.robots.urdf import rotation_from_rpy, rpy_from_rotation
 from redres_ros.simulation.closed_loop import run
 from redres_ros.waypoints import task_for
 
+EXAMPLES = Path(__file__).parents[1] / 'examples'
 AGREEMENT = 1e-9  # two libraries in double precision
 T = 0.005  # [s]
 JOINTS = ('yaw', 'shoulder', 'elbow', 'wrist')
@@ -226,6 +228,33 @@ def test_the_simulated_arm_follows_with_a_linear_axis():
         plant.step(reference)
     # Starting in full motion, the servos lag for a few of their time constants of 10 ms.
     assert np.abs(plant.q - references[-1]).max() < 1e-4
+
+
+# --- several tips ---------------------------------------------------------------------------------
+
+
+def test_joints_of_every_tip_move_and_all_libraries_have_them_in_the_same_order():
+    arm = replace(
+        arm_from_urdf(urdf(), 'tip'), other_tips=('left',), acceleration_limit=(), start=()
+    )
+    model = RobotModel(arm)
+    n = len(JOINTS) + 1
+    assert sorted(model.joint_names) == sorted((*JOINTS, 'finger'))
+    assert JointLimits.of(arm).joint_names == model.joint_names
+    assert MujocoPlant(arm, T, np.zeros(n)).joint_names == model.joint_names
+
+
+def test_where_arms_part_their_joints_go_by_name_and_kinematics_are_those_of_the_model():
+    arm = Arm(EXAMPLES / 'two_arms.urdf', 'right_hand', other_tips=('left_hand',))
+    model = RobotModel(arm)
+    kinematics = arm.kinematics()
+    assert tuple(joint.name for joint in kinematics.joints) == model.joint_names
+    for q, _ in random_motion(model.n):
+        assert kinematics.position(q) == pytest.approx(model.tip(q)[0], abs=AGREEMENT)
+        assert kinematics.jacobian(q) == pytest.approx(
+            model.jacobian(q, 'right_hand'), abs=AGREEMENT
+        )
+    assert model.reach == RobotModel(Arm(EXAMPLES / 'two_arms.urdf', 'right_hand')).reach
 
 
 # --- joints of the chain --------------------------------------------------------------------------

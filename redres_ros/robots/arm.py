@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.chain import chain_to, settle_chain
+from redres_ros.robots.chain import settle_chain, tree_to
 from redres_ros.robots.hold import hold_the_rest
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
 from redres_ros.robots.kinematics import Kinematics
@@ -24,6 +24,7 @@ class Arm:
     Args:
         urdf: The file, or the text of one.
         tip_frame: The link that carries out tasks.
+        other_tips: Further links whose joints move, as the tip of a second arm on the same torso.
         elbow_frame: The link whose origin counts as the elbow; empty: none.
         base_offset: Height of the arm above the URDF's root link [m].
         tool_offset: Way from the flange to the tip along the flange's z [m].
@@ -57,6 +58,7 @@ class Arm:
     task: str = ''
     pose_task: str = ''
     assumptions: tuple[str, ...] = ()
+    other_tips: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.dynamics not in DYNAMICS:
@@ -78,7 +80,7 @@ class Arm:
     def description(self) -> str:
         """The URDF's text with offsets and dynamics filled in: what ROS calls robot_description.
 
-        Only joints that lead to the tip move in it; all others are held still.
+        Only joints that lead to the tip, or to another one, move in it; all others are held still.
 
         Raises:
             FileError: The file cannot be read, is no URDF, lacks a joint that an offset needs, or
@@ -97,13 +99,13 @@ class Arm:
         return (*self.assumptions, *self._prepared().remarks)
 
     def kinematics(self) -> Kinematics:
-        """The joints that lead to the tip.
+        """The moving joints, and the way to the tip.
 
         Raises:
             As `description`.
         """
         prepared = self._prepared()
-        return Kinematics.of(prepared.urdf, prepared.chain)
+        return Kinematics.of(prepared.urdf, prepared.tree, self.tip_frame)
 
     def bodies(self) -> Bodies:
         """The capsules that must not collide.
@@ -125,15 +127,16 @@ class Arm:
         urdf = Urdf.read(self.urdf)
         self._set_offset(urdf, 'base_mount', self.base_offset)
         self._set_offset(urdf, 'tool_mount', self.tool_offset)
-        chain = chain_to(urdf, self.tip_frame)
+        tree = tree_to(urdf, (self.tip_frame, *self.other_tips))
         if self.elbow_frame:
             urdf.check_link(self.elbow_frame)
-        remarks = settle_chain(urdf, chain) + hold_the_rest(urdf, chain)
-        self._check_sizes([joint.name for joint in chain if joint.type != 'fixed'])
+        remarks = settle_chain(urdf, tree) + hold_the_rest(urdf, tree)
+        self._check_sizes([joint.name for joint in tree if joint.type != 'fixed'])
         if self.dynamics == 'cylinders':
-            make_cylinders(urdf, chain)
-        remarks += fill_in_inertias(urdf, chain)
-        return _Prepared(urdf, chain, remarks)
+            make_cylinders(urdf, tree)
+        remarks += fill_in_inertias(urdf, tree)
+        urdf.put_first(tree)
+        return _Prepared(urdf, tree, remarks)
 
     def _check_sizes(self, joint_names: list[str]) -> None:
         for field in OF_EACH_JOINT:
@@ -155,8 +158,8 @@ class Arm:
 
 
 class _Prepared(NamedTuple):
-    """A URDF ready for use, its joints from the root link to the tip, and remarks on it."""
+    """A URDF ready for use, its joints from the root link to the tips, and remarks on it."""
 
     urdf: Urdf
-    chain: tuple[UrdfJoint, ...]
+    tree: tuple[UrdfJoint, ...]
     remarks: list[str]

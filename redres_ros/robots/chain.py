@@ -1,6 +1,7 @@
-"""The chain of joints from a URDF's root link to the tip, and what may be part of it."""
+"""The joints from a URDF's root link to a tip, or to several, and which may be among them."""
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -39,6 +40,31 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
     for other_root in urdf.links.keys() - above.keys() - {link}:
         raise urdf.error(f'links {link} and {other_root} both hang on nothing; expected one root')
     return tuple(reversed(chain))
+
+
+def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
+    """The joints that lead to any of some tips, fixed ones included, each after those before it.
+
+    Where arms part they come one after the other, by the names of the joints, as in Pinocchio.
+
+    Args:
+        urdf: Where they are.
+        tip_frames: Names of links.
+
+    Raises:
+        UnknownNameError, FileError: As `chain_to`.
+    """
+    chains = [chain_to(urdf, tip_frame) for tip_frame in tip_frames]
+    leading = {joint.name: joint for chain in chains for joint in chain}
+
+    def beyond(link: str) -> Iterator[UrdfJoint]:
+        for name in sorted(leading):
+            if leading[name].parent == link:
+                yield leading[name]
+                yield from beyond(leading[name].child)
+
+    roots = {joint.parent for joint in leading.values()} - {j.child for j in leading.values()}
+    return tuple(joint for root in roots for joint in beyond(root))
 
 
 def settle_chain(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:

@@ -77,4 +77,4 @@ def default_elbow(kinematics: Kinematics) -> str:
     """
     along = np.cumsum([np.linalg.norm(way) for way in kinematics.ways])  # (n,) [m], the tip last
     from_middle = np.abs(np.concatenate(([0.0], along[:-1])) - along[-1] / 2.0)
-    return kinematics.joints[int(np.argmin(from_middle))].link
+    return kinematics.joints[kinematics.leading[int(np.argmin(from_middle))]].link

@@ -1,4 +1,4 @@
-"""Where a chain's joints and tip are: enough to choose defaults with, and not for any loop."""
+"""Where an arm's joints and tip are: enough to choose defaults with, and not for any loop."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,15 @@ import numpy as np
 from redres_ros.robots.chain import axis_of, limits_of
 from redres_ros.robots.urdf import Urdf, UrdfJoint, motion_of
 
+BASE = -1  # in place of a joint's index
+
 
 @dataclass(frozen=True)
 class MovingJoint:
     """A joint that moves, and the link that it moves.
 
-    before: (4, 4), from the frame of the link that the last moving joint moves to this joint's.
+    before: (4, 4), from the frame that the parent moves to this joint's.
+    parent: Index of the moving joint before it; BASE: there is none.
     axis: Unit vector (3,) in the joint's frame. lower, upper: [rad], or [m] of a prismatic one.
     velocity: [rad/s] or [m/s].
     """
@@ -20,6 +23,7 @@ class MovingJoint:
     name: str
     link: str
     before: np.ndarray
+    parent: int
     axis: np.ndarray
     is_prismatic: bool
     lower: float
@@ -29,35 +33,45 @@ class MovingJoint:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """The moving joints from the base to the tip, and the pose (4, 4) of the tip after the last."""
+    """The moving joints, and the tip: a serial arm, or a tree that has several tips.
+
+    tip: (4, 4), from the frame that the last joint before the tip moves. tip_parent: Its index.
+    """
 
     joints: tuple[MovingJoint, ...]
     tip: np.ndarray
+    tip_parent: int
 
     @classmethod
-    def of(cls, urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> 'Kinematics':
-        """That of a chain.
+    def of(cls, urdf: Urdf, tree: tuple[UrdfJoint, ...], tip_frame: str) -> 'Kinematics':
+        """Those of a URDF.
 
         Args:
             urdf: The file.
-            chain: Its joints from base to tip, as `settle_chain` leaves them.
+            tree: Its joints as `settle_chain` leaves them, each after those before it.
+            tip_frame: The link that is the tip.
         """
         joints: list[MovingJoint] = []
-        H = np.eye(4)
-        for joint in chain:
+        carriers: dict[str, tuple[int, np.ndarray]] = {}  # link to moving joint, and pose from it
+        for joint in tree:
             owner = f'joint {joint.name}'
-            H = H @ urdf.placement(joint.element, owner)
+            parent, H = carriers.get(joint.parent, (BASE, np.eye(4)))
+            before = H @ urdf.placement(joint.element, owner)
+            carriers[joint.child] = (parent, before)
             if joint.type == 'fixed':
                 continue
+            carriers[joint.child] = (len(joints), np.eye(4))
             axis = axis_of(urdf, joint)
             lower, upper = limits_of(urdf, joint)
             velocity = urdf.number(joint.element.find('limit'), 'velocity', '0', owner)
-            is_prismatic = joint.type == 'prismatic'
+            kind = joint.type == 'prismatic'
             joints.append(
-                MovingJoint(joint.name, joint.child, H, axis, is_prismatic, lower, upper, velocity)
+                MovingJoint(
+                    joint.name, joint.child, before, parent, axis, kind, lower, upper, velocity
+                )
             )
-            H = np.eye(4)
-        return cls(tuple(joints), H)
+        tip_parent, tip = carriers[tip_frame]
+        return cls(tuple(joints), tip, tip_parent)
 
     @property
     def n(self) -> int:
@@ -80,9 +94,19 @@ class Kinematics:
         return np.array([joint.velocity for joint in self.joints])
 
     @property
+    def leading(self) -> list[int]:
+        """Indices of the joints that lead to the tip, from the base on."""
+        indices = []
+        index = self.tip_parent
+        while index != BASE:
+            indices.append(index)
+            index = self.joints[index].parent
+        return indices[::-1]
+
+    @property
     def ways(self) -> np.ndarray:
-        """From each joint to the next one, the last to the tip, in the moved link, (n, 3) [m]."""
-        to_the_next = [joint.before[:3, 3] for joint in self.joints[1:]]
+        """From each joint that leads to the tip to the next, the last to the tip, (k, 3) [m]."""
+        to_the_next = [self.joints[index].before[:3, 3] for index in self.leading[1:]]
         return np.array([*to_the_next, self.tip[:3, 3]])
 
     def poses(self, q: np.ndarray) -> np.ndarray:
@@ -92,12 +116,12 @@ class Kinematics:
             q: One posture (n,), or many (..., n) [rad], or [m] of a prismatic joint.
         """
         poses = []
-        H = np.eye(4)
+        moved: dict[int, np.ndarray] = {BASE: np.eye(4)}
         for index, joint in enumerate(self.joints):
-            H = H @ joint.before
+            H = moved[joint.parent] @ joint.before
             poses.append(np.broadcast_to(H, (*q.shape[:-1], 4, 4)))
-            H = H @ motion_of(joint.axis, q[..., index], is_prismatic=joint.is_prismatic)
-        return np.stack((*poses, H @ self.tip), axis=-3)
+            moved[index] = H @ motion_of(joint.axis, q[..., index], is_prismatic=joint.is_prismatic)
+        return np.stack((*poses, moved[self.tip_parent] @ self.tip), axis=-3)
 
     def position(self, q: np.ndarray) -> np.ndarray:
         """The tip's position in the base frame, (..., 3) [m], for q (..., n)."""
@@ -108,13 +132,14 @@ class Kinematics:
         """The Jacobian of the tip in the base frame, (..., 6, n), linear rows first."""
         poses = self.poses(q)
         tip = poses[..., -1, :3, 3]
-        columns = []
-        for index, joint in enumerate(self.joints):
+        jacobian = np.zeros((*q.shape[:-1], 6, self.n))
+        for index in self.leading:
+            joint = self.joints[index]
             axis = poses[..., index, :3, :3] @ joint.axis
             linear = np.cross(axis, tip - poses[..., index, :3, 3])
             angular = axis
             if joint.is_prismatic:
                 linear = axis
                 angular = np.zeros_like(axis)
-            columns.append(np.concatenate((linear, angular), axis=-1))
-        return np.stack(columns, axis=-1)
+            jacobian[..., index] = np.concatenate((linear, angular), axis=-1)
+        return jacobian

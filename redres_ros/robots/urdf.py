@@ -93,6 +93,13 @@ class Urdf:
             ends.append(link)
         return UrdfJoint(element, name, *ends)
 
+    def put_first(self, joints: tuple[UrdfJoint, ...]) -> None:
+        """List these joints before all others: MuJoCo goes by this order where arms part."""
+        for joint in joints:
+            self.robot.remove(joint.element)
+        for place, joint in enumerate(joints):
+            self.robot.insert(place, joint.element)
+
     def numbers(
         self, element: ET.Element | None, attribute: str, default: str, owner: str
     ) -> np.ndarray:
