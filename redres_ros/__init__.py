@@ -9,8 +9,10 @@ if TYPE_CHECKING:
     from redres_ros.controller import Command, Controller
     from redres_ros.errors import RedresError
     from redres_ros.laws import LAWS, Law, make_law
-    from redres_ros.limits import LIMITS, make_limits
+    from redres_ros.limits import LIMITS, Limit, make_limits
+    from redres_ros.parameter import param
     from redres_ros.planner import Planner
+    from redres_ros.plugins import load_plugin
     from redres_ros.preferences import (
         PREFERENCES,
         ElbowHeight,
@@ -22,6 +24,10 @@ if TYPE_CHECKING:
     )
     from redres_ros.resolution import resolve
     from redres_ros.robot_model import RobotModel, RobotState
+    from redres_ros.simulation.closed_loop import run
+    from redres_ros.simulation.comparison import Effort
+    from redres_ros.simulation.recording import Recording
+    from redres_ros.simulation.side_by_side import Comparison, compare, plot
     from redres_ros.tasks import TASKS, Task, make_task
     from redres_ros.waypoints import WaypointTask, load_task
 
@@ -42,7 +48,10 @@ _HOMES = {
     'Task': 'tasks',
     'make_task': 'tasks',
     'LIMITS': 'limits',
+    'Limit': 'limits',
     'make_limits': 'limits',
+    'param': 'parameter',
+    'load_plugin': 'plugins',
     'PREFERENCES': 'preferences',
     'ElbowHeight': 'preferences',
     'JointCentering': 'preferences',
@@ -52,6 +61,12 @@ _HOMES = {
     'make_preference': 'preferences',
     'WaypointTask': 'waypoints',
     'load_task': 'waypoints',
+    'run': 'simulation.closed_loop',
+    'Effort': 'simulation.comparison',
+    'Recording': 'simulation.recording',
+    'Comparison': 'simulation.side_by_side',
+    'compare': 'simulation.side_by_side',
+    'plot': 'simulation.side_by_side',
 }
 
 __all__ = [
@@ -60,25 +75,34 @@ __all__ = [
     'PREFERENCES',
     'TASKS',
     'Command',
+    'Comparison',
     'Controller',
+    'Effort',
     'ElbowHeight',
     'JointCentering',
     'Law',
+    'Limit',
     'Manipulability',
     'Planner',
     'Posture',
     'Preference',
+    'Recording',
     'RedresError',
     'RobotModel',
     'RobotState',
     'Task',
     'WaypointTask',
+    'compare',
+    'load_plugin',
     'load_task',
     'make_law',
     'make_limits',
     'make_preference',
     'make_task',
+    'param',
+    'plot',
     'resolve',
+    'run',
 ]
 
 
@@ -86,3 +110,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -3,7 +3,7 @@ and docs.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
 from numbers import Real
 from typing import Any, TypeVar
@@ -15,6 +15,29 @@ _KEY = 'parameter'
 T = TypeVar('T')
 
 
+class Names(Collection[str]):
+    """The names in a table as it is when they are asked for, and further words.
+
+    Args:
+        table: Name to anything.
+        words: What else is allowed.
+    """
+
+    def __init__(self, table: Mapping[str, Any], *words: str) -> None:
+        self._table = table
+        self._words = words
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._table
+        yield from self._words
+
+    def __len__(self) -> int:
+        return len(self._table) + len(self._words)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._table or name in self._words
+
+
 @dataclass(frozen=True)
 class Parameter:
     """What a field says of itself beside its type and default."""
@@ -22,7 +45,7 @@ class Parameter:
     description: str
     lower: float | None = None
     upper: float | None = None
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
     live: bool = False  # can be set while the node runs
 
 
@@ -32,7 +55,7 @@ def param(
     lower: float | None = None,
     upper: float | None = None,
     *,
-    choices: tuple[str, ...] = (),
+    choices: Collection[str] = (),
     live: bool = False,
 ) -> Any:
     """A dataclass field that is a parameter: of Python, of a node, and of the command line.
@@ -143,7 +166,7 @@ def check_value(name: str, value: Any, parameter: Parameter) -> None:
             _check_range(name, member, parameter)
 
 
-def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+def _check_choice(name: str, value: Any, choices: Collection[str]) -> None:
     if not isinstance(value, str) or value not in choices:
         raise UnknownNameError(name, value, choices)
 

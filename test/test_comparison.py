@@ -148,7 +148,7 @@ def test_the_command_writes_plot_and_data(
     assert 'minimum_acceleration, k_d = 5 1/s' in shown
     assert (tmp_path / 'comparison.png').stat().st_size > 10_000
     assert {path.name for path in tmp_path.glob('*.csv')} == {
-        'minimum_velocity_10.csv',
+        'minimum_velocity.csv',
         'minimum_acceleration_5.csv',
     }
 
@@ -159,6 +159,7 @@ def test_the_command_writes_plot_and_data(
         ('foo', ('foo', 'minimum_velocity')),
         ('minimum_velocity@x', ('NAME@DAMPING',)),
         ('minimum_velocity@-1', ('-1',)),
+        ('minimum_velocity@5', ('no damping',)),
         ('', ("''",)),
         ('minimum_velocity,minimum_velocity', ('twice',)),
         ('minimum_acceleration,minimum_acceleration@10', ('twice',)),

@@ -13,12 +13,12 @@ import redres_ros
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
     {'errors'},
-    {'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles', 'compiled'},
+    {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles', 'compiled'},
     {'closed_form', 'cascade'},
     {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},
-    {'motion'},
+    {'motion', 'plugins'},
     {'resolver'},
     {'controller', 'fri'},
     {'following', 'task_run'},

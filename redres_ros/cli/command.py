@@ -2,6 +2,7 @@
 
 import os
 import sys
+from itertools import pairwise
 from typing import TextIO
 
 from redres_ros.cli import (
@@ -36,6 +37,7 @@ _GROUPS = (
 
 # Extras that bring a package; all others come with [ros].
 _EXTRAS = {'viser': 'view', 'mcap': 'record', 'imageio_ffmpeg': 'video'}
+_PLUGIN = '--plugin'
 
 _BEGINNING = """\
 redres moves a redundant arm along a task. What to try first:
@@ -73,6 +75,23 @@ def _run(given: list[str]) -> int:
     options = make_parser().parse_args(given)
     status: int = options.run(options)
     return status
+
+
+def _load_plugins(words: list[str]) -> None:
+    """Load what --plugin names, whose gains the parser is to know."""
+    words = [part for word in words for part in _parts(word)]
+    paths = [path for word, path in pairwise(words) if word == _PLUGIN]
+    if paths:
+        from redres_ros.plugins import load_plugins
+
+        load_plugins(paths)
+
+
+def _parts(word: str) -> list[str]:
+    """A word, or both of --plugin=FILE."""
+    if word.startswith(f'{_PLUGIN}='):
+        return word.split('=', 1)
+    return [word]
 
 
 def _flush() -> None:
@@ -123,4 +142,11 @@ def make_parser() -> Parser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for group in _GROUPS:
         group.add(commands)
+    for subparser in commands.choices.values():
+        subparser.add_argument(
+            _PLUGIN,
+            action='append',
+            metavar='FILE.py',
+            help='a file with laws, preferences, tasks or limits of your own; it is executed',
+        )
     return parser

@@ -35,12 +35,17 @@ class _Contender:
     @property
     def label(self) -> str:
         """What tells it from the others, as 'minimum_acceleration, k_d = 5 1/s'."""
-        return f'{self.name}, k_d = {_plain(self.law.damping)} 1/s'
+        from redres_ros.simulation.comparison import label
+
+        return label(self.law)
 
     @property
     def file_name(self) -> str:
         """Of its data, as minimum_acceleration_5.csv."""
-        return f'{self.name}_{_plain(self.law.damping)}.csv'
+        from redres_ros.simulation.comparison import plain
+
+        law = self.law
+        return f'{self.name}_{plain(law.damping)}.csv' if law.remembers else f'{self.name}.csv'
 
 
 def add(commands: Any) -> None:
@@ -105,16 +110,14 @@ def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
 def _contender(options: argparse.Namespace, text: str) -> _Contender:
     name, at, own = text.strip().partition('@')
     try:
-        return _Contender(options, name, float(own) if at else None)
+        contender = _Contender(options, name, float(own) if at else None)
     except ValueError:
         raise OptionError(
             f'--laws {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
         ) from None
-
-
-def _plain(number: float) -> str:
-    """The shortest text that stands for no other number."""
-    return repr(float(number)).removesuffix('.0')
+    if at and not contender.law.remembers:
+        raise OptionError(f'--laws {text}; {name} has no memory, and so no damping')
+    return contender
 
 
 def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Recording', 'Effort']:

@@ -1,6 +1,7 @@
 """The controller that the options ask for: a law, and what is added to it."""
 
 import argparse
+import os
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.gains import gains_of, given_gains
@@ -193,6 +194,7 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     told['preferences'] = tuple(preferences) or (NONE,)
     told['secondary_tasks'] = tuple(options.secondary or ()) or (NONE,)
     told['task_space'] = motion.task_space
+    told['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
     told['limit_scale'] = options.limit_scale
     told['torque_scale'] = options.torque_scale
     if options.tip:

@@ -1,5 +1,6 @@
 """The laws of the paper by name. A new law is one small class and one line in this table."""
 
+from redres_ros.installed import installed
 from redres_ros.laws.dynamic import (
     DynamicallyConsistent,
     MinimumKineticEnergy,
@@ -18,6 +19,7 @@ LAWS: dict[str, type[Law]] = {
     'dynamically_consistent': DynamicallyConsistent,
     'minimum_torque': MinimumTorque,
 }
+LAWS.update(installed('laws'))
 
 
 def make_law(name: str, **gains: float) -> Law:

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.installed import installed
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
@@ -21,6 +22,7 @@ LIMITS: dict[str, type[Limit]] = {
     'collision': CollisionLimit,
     'torque': TorqueLimit,
 }
+LIMITS.update(installed('limits'))
 
 
 def make_limits(

@@ -26,7 +26,7 @@ from redres_ros.nodes.conversions import (
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
-from redres_ros.nodes.motion_parameters import MotionParameters
+from redres_ros.nodes.motion_parameters import NONE, MotionParameters
 from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
@@ -35,6 +35,7 @@ from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
 from redres_ros.playout import PlayoutSettings
+from redres_ros.plugins import load_plugins
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
 _TELL_AGAIN = 5.0  # [s] after which a restart is told again
@@ -63,6 +64,9 @@ class ControllerParameters(ListenerParameters):
     integrate_from: str = param(
         'command', 'what a reference is integrated from', choices=INTEGRATE_FROM
     )
+    plugins: tuple[str, ...] = param(
+        (NONE,), 'Python files with laws, preferences, tasks and limits of your own'
+    )
     forward_commands: bool = param(False, 'also publish forward_position_controller/commands')
 
 
@@ -76,6 +80,7 @@ class ControllerNode(ManagedNode):
         super().__init__('controller')
         self._robot = declare_robot(self)
         self._settings = declare(self, ControllerParameters())
+        load_plugins(path for path in self._settings.plugins if path != NONE)
         model = self._robot.model
         T = 1.0 / self._settings.rate
         self._motion = MotionParameters(self, model, T)

@@ -12,7 +12,7 @@ from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import LIMITS, Limit, make_limits
 from redres_ros.motion import LawMotion
 from redres_ros.nodes.parameters import declare, declare_one
-from redres_ros.parameter import Parameter, check_parameters, param, parameters
+from redres_ros.parameter import Names, Parameter, check_parameters, param, parameters
 from redres_ros.preferences import PREFERENCES, Preference, make_preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import TASKS, Task, make_task
@@ -32,12 +32,12 @@ class MotionSettings:
     """What the gains belong to."""
 
     law: str = param(
-        'minimum_acceleration', 'redundancy resolution law', choices=tuple(LAWS), live=True
+        'minimum_acceleration', 'redundancy resolution law', choices=Names(LAWS), live=True
     )
     limits: tuple[str, ...] = param(
         ('position', 'velocity', 'acceleration'),
         'limits that no command leaves',
-        choices=(*LIMITS, NONE),
+        choices=Names(LIMITS, NONE),
         live=True,
     )
     limit_scale: float = param(
@@ -47,10 +47,10 @@ class MotionSettings:
         1.0, 'share of the torque limits that is used', 0.001, 1.0, live=True
     )
     preferences: tuple[str, ...] = param(
-        (NONE,), 'what the spare joints are to do', choices=(*PREFERENCES, NONE), live=True
+        (NONE,), 'what the spare joints are to do', choices=Names(PREFERENCES, NONE), live=True
     )
     secondary_tasks: tuple[str, ...] = param(
-        (NONE,), 'further tasks in order of priority', choices=(*TASKS, NONE), live=True
+        (NONE,), 'further tasks in order of priority', choices=Names(TASKS, NONE), live=True
     )
 
     def __post_init__(self) -> None:

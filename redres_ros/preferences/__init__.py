@@ -1,5 +1,6 @@
 """The preferences by name. A new preference is one small class and one line in this table."""
 
+from redres_ros.installed import installed
 from redres_ros.parameter import make
 from redres_ros.preferences.joints import JointCentering, Posture
 from redres_ros.preferences.preference import Preference
@@ -11,6 +12,7 @@ PREFERENCES: dict[str, type[Preference]] = {
     'manipulability': Manipulability,
     'elbow_height': ElbowHeight,
 }
+PREFERENCES.update(installed('preferences'))
 
 
 def make_preference(name: str, **gains: object) -> Preference:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from redres_ros.laws import Law, law_name
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.plots import NORMS, save
@@ -160,29 +161,45 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
     return {law: f'{value:.4g}{"*" if value == least else " "}' for law, value in values.items()}
 
 
+def label(law: Law) -> str:
+    """What tells a law from others, as 'minimum_acceleration, k_d = 5 1/s'."""
+    if not law.remembers:
+        return law_name(law)
+    return f'{law_name(law)}, k_d = {plain(law.damping)} 1/s'
+
+
+def plain(number: float) -> str:
+    """The shortest text that stands for no other number."""
+    return repr(float(number)).removesuffix('.0')
+
+
 def draw(recordings: Mapping[str, Recording], title: str, path: Path) -> None:
-    """Draw the norms of all laws over time, one panel a norm.
+    """The same as a file. Raises FileError."""
+    save(picture(recordings, title), path)
+
+
+def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
+    """The norms of all laws over time, one panel a norm.
 
     Args:
-        recordings: By the names of their laws.
-        title: Of the picture.
-        path: Of its file.
-
-    Raises:
-        FileError: It cannot be written.
+        recordings: By law.
+        title: Says what was compared.
     """
     figure = Figure(figsize=(11.0, 9.0), layout='constrained')
     figure.suptitle(title)
     axes = figure.subplots(len(NORMS), 1, sharex=True)
     for ax, (norm, label) in zip(axes, NORMS.items(), strict=True):
         for name, recording in recordings.items():
-            ax.plot(recording['t'], recording[norm], lw=1.2, label=name)
+            shown = name.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$')
+            ax.plot(recording['t'], recording[norm], lw=1.2, label=shown)
         ax.set_ylabel(label, fontsize='small')
         ax.grid(alpha=0.3)
         peaks = [recording.peak(norm)[0] for recording in recordings.values()]
         if max(peaks) > _WIDE * np.median(peaks):
             ax.set_yscale('log')
             ax.set_ylim(bottom=max(peaks) / _SHOWN)
-    axes[0].legend(loc='upper left', fontsize='small', ncols=2)
+        ax.set_xmargin(0.01)
     axes[-1].set_xlabel('time [s]')
-    save(figure, path)
+    lines = axes[0].get_legend_handles_labels()
+    figure.legend(*lines, loc='outside lower center', fontsize='small', ncols=2)
+    return figure

@@ -1,0 +1,96 @@
+"""Laws, preferences, tasks and limits of one's own, from a file, without editing the package.
+
+Those of an installed package need no file: it names them as entry points, see `installed`.
+"""
+
+import importlib.util
+import inspect
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+
+from redres_ros.errors import RedresError
+from redres_ros.laws import LAWS, Law
+from redres_ros.limits import LIMITS
+from redres_ros.limits.limit import Limit
+from redres_ros.preferences import PREFERENCES, Preference
+from redres_ros.tasks import TASKS, Task
+
+_KINDS: tuple[tuple[type, dict[str, type]], ...] = (
+    (Law, LAWS),
+    (Preference, PREFERENCES),
+    (Task, TASKS),
+    (Limit, LIMITS),
+)
+
+_loaded: dict[Path, tuple[str, ...]] = {}  # file -> names that it brought
+
+
+class PluginError(RedresError):
+    """A file that cannot be loaded, or brings nothing new."""
+
+
+def load_plugins(paths: Iterable[str | Path]) -> None:
+    """Enter what the files define into the tables. Raises PluginError."""
+    for path in paths:
+        load_plugin(path)
+
+
+def load_plugin(path: str | Path) -> tuple[str, ...]:
+    """Enter every law, preference, task and limit that a file defines into its table.
+
+    A class is called as it is in the tables: `WristFirst` becomes wrist_first. A file that was
+    loaded before is not loaded again.
+
+    Args:
+        path: Of a Python file, which is executed as any program is.
+
+    Returns:
+        The names under which they can be used now.
+
+    Raises:
+        PluginError: The file cannot be loaded, defines no such class, or one whose name is taken.
+    """
+    file = Path(path).resolve()
+    if file not in _loaded:
+        _loaded[file] = _enter(_execute(file), file)
+    return _loaded[file]
+
+
+def _execute(file: Path) -> ModuleType:
+    name = f'redres_plugin_{file.stem}'
+    spec = importlib.util.spec_from_file_location(name, file)
+    if file.suffix != '.py' or not file.is_file() or spec is None or spec.loader is None:
+        raise PluginError(f'{file} is no plugin; expected a Python file that is there')
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever a stranger's file does
+        del sys.modules[name]
+        raise PluginError(f'{file} cannot be loaded: {type(error).__name__}: {error}') from error
+    return module
+
+
+def _enter(module: ModuleType, file: Path) -> tuple[str, ...]:
+    found: list[tuple[str, type, dict[str, type]]] = []
+    for name, cls in vars(module).items():
+        own = inspect.isclass(cls) and cls.__module__ == module.__name__
+        if own and not name.startswith('_') and not inspect.isabstract(cls):
+            tables = (table for kind, table in _KINDS if issubclass(cls, kind))
+            found += [(_table_name(name), cls, table) for table in tables]
+    if not found:
+        raise PluginError(f'{file} defines no law, preference, task or limit')
+    for name, _, table in found:
+        if name in table:
+            raise PluginError(f'{file} defines {name}, which is there already')
+    for name, cls, table in found:
+        table[name] = cls
+    return tuple(name for name, _, _ in found)
+
+
+def _table_name(class_name: str) -> str:
+    """WristFirst -> wrist_first."""
+    return re.sub(r'(?<=[a-z0-9])(?=[A-Z])', '_', class_name).lower()

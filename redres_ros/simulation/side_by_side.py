@@ -1,0 +1,98 @@
+"""Laws side by side from Python: `compare`, and a look at what came of it by `plot`."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from redres_ros.controller import Controller
+from redres_ros.laws import Law, make_law
+from redres_ros.limits import Limit
+from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.comparison import Effort, label, picture, tables
+from redres_ros.simulation.plots import save
+from redres_ros.simulation.recording import Recording
+from redres_ros.waypoints import WaypointTask, load_task
+
+_WIDTH = 160  # columns of a table
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What came of some laws on one task; `print` shows it as tables.
+
+    Args:
+        recordings: Every tick, by law.
+        efforts: What each asked of the arm, by law.
+        title: Says what was compared.
+    """
+
+    recordings: dict[str, Recording]
+    efforts: dict[str, Effort]
+    title: str
+
+    def __str__(self) -> str:
+        console = Console(width=_WIDTH, no_color=True)
+        with console.capture() as capture:
+            for table in tables(self.efforts, self.title):
+                console.print(table)
+        return capture.get()
+
+
+def compare(
+    laws: Iterable[str | Law],
+    task: str | WaypointTask = 'rectangle',
+    *,
+    T: float = 0.002,
+    limits: Iterable[str | Limit] = (),
+    model: RobotModel | None = None,
+) -> Comparison:
+    """Laws side by side on one task, in the ideal loop.
+
+    Args:
+        laws: Names in LAWS, or laws with gains of their own.
+        task: A name in config/tasks, a path of a YAML file, or a task.
+        T: Sampling time [s].
+        limits: Names in LIMITS, or limits, that are kept.
+        model: The arm; None: that of the task.
+
+    Raises:
+        RedresError: A name or a figure that is not allowed.
+    """
+    task = load_task(task) if isinstance(task, str) else task
+    model = model or RobotModel.named(task.robot)
+    limits = tuple(limits)
+    recordings = {}
+    efforts = {}
+    for each in laws:
+        law = make_law(each) if isinstance(each, str) else each
+        name = label(law)
+        recordings[name] = run(Controller(model, law, T, limits=limits), task)
+        efforts[name] = Effort.of(recordings[name], model)
+    return Comparison(recordings, efforts, f'{task.robot}, T = {1e3 * T:g} ms')
+
+
+def plot(
+    what: Comparison | Recording | Mapping[str, Recording], path: str | Path | None = None
+) -> Figure:
+    """The norms of motions over time: acceleration, velocity, null-space part and torque.
+
+    Args:
+        what: A comparison, one recording, or several by name.
+        path: Where to write it; None: nowhere, as in a notebook, which shows what is returned.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    if isinstance(what, Comparison):
+        figure = picture(what.recordings, what.title)
+    elif isinstance(what, Recording):
+        figure = picture({'motion': what}, what.ending)
+    else:
+        figure = picture(what, '')
+    if path is not None:
+        save(figure, Path(path))
+    return figure
