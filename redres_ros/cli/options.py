@@ -157,10 +157,21 @@ def _add_arm(group: Any) -> None:
         metavar='NAME|FILE.yaml',
         help="points to pass; default: rectangle, or with --robot that robot's own",
     )
+    add_robot(group)
+
+
+def add_robot(group: Any, default: str | None = None) -> None:
+    """Which arm, and which of its links.
+
+    Args:
+        group: Of the subcommand's options.
+        default: The robot; None: that of the task.
+    """
     group.add_argument(
         '--robot',
+        default=default,
         metavar='NAME|FILE.urdf',
-        help="see `redres laws`, or any serial arm; default: the task's",
+        help='see `redres laws`, or any serial arm',
     )
     group.add_argument(
         '--tip',

@@ -56,13 +56,13 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
     from redres_ros.waypoints import load_task, task_for
 
     if options.robot and not options.task:
-        arm = _find_arm(options, options.robot)
+        arm = find_arm_of(options, options.robot)
         name = arm.task
         task = task_for(arm, options.robot)
     else:
         name = options.task or default
         task = load_task(name)
-        arm = _find_arm(options, options.robot or task.robot)
+        arm = find_arm_of(options, options.robot or task.robot)
     model = RobotModel(arm)
     if options.robot:
         task = replace(task, robot=options.robot)
@@ -71,7 +71,8 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
     return WantedMotion(name, task, model)
 
 
-def _find_arm(options: argparse.Namespace, robot: str) -> 'Arm':
+def find_arm_of(options: argparse.Namespace, robot: str) -> 'Arm':
+    """The arm of a name or a file, with the tip, the elbow and the dynamics of the options."""
     from redres_ros.robots import choose_arm
 
     arm = choose_arm(robot, options.tip or '', options.elbow or '')

@@ -27,6 +27,8 @@ _SHOWN = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm'
 _BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
 _HEADROOM = 1.15  # of an axis, above the largest value of the run that is shown
+_MARGIN = 0.015  # of the time axis, so that a step at either end is seen
+_BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not set the scale
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 _ARROW = 0.08  # [m]
@@ -76,10 +78,12 @@ def draw_motion(
     draw_paths(left.add_subplot(projection='3d'), recording, model, task)
     panels = list(right.subplots(len(_SHOWN), 1, sharex=True))
     for ax, norm in zip(panels, _SHOWN, strict=True):
-        draw_norm(ax, norm, recording, remarks.beside)
+        draw_norm(ax, norm, recording, remarks.beside, stopped=bool(remarks.stopped))
         _mark_events(ax, recording, remarks)
+    _name_switches(panels[-1], remarks)
     panels[-1].set_xlabel('time [s]')
-    panels[-1].set_xlim(0.0, max(recording['t'][-1], recording.T) * 1.02)
+    end = max(recording['t'][-1], recording.T)
+    panels[-1].set_xlim(-_MARGIN * end, (1.0 + _MARGIN) * end)
     handles, labels = panels[0].get_legend_handles_labels()
     right.legend(handles, labels, loc='outside upper center', ncols=4, fontsize='small')
     save(figure, path)
@@ -118,7 +122,14 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
     ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
 
 
-def draw_norm(ax: Axes, norm: str, recording: Recording, beside: Mapping[str, Recording]) -> None:
+def draw_norm(
+    ax: Axes,
+    norm: str,
+    recording: Recording,
+    beside: Mapping[str, Recording],
+    *,
+    stopped: bool = False,
+) -> None:
     """One norm over time, in front of the same norm of other motions.
 
     Args:
@@ -126,17 +137,21 @@ def draw_norm(ax: Axes, norm: str, recording: Recording, beside: Mapping[str, Re
         norm: One of NORMS.
         recording: The motion that sets the scale; what goes beyond it is cut off, and told.
         beside: Other motions by name.
+        stopped: What the robot stopped may be far beyond the rest, and does not set the scale.
     """
     for name, other in beside.items():
         ax.plot(*_curve(other, norm), label=f'{name}, ideal arm', color='0.6', lw=1.0)
     ax.plot(*_curve(recording, norm), color='tab:blue', lw=1.2, label='this run')
     ax.set_ylabel(NORMS[norm], fontsize='small')
     top = _largest(recording, norm)
+    if stopped:
+        earlier = recording[norm][recording['t'] < recording['t'][-1] - _BEFORE_STOP]
+        top = min(top, 2.0 * float(earlier.max())) if len(earlier) else top
     if top < _LEAST_SCALE:
         top = max([_LEAST_SCALE, *(_largest(other, norm) for other in beside.values())])
     top *= _HEADROOM
     ax.set_ylim(0.0, top)
-    for other in beside.values():
+    for other in (recording, *beside.values()):
         _tell_hidden_peak(ax, other, norm, top)
     ax.grid(alpha=0.3)
 
@@ -179,6 +194,21 @@ def _mark_events(ax: Axes, recording: Recording, remarks: Remarks) -> None:
         )
     if remarks.stopped:
         ax.axvline(recording['t'][-1], color='tab:red', lw=1.5, label='stopped', zorder=0)
+
+
+def _name_switches(ax: Axes, remarks: Remarks) -> None:
+    """The law before each switch on the left of its line, and the one after it on the right."""
+    across = ax.get_xaxis_transform()
+    style: dict[str, Any] = {
+        'transform': across,
+        'color': 'tab:green',
+        'fontsize': 'x-small',
+        'rotation': 90,
+        'va': 'top',
+    }
+    for t, before, after in remarks.switches:
+        ax.text(t, 0.97, f'{before} ', ha='right', **style)
+        ax.text(t, 0.97, f' {after}', ha='left', **style)
 
 
 def _tell_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:

@@ -1,0 +1,64 @@
+"""`redres dampings`: how much null-space damping is good for an arm."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from redres_ros.cli.options import OptionError, add_robot
+from redres_ros.errors import RangeError
+
+_LAWS = 'minimum_acceleration'
+_MOST = 100_000  # tasks
+_PICTURE = 'dampings.png'
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    dampings = commands.add_parser(
+        'dampings', help='which damping is good, over many random tasks, without ROS'
+    )
+    add_robot(dampings, 'lwr4_paper')
+    dampings.add_argument('--laws', default=_LAWS, metavar='A,B,...', help='names of `redres laws`')
+    dampings.add_argument('--tasks', type=int, default=200, metavar='N', help='random tasks')
+    dampings.add_argument(
+        '--period', type=float, default=0.005, metavar='S', help='sampling time T [s]'
+    )
+    dampings.add_argument(
+        '--out', type=Path, default=Path('redres_dampings'), metavar='DIR', help='for the picture'
+    )
+    dampings.set_defaults(run=_dampings)
+
+
+def _dampings(options: argparse.Namespace) -> int:
+    from redres_ros.cli.files import made
+    from redres_ros.cli.task import find_arm_of
+    from redres_ros.robot_model import RobotModel
+    from redres_ros.simulation.dampings import damping_table, draw_dampings, sweep
+    from redres_ros.simulation.plots import save
+    from redres_ros.simulation.report import print_tables, progress_bar
+
+    if not 1 <= options.tasks <= _MOST:
+        raise RangeError('tasks', options.tasks, 1, _MOST)
+    if not 1e-4 <= options.period <= 0.01:
+        raise RangeError('period', options.period, 1e-4, 0.01, 's')
+    laws = _laws(options.laws)
+    model = RobotModel(find_arm_of(options, options.robot))
+    out = made(options.out, _PICTURE)
+    with progress_bar(f'{options.tasks} tasks') as progress:
+        results = sweep(model, options.robot, laws, options.tasks, options.period, progress)
+    title = f'{options.tasks} random tasks, {options.robot}, T = {1e3 * options.period:g} ms'
+    print_tables(*(damping_table(trials, title) for trials in results))
+    save(draw_dampings(results, title), out / _PICTURE)
+    print(f'picture {out}/{_PICTURE}')
+    return 0
+
+
+def _laws(text: str) -> list[str]:
+    """The laws' names. Raises RedresError for one that is none, or has no damping."""
+    from redres_ros.laws import make_law
+
+    names = [name.strip() for name in text.split(',')]
+    for name in names:
+        if not make_law(name).remembers:
+            raise OptionError(f'--laws {text}; {name} has no memory, and so no damping')
+    return names

@@ -1,0 +1,172 @@
+"""How much damping is good, over many random tasks and starts of one arm."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from redres_ros.controller import Controller
+from redres_ros.laws import make_law
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.comparison import first_violation
+from redres_ros.simulation.parallel import in_parallel
+from redres_ros.simulation.report import table
+from redres_ros.waypoints import WaypointTask
+
+DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
+GOOD = 1.25  # times the least peak of a task
+
+_RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
+_UNBOUNDED = np.pi  # [rad] either way, of a joint that turns without end
+_STEP = 0.6  # [rad] by which each joint is away, at most, from one point of a task to the next
+_POINTS = 4  # beside the start
+_SEGMENT = 1.5  # [s]
+
+
+@dataclass(frozen=True)
+class Trials:
+    """One law on many tasks.
+
+    Args:
+        law: Its name.
+        dampings: (d,) [1/s].
+        peaks: (tasks, d) largest |ddq| [rad/s^2]; infinite where the last point was not reached.
+        kept: (tasks, d) whether no joint went beyond a limit of its own.
+    """
+
+    law: str
+    dampings: np.ndarray
+    peaks: np.ndarray
+    kept: np.ndarray
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """Peaks over the least one of the same task, (tasks, d), where any damping ends it."""
+        least = self.peaks.min(axis=1)
+        ended = np.isfinite(least)
+        return self.peaks[ended] / least[ended, None]
+
+    @property
+    def good(self) -> np.ndarray:
+        """Share of the tasks on which a damping is at most GOOD times as bad as the best, (d,)."""
+        return (self.ratios <= GOOD).mean(axis=0)
+
+    def quantiles(self, share: float) -> np.ndarray:
+        """Of the ratios, (d,)."""
+        return np.quantile(self.ratios, share, axis=0, method='inverted_cdf')
+
+
+def random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
+    """A start within the joints' ranges, and points that the arm reaches from there.
+
+    Args:
+        model: The arm.
+        robot: Its name, for the task.
+        seed: The same one gives the same task.
+    """
+    random = np.random.default_rng(seed)
+    middle, half = _room(model)
+    start = middle + half * random.uniform(-1.0, 1.0, model.n)
+    q = start
+    points = [model.tip(q)[0]]
+    for _ in range(_POINTS):
+        q = q + random.uniform(-_STEP, _STEP, model.n)
+        points.append(model.tip(np.clip(q, middle - half, middle + half))[0])
+    return WaypointTask(robot, start, np.array(points), segment_time=_SEGMENT)
+
+
+def sweep(
+    model: RobotModel,
+    robot: str,
+    laws: Sequence[str],
+    tasks: int,
+    T: float,
+    progress: Callable[[float], None],
+    dampings: Sequence[float] = DAMPINGS,
+) -> list[Trials]:
+    """Every law with every damping on the same random tasks, on all processors.
+
+    Args:
+        model: The arm.
+        robot: Its name.
+        laws: Names in LAWS.
+        tasks: How many; their seeds are 0, 1, 2 and so on.
+        T: Sampling time [s].
+        progress: Is told the share that is done.
+        dampings: k_d [1/s], up to 1/T.
+
+    Raises:
+        RedresError: No such law, or a damping out of its range.
+    """
+    chosen = [[make_law(law, damping=damping) for damping in dampings] for law in laws]
+    limits = JointLimits.of(model.arm)
+
+    def try_all(seed: int, _: Callable[[float], None]) -> np.ndarray:
+        """(laws, dampings, 2): the peak, and whether the limits were kept."""
+        task = random_task(model, robot, seed)
+        found = np.empty((len(laws), len(dampings), 2))
+        for place in np.ndindex(found.shape[:2]):
+            recording = run(Controller(model, chosen[place[0]][place[1]], T), task)
+            peak = np.inf
+            if recording.finished:
+                peak = recording.peak('joint_acceleration_norm')[0]
+            found[place] = (peak, not first_violation(recording, limits))
+        return found
+
+    found = np.array(in_parallel(try_all, range(tasks), progress))  # (tasks, laws, dampings, 2)
+    return [
+        Trials(law, np.array(dampings), found[:, at, :, 0], found[:, at, :, 1] > 0.0)
+        for at, law in enumerate(laws)
+    ]
+
+
+def damping_table(trials: Trials, title: str) -> Table:
+    """One row a damping."""
+    columns = (trials.good, trials.quantiles(0.5), trials.quantiles(0.9), trials.kept.mean(axis=0))
+    rows = [
+        [f'{damping:g}', f'{good:.0%}', f'{half:.2f}', f'{most:.3g}', f'{kept:.0%}']
+        for damping, good, half, most, kept in zip(trials.dampings, *columns, strict=True)
+    ]
+    heads = (
+        'k_d [1/s]',
+        f'within {GOOD:g} x the best',
+        'median of peak / best',
+        'nine in ten below',
+        'joints within limits',
+    )
+    return table(heads, rows, title=f'{trials.law}, {title}')
+
+
+def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
+    """The share of the tasks on which a damping is good, and how bad it is on the others."""
+    figure = Figure(figsize=(9.0, 6.5), layout='constrained')
+    good, bad = figure.subplots(2, 1, sharex=True)
+    good.set_title(title)
+    for trials in results:
+        places = np.arange(len(trials.dampings))
+        (line,) = good.plot(places, 100.0 * trials.good, 'o-', label=trials.law)
+        bad.plot(places, trials.quantiles(0.5), 'o-', color=line.get_color())
+        bad.plot(places, trials.quantiles(0.9), 'o:', color=line.get_color())
+    good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
+    good.set_ylim(0.0, 105.0)
+    bad.set_ylabel('peak / least peak [-]\n(median, dotted: 9 in 10 below)')
+    bad.set_yscale('log')
+    bad.set_xticks(places, [f'{damping:g}' for damping in results[0].dampings])
+    bad.set_xlabel(r'damping $k_d$ [s$^{-1}$]')
+    for ax in (good, bad):
+        ax.grid(alpha=0.3)
+    figure.legend(*good.get_legend_handles_labels(), loc='outside lower center', ncols=2)
+    return figure
+
+
+def _room(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
+    """Middle of the joints' ranges and half of the part in which starts lie, (n,) each [rad]."""
+    limits = JointLimits.of(model.arm)
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    lower = np.where(bounded, limits.lower, -_UNBOUNDED)
+    upper = np.where(bounded, limits.upper, _UNBOUNDED)
+    return (lower + upper) / 2.0, _RANGE * (upper - lower) / 2.0
