@@ -138,6 +138,7 @@ def test_laws_know_the_state_and_nothing_of_who_runs_them():
         'robot_model',
         'resolution',
         'closed_form',
+        'installed',
         'parameter',
         'errors',
     }
