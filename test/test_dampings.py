@@ -1,0 +1,68 @@
+"""Which damping is good, over random tasks."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from redres_ros import RobotModel
+from redres_ros.cli import main
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.dampings import GOOD, Trials, random_task, sweep
+
+
+def test_random_tasks_begin_within_the_ranges_and_are_the_same_every_time() -> None:
+    model = RobotModel.named('fr3')
+    limits = JointLimits.of(model.arm)
+    for seed in range(20):
+        task = random_task(model, 'fr3', seed)
+        assert ((task.start > limits.lower) & (task.start < limits.upper)).all()
+        assert model.tip(task.start)[0] == pytest.approx(task.waypoints[0])
+        assert (task.waypoints == random_task(model, 'fr3', seed).waypoints).all()
+
+
+def test_a_damping_is_judged_beside_the_best_of_the_same_task() -> None:
+    peaks = np.array([[1.0, 1.1, 4.0], [20.0, 10.0, np.inf], [np.inf, np.inf, np.inf]])
+    trials = Trials('law', np.array([0.0, 1.0, 2.0]), peaks, np.ones((3, 3), dtype=bool))
+    assert GOOD == 1.25
+    assert trials.good == pytest.approx([0.5, 1.0, 0.0])  # of the two tasks that any one ended
+    assert trials.quantiles(0.9) == pytest.approx([2.0, 1.1, np.inf])
+
+
+def test_a_sweep_finds_what_a_single_run_finds() -> None:
+    model = RobotModel.named('lwr4_paper')
+    told: list[float] = []
+    (trials,) = sweep(
+        model, 'lwr4_paper', ['minimum_acceleration'], 2, 0.02, told.append, (0.0, 10.0)
+    )
+    assert trials.peaks.shape == trials.kept.shape == (2, 2)
+    assert told[-1] == 1.0
+    again = sweep(model, 'lwr4_paper', ['minimum_acceleration'], 1, 0.02, told.append, (10.0,))
+    assert again[0].peaks[0, 0] == trials.peaks[0, 1]
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ('--tasks 0', 'tasks is 0'),
+        ('--period 1', 'period is 1'),
+        ('--laws minimum_velocity', 'no damping'),
+        ('--laws fastest', 'fastest'),
+    ],
+)
+def test_bad_options_get_one_line(
+    options: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['dampings', *options.split()]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert words in lines[0]
+
+
+def test_the_command_shows_a_table_and_draws(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ['--tasks', '1', '--period', '0.01', '--out', str(tmp_path)]
+    assert main(['dampings', *options]) == 0
+    assert 'median of peak / best' in capsys.readouterr().out
+    assert (tmp_path / 'dampings.png').stat().st_size > 10_000

@@ -1,0 +1,54 @@
+"""The figures in README.md and docs/choosing_a_law.md are those of the code as it is."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[1] / 'docs'
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope='module')
+def numbers() -> ModuleType:
+    """docs/make_numbers.py as a module."""
+    spec = importlib.util.spec_from_file_location('make_numbers', DOCS / 'make_numbers.py')
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def on_page(numbers: ModuleType, page: int, name: str) -> str:
+    return numbers.block(numbers.PAGES[page].read_text(encoding='utf-8'), name)
+
+
+def test_readme_says_what_the_laws_do_on_the_rectangle(numbers: ModuleType) -> None:
+    cases = [
+        numbers.Case('minimum_velocity'),
+        numbers.Case('minimum_acceleration'),
+        numbers.Case('minimum_velocity', limits=numbers.LIMITS),
+    ]
+    results = {case: numbers.result(case) for case in cases}
+    assert on_page(numbers, 0, 'headline') == numbers.headline(results)
+    # A row of each table, which has the same runs.
+    effort = results[cases[1]].effort
+    row = next(row for row in on_page(numbers, 1, 'efforts').splitlines() if cases[1].law in row)
+    assert f' {effort.acceleration:.3g} ' in row.replace('*', '')
+    assert f' {effort.elbow:.3g} ' in row.replace('*', '')
+    tasks = next(row for row in on_page(numbers, 1, 'within').splitlines() if cases[0].law in row)
+    assert numbers._answer({**results}, 'minimum_velocity', 'rectangle') in tasks
+
+
+def test_every_law_and_damping_has_its_place(numbers: ModuleType) -> None:
+    for name in ('efforts', 'within'):
+        rows = on_page(numbers, 1, name).splitlines()[2:]
+        assert [row.split('`')[1] for row in rows] == list(numbers.LAWS)
+    assert (
+        on_page(numbers, 1, 'dampings').count('|')
+        == 3 * (len(numbers.DAMPINGS) + 2) + len(numbers.DAMPINGS) + 2
+    )
+    assert 'minimum_weighted_torque' in on_page(numbers, 1, 'sweep')
