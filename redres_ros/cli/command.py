@@ -74,6 +74,7 @@ def _run(given: list[str]) -> int:
     if not given:
         sys.stderr.write(_BEGINNING)
         return 2
+    _load_plugins(given)
     options = make_parser().parse_args(given)
     status: int = options.run(options)
     return status
