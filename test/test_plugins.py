@@ -103,3 +103,12 @@ def test_a_package_that_is_installed_brings_its_laws_by_entry_point(tmp_path: Pa
     )
     assert done.stdout.strip() == 'my_laws'
     assert 'broken of my_laws:Nothing is left out' in done.stderr
+
+
+def test_a_node_takes_laws_of_ones_own_and_their_gains() -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    from virtual_graph import virtual_run
+
+    own = {'plugins': [str(EXAMPLE)], 'law': 'wrist_first', 'wrist_first.ratio': 3.0}
+    with virtual_run(controller={**own, 'rate': 100.0}) as run:
+        assert run.nodes['controller']._controller.law == LAWS['wrist_first'](ratio=3.0)
