@@ -160,7 +160,6 @@ def test_the_command_writes_plot_and_data(
         ('minimum_velocity@x', ('NAME@DAMPING',)),
         ('minimum_velocity@-1', ('-1',)),
         ('minimum_velocity@5', ('no damping',)),
-        ('', ("''",)),
         ('minimum_velocity,minimum_velocity', ('twice',)),
         ('minimum_acceleration,minimum_acceleration@10', ('twice',)),
     ],
