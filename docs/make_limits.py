@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.simulation.closed_loop import run
+from redres_ros import Controller, RobotModel, load_task, make_law, run
 from redres_ros.simulation.recording import Recording
 
 T = 0.002  # sampling time [s]

@@ -3,8 +3,7 @@
 Run it with: python examples/compare_two_laws.py
 """
 
-from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.simulation.closed_loop import run
+from redres_ros import Controller, RobotModel, load_task, make_law, run
 
 T = 0.002  # sampling time [s]
 

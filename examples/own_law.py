@@ -9,9 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros import Controller, Law, RobotModel, RobotState, load_task, make_law
-from redres_ros.parameter import param
-from redres_ros.simulation.closed_loop import run
+from redres_ros import Controller, Law, RobotModel, RobotState, load_task, make_law, param, run
 
 
 @dataclass(frozen=True)

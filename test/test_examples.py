@@ -106,6 +106,10 @@ def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
     assert numbers(change)[0] < 3.0
 
 
+def test_the_plugin_defines_and_does_nothing_else() -> None:
+    assert not run('plugin')  # test_plugins uses it
+
+
 def test_every_example_has_a_test() -> None:
     tested = re.findall(r"run\('(\w+)'", Path(__file__).read_text(encoding='utf-8'))
     assert sorted(tested) == sorted(path.stem for path in EXAMPLES.glob('*.py'))
