@@ -1,5 +1,6 @@
 """The claims of the paper: what is measured can also come out otherwise."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,14 @@ def test_a_law_that_is_not_optimal_is_found_out(
 def test_every_claim_names_its_place_in_the_paper_and_is_measured_once() -> None:
     assert all(claim.section and claim.says for claim in CLAIMS)
     assert len({claim.measure for claim in CLAIMS}) == len(CLAIMS)
+
+
+def test_the_page_has_what_was_measured_of_every_claim() -> None:
+    page = Path(__file__).resolve().parents[1] / 'docs' / 'claims.csv'
+    with page.open(encoding='utf-8', newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [row['claim'] for row in rows] == [claim.says for claim in CLAIMS]
+    assert all(row['measured'] for row in rows)
 
 
 def test_findings_are_shown_and_written_whole(tmp_path: Path) -> None:
