@@ -1,0 +1,76 @@
+"""The page about one motion: readable whatever the motion was."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from redres_ros import RobotModel, WaypointTask
+from redres_ros.simulation import plots
+from redres_ros.simulation.plots import Remarks, draw_motion
+from redres_ros.simulation.recording import Recording, columns
+
+T = 0.01  # [s]
+
+
+def motion(t: np.ndarray, acceleration: np.ndarray, model: RobotModel) -> Recording:
+    """An arm that stands still, with these norms."""
+    rows = np.zeros((len(t), len(columns(7))))
+    rows[:, columns(7).index('t')] = t
+    rows[:, columns(7).index('joint_acceleration_norm')] = acceleration
+    rows[:, columns(7).index('x')] = np.linspace(0.5, 0.6, len(t))
+    return Recording(rows, 7, T, True, '')
+
+
+@pytest.fixture
+def page(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """What is drawn, in place of files."""
+    drawn: list[Figure] = []
+    monkeypatch.setattr(plots, 'save', lambda figure, path: drawn.append(figure))
+    return drawn
+
+
+def draw(recording: Recording, model: RobotModel, task: WaypointTask, **remarks: object) -> None:
+    draw_motion(recording, model, task, 'title', Path('unused.png'), Remarks({}, **remarks))
+
+
+def norms(page: list[Figure]) -> list:
+    """The three panels beside the paths."""
+    return [ax for ax in page[0].axes if ax.name != '3d']
+
+
+def test_what_the_robot_stopped_does_not_hide_the_rest(
+    page: list[Figure], model: RobotModel, task: WaypointTask
+) -> None:
+    t = T * np.arange(800)
+    acceleration = np.where(t < 7.9, 5.0, 46.0)
+    draw(motion(t, acceleration, model), model, task, stopped='protective stop')
+    panel = norms(page)[0]
+    assert 5.0 < panel.get_ylim()[1] < 15.0
+    assert any('up to 46' in text.get_text() for text in panel.texts)
+
+
+def test_a_switch_is_marked_with_the_names_of_both_laws(
+    page: list[Figure], model: RobotModel, task: WaypointTask
+) -> None:
+    t = T * np.arange(800)
+    switch = (4.0, 'minimum_velocity', 'minimum_torque')
+    draw(motion(t, np.ones(800), model), model, task, switches=(switch,))
+    names = {text.get_text().strip() for ax in norms(page) for text in ax.texts}
+    assert {'minimum_velocity', 'minimum_torque'} <= names
+
+
+def test_a_repeated_task_is_shown_from_its_first_round_to_its_last(
+    page: list[Figure], model: RobotModel, task: WaypointTask
+) -> None:
+    rounds = np.concatenate([start + T * np.arange(300) for start in (0.0, 60.0, 590.0)])
+    draw(motion(rounds, np.ones(900), model), model, task)
+    panel = norms(page)[0]
+    (curve,) = panel.lines
+    shown = np.asarray(curve.get_xdata())
+    assert (np.nanmin(shown), np.nanmax(shown)) == (rounds[0], rounds[-1])
+    assert np.isnan(shown).sum() == 2  # no line across the time between two rounds
+    low, high = panel.get_xlim()
+    assert low < 0.0  # what happens at the very start is not on the axis
+    assert high > rounds[-1]
