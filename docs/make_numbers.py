@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
+from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
@@ -285,6 +286,9 @@ def main() -> None:
             'headline': headline(results),
         }
     )
+    figure = figure_1()
+    figure.axes[0].set_title('')  # it is no number of a page
+    figure.savefig(PICTURES / 'architecture.png', dpi=90)
     draw_laws(results).savefig(PICTURES / 'laws.png', dpi=110)
     draw_rectangle_dampings(results).savefig(PICTURES / 'damping.png', dpi=110)
 

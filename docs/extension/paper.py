@@ -14,8 +14,7 @@ RESULTS = Path(__file__).resolve().parents[1] / 'claims.csv'  # copied from its 
 
 def claims() -> Iterator[str]:
     """The table of claims, in our words, with what was measured."""
-    with RESULTS.open(encoding='utf-8', newline='') as file:
-        results = list(csv.DictReader(file))
+    results = _results()
     known = [(claim.section, claim.says) for claim in CLAIMS]
     stale = {row['claim'] for row in results} - {says for _, says in known}
     if stale:
@@ -26,6 +25,14 @@ def claims() -> Iterator[str]:
     yield f'{held} of {len(results)} are held by the latest run.'
     yield ''
     yield from table(('in the paper', 'claim', 'held?', 'measured'), rows)
+
+
+def _results() -> list[dict[str, str]]:
+    """What was measured; nothing before the first run."""
+    if not RESULTS.exists():
+        return []
+    with RESULTS.open(encoding='utf-8', newline='') as file:
+        return list(csv.DictReader(file))
 
 
 def _row(section: str, says: str, result: dict[str, str] | None) -> tuple[str, ...]:
