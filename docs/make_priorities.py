@@ -1,0 +1,56 @@
+"""Draws docs/priorities.png: a second task, where both are possible and where they conflict.
+
+Run it with: python docs/make_priorities.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.rotation import rotation_vector
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.recording import Recording
+
+T = 0.004  # sampling time [s]
+LIMITS = ('position', 'velocity', 'acceleration')
+TASKS = {'lwr4_square': 'both are possible', 'rectangle': 'they conflict'}
+SECOND = {(): '0.6', ('orientation',): 'tab:blue'}
+
+
+def main() -> None:
+    """Run the motions and draw them."""
+    figure = Figure(figsize=(9.0, 5.0), layout='constrained')
+    axes = figure.subplots(2, 2, sharex='col')
+    for column, (name, title) in enumerate(TASKS.items()):
+        task = load_task(name)
+        model = RobotModel.named(task.robot)
+        for tasks, color in SECOND.items():
+            law = make_law('minimum_acceleration')
+            controller = Controller(model, law, T, limits=LIMITS, secondary_tasks=tasks)
+            recording = run(controller, task)
+            t = recording['t']
+            label = 'position, then orientation' if tasks else 'position alone'
+            axes[0, column].plot(t, turns(model, recording), color=color, label=label)
+            axes[1, column].plot(t, 1e3 * recording['task_error'], color=color)
+        axes[0, column].set_title(f'{name}: {title}', fontsize='medium')
+        axes[1, column].set(xlabel='time [s]', ylim=(0.0, 1.0))
+    axes[0, 0].set_ylabel('turned from the start [deg]')
+    axes[1, 0].set_ylabel('error of the position [mm]')
+    axes[0, 0].legend(fontsize='small')
+    for ax in axes.flat:
+        ax.grid(alpha=0.3)
+    figure.savefig(Path(__file__).with_name('priorities.png'), dpi=110)
+
+
+def turns(model: RobotModel, recording: Recording) -> np.ndarray:
+    """How far the tip is turned from its orientation at the start, (ticks,) [deg]."""
+    q = recording.vectors('q1')
+    _, R_start = model.tip(q[0])
+    angles = [np.linalg.norm(rotation_vector(R_start @ model.tip(each)[1].T)) for each in q]
+    return np.degrees(angles)
+
+
+if __name__ == '__main__':
+    main()
