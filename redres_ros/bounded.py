@@ -86,17 +86,27 @@ def bound(
         The velocity, always finite and in the box, and what gave way for it. Where the input is not
         finite it is the one nearest to standing still.
     """
-    lower, upper = box
-    if within(dq_free, lower, upper) and all(
-        within(C.dot(dq_free), low, high) for C, low, high in rows
-    ):
+    if keeps(dq_free, box, rows):
         return Bounded(dq_free)
+    lower, upper = box
     J, dx, sizes = _stacked_tasks(tasks, len(dq_free))
     C, low, high, groups = _stacked_rows(rows, len(dq_free))
     weight, is_factor = _weight(W)
     return Bounded(
         *cascade(dq_free, weight, is_factor, J, dx, sizes, lower, upper, C, low, high, groups)
     )
+
+
+def keeps(dq: np.ndarray, box: Box, rows: Sequence[Rows]) -> bool:
+    """Whether a velocity keeps all limits.
+
+    Args:
+        dq: (n,) [rad/s].
+        box: (lower, upper), both (n,) [rad/s].
+        rows: (C, low, high) of each group.
+    """
+    lower, upper = box
+    return within(dq, lower, upper) and all(within(C.dot(dq), low, high) for C, low, high in rows)
 
 
 def _weight(W: Weight) -> tuple[np.ndarray, bool]:

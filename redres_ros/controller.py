@@ -281,17 +281,18 @@ class Controller:
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
         start = self._integrated(q, missed)
         resolver = self._resolver.advanced(self.T, self.switch_time)
-        measured = RobotState(self.model, q, self._dq_prev)
-        state = measured
-        if start is not q and resolver.anchor == 1.0:
-            state = RobotState(self.model, start, self._dq_prev)
-        elif start is not q and resolver.anchor > 0.0:
-            state = RobotState(self.model, q + resolver.anchor * (start - q), self._dq_prev)
+        state = RobotState(self.model, q, self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
         blend = self._blend.advanced(
             begun if self._moving else STANDING, self._dq_prev, self.T, self.switch_time
         )
         answer, after = blend.answer(state, self.task, dx, self.T)
+        if start is not q:
+            reference = RobotState(self.model, start, self._dq_prev)
+            if not resolver.allows(answer, reference, self.T):
+                # Where limits act, joints are fast, and the arm is behind: a Jacobian from where it
+                # is would turn the path aside, by up to a millimetre.
+                answer, after = blend.answer(reference, self.task, dx, self.T)
         answer = resolver.resolve(answer, state, start, self.T)
         dq = answer.dq
         q_ref = np.empty(self.model.n)
@@ -307,7 +308,7 @@ class Controller:
         own = (dq.copy(), q_ref.copy())
         # _make takes half the time of calling the class
         return Command._make(
-            (*own, measured, self.T, answer.J, answer.W, answer.s, answer.limiting, lost)
+            (*own, state, self.T, answer.J, answer.W, answer.s, answer.limiting, lost)
         )
 
     def _integrated(self, q: np.ndarray, missed: int) -> np.ndarray:

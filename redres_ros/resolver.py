@@ -21,33 +21,31 @@ class Resolver(Protocol):
     """Makes the command of what a motion would do."""
 
     @property
-    def anchor(self) -> float:
-        """Where the motion is evaluated: 0 at the measurement, 1 at the reference that goes on.
-
-        The arm is behind its reference. A Jacobian from there turns the path aside, by some tenths
-        of a degree at the speeds that limits allow: a millimetre, where the feedback is weak.
-        """
-
-    @property
     def bounds_acceleration(self) -> bool:
         """Whether no command can jump under it."""
 
     def advanced(self, T: float, switch_time: float) -> 'Resolver':
         """One cycle on."""
 
+    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+        """Whether the answer can be given as it is; start: the reference that is integrated."""
+
     def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The answer to give; start: (n,) [rad], the reference that is integrated."""
 
 
 class Unlimited:
-    """The closed form as it is, from measured positions, as in Fig. 1."""
+    """The closed form as it is."""
 
-    anchor = 0.0
     bounds_acceleration = False
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
         return self
+
+    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+        """Always."""
+        return True
 
     def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The wanted one."""
@@ -65,15 +63,14 @@ class Limited:
         scale: (m,) makes rows of the first task comparable; None where they are.
     """
 
-    anchor = 1.0
-
     def __init__(self, limits: 'Limits', scale: np.ndarray | None) -> None:
         # compiled: loaded only where limits are wanted
-        from redres_ros.bounded import bound
+        from redres_ros.bounded import bound, keeps
         from redres_ros.limits import limit_name
         from redres_ros.limits.joint import AccelerationLimit
 
         self._bound = bound
+        self._keeps = keeps
         self._limit_name = limit_name
         self._limits = limits
         self._scale = scale
@@ -82,6 +79,13 @@ class Limited:
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
         return self
+
+    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+        """Whether it keeps the limits."""
+        if self._limits.keep(answer.dq, start, T):
+            return True
+        bounds = self._limits.at(start, T)
+        return self._keeps(answer.dq, bounds.box, bounds.rows)
 
     def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
@@ -112,17 +116,16 @@ class Changeover:
     share: float = 0.0
     bounds_acceleration = False
 
-    @property
-    def anchor(self) -> float:
-        part, _ = quintic(self.share)
-        return (1.0 - part) * self.old.anchor + part * self.new.anchor
-
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """One cycle on; the new one at the end."""
         step = T / switch_time if switch_time > 0.0 else 1.0
         if self.share + step >= 1.0:
             return self.new
         return replace(self, share=self.share + step)
+
+    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+        """Whether both do."""
+        return self.old.allows(answer, start, T) and self.new.allows(answer, start, T)
 
     def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The mixture of both, which executes the mixture of their shares of dx."""

@@ -283,11 +283,10 @@ def distance_from_path(recording: Recording, task: WaypointTask) -> np.ndarray:
     return np.linalg.norm(x - start - along * unit, axis=1)
 
 
-@pytest.mark.parametrize('delay', [1, 3])
-def test_an_arm_that_is_behind_its_reference_keeps_the_path_too(delay):
+def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
     """It is behind on the path, but not aside: 0.8 mm with a Jacobian from where the arm is."""
     controller = Controller(MODEL, make_law('minimum_velocity'), T, limits=BOX)
-    recording = run(controller, TASK, delay=delay)
+    recording = run(controller, TASK, delay=1)
     assert distance_from_path(recording, TASK).max() < 0.5e-3
 
 
