@@ -16,7 +16,7 @@ def before(options: DemoOptions, model: RobotModel) -> str:
     nodes = 'one process of three nodes' if options.composed else 'three ROS 2 nodes'
     matter = 'that choice decides how smoothly the arm moves'
     if options.task == 'rectangle':
-        matter = 'near the stretched arm, 7 s from now, that decides whether it gets through'
+        matter = 'near the stretched arm, 7 s into the task, that decides whether it gets through'
     return (
         f'A simulated arm of {joints} joints moves its tip along a task, '
         f'led by {nodes} in {options.rate:g} cycles a second. '
