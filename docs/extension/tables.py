@@ -11,6 +11,7 @@ from extension.equations import equations
 from extension.notebook import page
 from extension.paper import claims
 from extension.public import public
+from extension.rooms import rooms
 from extension.ros import parameters, services, topics
 from extension.things import things
 
@@ -24,6 +25,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
         'notebook': page,
         'parameters': parameters,
         'public': public,
+        'rooms': rooms,
         'services': services,
         'tables': things,
         'topics': topics,
