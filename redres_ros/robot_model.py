@@ -1,6 +1,6 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -171,15 +171,34 @@ class RobotModel:
         )
 
     @classmethod
-    def from_urdf(cls, path: str | Path, tip_frame: str, *, elbow_frame: str = '') -> 'RobotModel':
+    def from_urdf(
+        cls,
+        path: str | Path,
+        tip_frame: str,
+        *,
+        elbow_frame: str = '',
+        acceleration_limit: Sequence[float] = (),
+        effort_limit: Sequence[float] = (),
+    ) -> 'RobotModel':
         """Any serial arm from a URDF or xacro file.
 
         Args:
             path: The file.
             tip_frame: The link that carries out the task.
-            elbow_frame: The link whose origin counts as the elbow; empty: chosen.
+            elbow_frame: The link whose origin counts as the elbow; empty: that of the joint in the
+                middle of the arm.
+            acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: an assumption, see
+                `arm.remarks()`.
+            effort_limit: Of each joint, (n,) [Nm]; empty: that of the URDF.
         """
-        return cls(arm_from_urdf(Path(path), tip_frame, elbow_frame))
+        arm = arm_from_urdf(
+            Path(path),
+            tip_frame,
+            elbow_frame,
+            acceleration_limit=tuple(map(float, acceleration_limit)),
+            effort_limit=tuple(map(float, effort_limit)),
+        )
+        return cls(arm)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -81,16 +82,17 @@ def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_
 
 
 @pytest.mark.parametrize(
-    ('node', 'robot', 'words'),
+    ('node', 'parameters', 'words'),
     [
-        ('sim', 'topic', ('publishes robot_description itself', 'lwr4_paper')),
-        ('controller', '/no/such/arm.urdf', ('cannot read the URDF /no/such/arm.urdf',)),
+        ('sim', {'robot': 'topic'}, ('publishes robot_description itself', 'lwr4_paper')),
+        ('controller', {'robot': '/no/such/arm.urdf'}, ('cannot read the URDF /no/such/arm.urdf',)),
+        ('controller', {'acceleration_limit': [1.0]}, ('has 1 values', 'lwr_a1_joint')),
     ],
 )
 def test_an_arm_that_cannot_be_is_refused_in_one_line(
-    node: str, robot: str, words: tuple[str, ...], tmp_path: Path
+    node: str, parameters: dict[str, Any], words: tuple[str, ...], tmp_path: Path
 ) -> None:
-    with nodes(tmp_path, **{node: {'robot': robot}}) as (_, processes):
+    with nodes(tmp_path, **{node: parameters}) as (_, processes):
         assert processes[node].wait(30.0) == 1
     [line] = log_lines(tmp_path, node)
     assert all(word in line for word in words), line

@@ -7,6 +7,7 @@ one thing of it.
 import re
 import sys
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel, make_law
-from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.errors import FileError, RedresError, UnknownNameError
 from redres_ros.fri.plant import MujocoPlant, Witness
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
@@ -564,6 +565,42 @@ def test_acceleration_limits_are_assumed_and_that_is_told():
     arm = arm_from_urdf(changed('elbow', 'type="revolute"', 'type="prismatic"'), 'tip')
     assert arm.acceleration_limit == (10.0, 10.0, 5.0, 10.0)
     assert 'assumed: 10, 10, 5, 10' in ' '.join(arm.remarks())
+
+
+def test_limits_can_be_given_in_the_place_of_those_assumed_and_of_the_urdf(tmp_path):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(urdf())
+    given = {'acceleration_limit': [1, 2, 3, 4], 'effort_limit': [5, 6, 7, 8]}
+    model = RobotModel.from_urdf(path, 'tip', **given)
+    assert model.arm.acceleration_limit == (1.0, 2.0, 3.0, 4.0)
+    assert model.tau_max.tolist() == given['effort_limit']
+    assert 'acceleration' not in ' '.join(model.arm.remarks())
+    # The simulated arm has them too.
+    assert model.arm.description().count('effort="7.0"') == 1
+
+
+@pytest.mark.parametrize(
+    ('limits', 'complaint'),
+    [
+        ({'effort_limit': (5.0, 6.0)}, 'effort_limit has 2 values; expected one for each joint'),
+        ({'acceleration_limit': (5.0,)}, 'acceleration_limit has 1 values'),
+        ({'effort_limit': (5.0, 6.0, 0.0, 1.0)}, r'effort_limit is 0\.0; allowed: 0 to 1e\+09'),
+        ({'effort_limit': (5.0, 6.0, np.nan, 1.0)}, 'effort_limit is nan'),
+    ],
+)
+def test_limits_that_are_none_or_of_other_joints_are_refused(limits, complaint):
+    with pytest.raises(RedresError, match=complaint):
+        arm_from_urdf(urdf(), 'tip', **limits)
+
+
+def test_an_arm_of_very_many_joints_gets_a_start_without_looking_at_millions_of_postures():
+    links = ''.join(f'<link name="l{k}"/>' for k in range(61))
+    joints = ''.join(
+        joint(f'j{k}', f'l{k}', f'l{k + 1}', f'<origin xyz="0 0 0.1"/><axis xyz="{axis}"/>{LIMIT}')
+        for k, axis in zip(range(60), cycle(('1 0 0', '0 1 0')), strict=False)
+    )
+    arm = arm_from_urdf(f'<robot name="snake">{links}{joints}</robot>', 'l60')
+    assert 0 < np.count_nonzero(arm.start) <= 3
 
 
 @pytest.mark.parametrize('name', sorted(ARMS))

@@ -24,6 +24,7 @@ TOPIC = 'topic'  # in place of an arm's name: the URDF that somebody publishes
 DESCRIPTION = 'robot_description'
 
 _PAPER = ARMS['lwr4_paper']
+_OF_THE_URDF = (0.0,)  # ROS has no empty arrays
 _PATIENCE = 3.0  # [s] of waiting for the description between one line in the log and the next
 _GLANCE = 0.1  # [s] after which Python's signal handlers have their turn
 
@@ -57,6 +58,12 @@ class MountingParameters:
     )
     tool_offset: float = param(
         _PAPER.tool_offset, 'from the flange to the tip along z [m]', -2.0, 2.0
+    )
+    acceleration_limit: tuple[float, ...] = param(
+        _PAPER.acceleration_limit, 'of each joint from base to tip [rad/s^2]', 1e-3, 1e6
+    )
+    effort_limit: tuple[float, ...] = param(
+        _OF_THE_URDF, "the same for efforts [Nm]; [0.0]: the URDF's own", 0.0, 1e9
     )
     task_space: str = param(
         'position', 'rows of the task: position 3, pose 6', choices=('position', 'pose')
@@ -105,16 +112,19 @@ def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
         arm = choose_tip(await_description(node), wanted.tip_frame, wanted.elbow_frame)
     else:
         arm = choose_arm(wanted.robot, wanted.tip_frame, wanted.elbow_frame)
+    own = MountingParameters(arm.dynamics, arm.base_offset, arm.tool_offset, arm.acceleration_limit)
+    mounting = declare(node, own)
     for remark in arm.remarks():
         node.get_logger().info(remark)
-    own = MountingParameters(arm.dynamics, arm.base_offset, arm.tool_offset)
-    mounting = declare(node, own)
     arm = replace(
         arm,
         dynamics=mounting.dynamics,
         base_offset=mounting.base_offset,
         tool_offset=mounting.tool_offset,
+        acceleration_limit=mounting.acceleration_limit,
+        effort_limit=() if mounting.effort_limit == _OF_THE_URDF else mounting.effort_limit,
     )
+    arm.kinematics()  # refuses limits of another number of joints
     return ChosenRobot(wanted.robot, arm, mounting.task_space)
 
 

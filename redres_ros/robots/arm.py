@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.chain import settle_chain, tree_to
+from redres_ros.robots.chain import UNLIMITED_EFFORT, settle_chain, tree_to
 from redres_ros.robots.hold import hold_the_rest
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
 from redres_ros.robots.kinematics import Kinematics
@@ -14,7 +14,7 @@ from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 DYNAMICS = ('identified', 'cylinders')
 DEFAULT_RADIUS = 0.06  # [m] of a body
-OF_EACH_JOINT = ('rotor_inertia', 'acceleration_limit', 'start')  # fields of an arm
+OF_EACH_JOINT = ('rotor_inertia', 'effort_limit', 'acceleration_limit', 'start')  # fields of an arm
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Arm:
         body_radius: Of the capsules around the base and around each link, (n + 1,) [m], 0 for none;
             empty: 0.06 m each.
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
+        effort_limit: Of each joint, (n,) [Nm], or [N] of a prismatic one; empty: the URDF's own.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
         pose_task: The same with orientations, from the same start.
@@ -42,7 +43,7 @@ class Arm:
 
     Raises:
         UnknownNameError: For the dynamics.
-        RangeError: For an offset beyond 2 m.
+        RangeError: For an offset beyond 2 m, or an effort limit that is none.
     """
 
     urdf: Path | str
@@ -59,6 +60,7 @@ class Arm:
     pose_task: str = ''
     assumptions: tuple[str, ...] = ()
     other_tips: tuple[str, ...] = ()
+    effort_limit: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.dynamics not in DYNAMICS:
@@ -66,6 +68,9 @@ class Arm:
         for name in ('base_offset', 'tool_offset'):
             if not -2.0 <= getattr(self, name) <= 2.0:
                 raise RangeError(name, getattr(self, name), -2.0, 2.0, 'm')
+        for effort in self.effort_limit:
+            if not 0.0 < effort <= UNLIMITED_EFFORT:
+                raise RangeError('effort_limit', effort, 0.0, UNLIMITED_EFFORT, 'Nm, above 0')
 
     @property
     def armature(self) -> tuple[float, ...]:
@@ -132,6 +137,7 @@ class Arm:
             urdf.check_link(self.elbow_frame)
         remarks = settle_chain(urdf, tree) + hold_the_rest(urdf, tree)
         self._check_sizes([joint.name for joint in tree if joint.type != 'fixed'])
+        self._set_efforts(tree)
         if self.dynamics == 'cylinders':
             make_cylinders(urdf, tree)
         remarks += fill_in_inertias(urdf, tree)
@@ -146,6 +152,11 @@ class Arm:
                     f'{field} has {len(values)} values; expected one for each joint that moves '
                     f'{self.tip_frame}: {", ".join(joint_names)}'
                 )
+
+    def _set_efforts(self, tree: tuple[UrdfJoint, ...]) -> None:
+        moving = [joint for joint in tree if joint.type != 'fixed']
+        for joint, effort in zip(moving, self.effort_limit, strict=bool(self.effort_limit)):
+            child(joint.element, 'limit').set('effort', repr(effort))
 
     def _set_offset(self, urdf: Urdf, mount: str, offset: float) -> None:
         if not offset:

@@ -1,5 +1,6 @@
 """What to begin with for an arm of which only the URDF is known."""
 
+import math
 from collections.abc import Iterator
 from itertools import combinations, product
 
@@ -11,6 +12,7 @@ REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
 PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
 
 _BENT_JOINTS = 3  # at most, of a start
+_POSTURES = 5_000  # at most, that are looked at for one
 _BEND = 1.0  # [rad] or [m], by which such a joint is away from its middle, or half of the way
 _GOOD_ENOUGH = 0.4  # of the best conditioning found
 
@@ -46,7 +48,11 @@ def default_start(kinematics: Kinematics) -> np.ndarray:
 
 def _bends(n: int) -> Iterator[np.ndarray]:
     """All ways to bend up to three of n joints to the one or to the other side."""
+    seen = 0
     for count in range(min(n, _BENT_JOINTS) + 1):
+        seen += math.comb(n, count) * 2**count
+        if seen > _POSTURES:
+            return  # an arm of so many joints is well conditioned with fewer of them bent
         for joints in combinations(range(n), count):
             for sides in product((-1.0, 1.0), repeat=count):
                 bends = np.zeros(n)

@@ -137,19 +137,36 @@ def _with_another_tip(arm: Arm) -> Arm:
     return replace(arm, task='', pose_task='', body_radius=body_radius, **figures)
 
 
-def arm_from_urdf(source: Path | str, tip_frame: str, elbow_frame: str = '') -> Arm:
+def arm_from_urdf(
+    source: Path | str,
+    tip_frame: str,
+    elbow_frame: str = '',
+    *,
+    acceleration_limit: tuple[float, ...] = (),
+    effort_limit: tuple[float, ...] = (),
+) -> Arm:
     """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
 
     Args:
         source: The file, a URDF or xacro (Path), or a URDF's text (str).
         tip_frame: The link that carries out tasks.
         elbow_frame: The link whose origin counts as the elbow; empty: chosen.
+        acceleration_limit: Of each joint, (n,) [rad/s^2] or [m/s^2]; empty: assumed.
+        effort_limit: Of each joint, (n,) [Nm] or [N]; empty: the URDF's own.
 
     Raises:
         FileError: The file cannot be read, has a joint that cannot be used, or too few of them.
         UnknownNameError: No link has the tip's or the elbow's name.
+        ArrayError: Limits of another number of joints.
+        RangeError: An effort limit that is none.
     """
-    arm = Arm(source, tip_frame, elbow_frame)
+    arm = Arm(
+        source,
+        tip_frame,
+        elbow_frame,
+        acceleration_limit=acceleration_limit,
+        effort_limit=effort_limit,
+    )
     kinematics = arm.kinematics()
     if kinematics.n < FEWEST_JOINTS:
         raise FileError(
@@ -157,17 +174,19 @@ def arm_from_urdf(source: Path | str, tip_frame: str, elbow_frame: str = '') -> 
             f'expected at least {FEWEST_JOINTS}, as a position has three coordinates'
         )
     start = defaults.default_start(kinematics)
-    acceleration = defaults.default_acceleration(kinematics)
+    acceleration = acceleration_limit or defaults.default_acceleration(kinematics)
     elbow = elbow_frame or defaults.default_elbow(kinematics)
-    figures = ', '.join(f'{limit:g}' for limit in acceleration)
-    assumptions = (
-        f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 (m/s^2 of a linear joint)',
-        f'the elbow is {elbow}',
-    )
+    assumptions = [] if elbow_frame else [f'the elbow is {elbow}']
+    if not acceleration_limit:
+        figures = ', '.join(f'{limit:g}' for limit in acceleration)
+        assumptions.append(
+            'a URDF has no acceleration limits; '
+            f'assumed: {figures} rad/s^2 (m/s^2 of a linear joint)'
+        )
     return replace(
         arm,
         elbow_frame=elbow,
         acceleration_limit=acceleration,
         start=tuple(start.tolist()),
-        assumptions=assumptions,
+        assumptions=tuple(assumptions),
     )
