@@ -1,8 +1,11 @@
 """Recordings: what was said is in the file, and readers that are not ours understand it."""
 
+import json
+import re
 import threading
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import pytest
 import yaml
@@ -24,12 +27,14 @@ from redres_ros.cli import main
 from redres_ros.demo.mcap_file import McapFile, write_tapes
 from redres_ros.demo.message_text import TypeTextError, definition_of, find_type, name_of
 from redres_ros.demo.recorder import GraphRecorder
-from redres_ros.demo.tape import Tape
+from redres_ros.demo.tape import TOPICS, Tape
 from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
+from redres_ros.robot_model import RobotModel
 
 NAMES = ('a', 'b')
 MS = 1_000_000  # [ns]
+CONFIG = Path(__file__).parents[1] / 'config'
 
 
 def read(path: Path) -> list[Any]:
@@ -122,6 +127,21 @@ def test_a_type_is_told_with_all_that_it_is_made_of() -> None:
 def test_a_type_that_is_not_here_is_refused_by_name() -> None:
     with pytest.raises(TypeTextError, match='no_such_msgs/msg/Thing'):
         find_type('no_such_msgs/msg/Thing')
+
+
+def test_layouts_show_what_is_recorded() -> None:
+    topics = {f'/{topic.removeprefix("/")}' for topic in TOPICS}
+    foxglove = json.loads((CONFIG / 'foxglove.json').read_text())
+    shown = re.findall(r'"(/[a-z_/]+)\.\w+"', json.dumps(foxglove))
+    assert len(shown) > 5 and set(shown) <= topics
+    panels = set(re.findall(r'\w+![a-z]+', json.dumps(foxglove['layout'])))
+    assert panels == set(foxglove['configById'])
+    curves = [curve.get('name') for curve in ET.parse(CONFIG / 'plotjuggler.xml').iter('curve')]
+    joints = RobotModel.named('lwr4_paper').joint_names
+    known = {f'{topic}/data' for topic in topics}
+    known |= {f'/joint_states/{joint}/position' for joint in joints}
+    known |= {f'/joint_command/{joint}/velocity' for joint in joints}
+    assert len(curves) > 20 and set(curves) <= known
 
 
 # --- beside a running graph -----------------------------------------------------------------------

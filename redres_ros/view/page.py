@@ -46,18 +46,20 @@ class Page:
         self._add_panels(remote, values)
         self._figures = Trail(_PLOTTED)
         self._ways = {way: Trail(_TRACED) for way in self._scene.ways(self._arm.q)}
+        self._shown = np.full(model.n, np.nan)  # q of the newest picture
         spectator.on_parameters = self._on_parameters
 
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""
         number = 0
         while not stopped.wait(_PERIOD):
-            self._look()
             if not self._server.get_clients():
-                continue  # nobody looks
+                self._forget()  # nobody looks
+                continue
+            self._look()
             number += 1
             with self._server.atomic():
-                self._scene.show(self._arm.q)
+                self._show_arm()
                 if number % _SLOWLY == 0:
                     self._show_slowly()
         self._arm.close()
@@ -83,6 +85,16 @@ class Page:
             self._figures.add(figures.time, figures)
             for way, place in self._scene.ways(self._arm.q).items():
                 self._ways[way].add(figures.time, place)
+
+    def _forget(self) -> None:
+        """What was plotted and traced: whoever comes next must not see a leap over the gap."""
+        for trail in (self._figures, *self._ways.values()):
+            trail.clear()
+
+    def _show_arm(self) -> None:
+        if not np.array_equal(self._arm.q, self._shown):
+            self._shown = self._arm.q
+            self._scene.show(self._shown)
 
     def _show_slowly(self) -> None:
         self._state.content = words.state(self._spectator.words, self._spectator.health())
