@@ -72,7 +72,15 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
 
 
 def find_arm_of(options: argparse.Namespace, robot: str) -> 'Arm':
-    """The arm of a name or a file, with the tip, the elbow and the dynamics of the options."""
+    """An arm with the tip, the elbow and the dynamics of the options.
+
+    Args:
+        options: With these three.
+        robot: Its name, or the file of its URDF.
+
+    Raises:
+        RedresError: There is no such arm, link or dynamics.
+    """
     from redres_ros.robots import choose_arm
 
     arm = choose_arm(robot, options.tip or '', options.elbow or '')

@@ -32,7 +32,12 @@ class Apart:
 
     @classmethod
     def of(cls, one: Experiment, two: Experiment) -> 'Apart':
-        """Of the law's experiment and the scheme's, while both were commanded."""
+        """Of two experiments, while both were commanded.
+
+        Args:
+            one: The law's.
+            two: The scheme's.
+        """
         commands = [each.recording.vectors('dq1') for each in (one, two)]
         ticks = min(len(dq) for dq in commands)
         inner = slice(LEFT_OUT, ticks - LEFT_OUT)

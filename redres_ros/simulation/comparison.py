@@ -174,7 +174,16 @@ def plain(number: float) -> str:
 
 
 def draw(recordings: Mapping[str, Recording], title: str, path: Path) -> None:
-    """The same as a file. Raises FileError."""
+    """Write what `picture` draws.
+
+    Args:
+        recordings: By law.
+        title: Says what was compared.
+        path: Of the file.
+
+    Raises:
+        FileError: It cannot be written.
+    """
     save(picture(recordings, title), path)
 
 

@@ -125,7 +125,12 @@ def sweep(
 
 
 def damping_table(trials: Trials, title: str) -> Table:
-    """One row a damping."""
+    """One row a damping.
+
+    Args:
+        trials: Of one law.
+        title: Says what was tried.
+    """
     columns = (trials.good, trials.quantiles(0.5), trials.quantiles(0.9), trials.kept.mean(axis=0))
     rows = [
         [f'{damping:g}', f'{good:.0%}', f'{half:.2f}', f'{most:.3g}', f'{kept:.0%}']
@@ -142,7 +147,12 @@ def damping_table(trials: Trials, title: str) -> Table:
 
 
 def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
-    """The share of the tasks on which a damping is good, and how bad it is on the others."""
+    """The share of the tasks on which a damping is good, and how bad it is on the others.
+
+    Args:
+        results: One a law, of the same dampings.
+        title: Says what was tried.
+    """
     figure = Figure(figsize=(9.0, 6.5), layout='constrained')
     good, bad = figure.subplots(2, 1, sharex=True)
     good.set_title(title)

@@ -51,12 +51,22 @@ def figure_18(runs: Runs) -> Figure:
 
 
 def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Acceleration of the joint that is nearest to its limit, or beyond, as a share, (ticks,)."""
+    """Acceleration of the joint that is nearest to its limit, or beyond, as a share, (ticks,).
+
+    Args:
+        recording: Of commands.
+        model: The arm, with its limits.
+    """
     return np.abs(_accelerations(recording) / model.arm.acceleration_limit).max(axis=1)
 
 
 def torque_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """The same of the torque of Eq. (6), (ticks,)."""
+    """The same of the torque of Eq. (6), (ticks,).
+
+    Args:
+        recording: Of commands.
+        model: The arm, with its limits.
+    """
     dq_prev = np.vstack((np.zeros(model.n), recording.vectors('dq1')[:-1]))  # (ticks, n)
     rows = zip(recording.vectors('q1'), dq_prev, _accelerations(recording), strict=True)
     states = ((model.state(q, dq), ddq) for q, dq, ddq in rows)
