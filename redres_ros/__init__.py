@@ -6,7 +6,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from redres_ros.controller import Command, Controller
+    from redres_ros.command import Command
+    from redres_ros.controller import Controller
     from redres_ros.errors import RedresError
     from redres_ros.laws import LAWS, Law, make_law
     from redres_ros.limits import LIMITS, Limit, make_limits
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 # Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy
 # nor pinocchio.
 _HOMES = {
-    'Command': 'controller',
+    'Command': 'command',
     'Controller': 'controller',
     'RedresError': 'errors',
     'LAWS': 'laws',

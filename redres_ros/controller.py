@@ -6,17 +6,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from numbers import Integral
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from redres_ros.closed_form import are_usable, integrate
+from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError
 from redres_ros.laws import LAWS, Law
 from redres_ros.motion import STANDING, Blend, LawMotion, check_task
 from redres_ros.parameter import Parameter, check_value, found, several
 from redres_ros.preferences import PREFERENCES, Preference
-from redres_ros.resolution import Weight, project
 from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
 from redres_ros.robot_model import RobotModel, RobotState, as_vector, check_finite
 from redres_ros.tasks import TASKS, Task
@@ -31,49 +31,6 @@ _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
-
-
-class Command(NamedTuple):
-    """One tick's answer. What only onlookers want is computed when it is asked for.
-
-    dq: (n,) [rad/s]. q_ref: (n,) [rad]. state: what it answers. T: sampling time [s]. J: (m, n) of
-    the first task. W: the metric of the law. s: the share of dx that the limits allow. limiting:
-    'joint: limit' that acts, '' if none does. lost: (m,), the part of dx that a singularity does
-    not let through.
-    """
-
-    dq: np.ndarray
-    q_ref: np.ndarray
-    state: RobotState
-    T: float
-    J: np.ndarray
-    W: Weight
-    s: float
-    limiting: str
-    lost: np.ndarray
-
-    @property
-    def null(self) -> np.ndarray:
-        """The null-space term of Eq. (2), (n,) [rad/s].
-
-        It is P dq, which is P b: P J_W^# = 0.
-        """
-        return project(self.J, self.dq, self.W)
-
-    @property
-    def ddq(self) -> np.ndarray:
-        """Joint acceleration (dq_k - dq_{k-1}) / T, (n,) [rad/s^2], Eq. (13)."""
-        return (self.dq - self.state.dq_prev) / self.T
-
-    @property
-    def tau(self) -> np.ndarray:
-        """Joint torque M(q_k) ddq_k + n(q_k, dq_{k-1}), (n,) [Nm], Eq. (6)."""
-        return self.state.M @ self.ddq + self.state.n
-
-    @property
-    def min_singular_value(self) -> float:
-        """Smallest singular value of the task Jacobian."""
-        return float(np.linalg.svd(self.J, compute_uv=False)[-1])
 
 
 class Controller:

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.controller import Command, Controller
+from redres_ros.command import Command
+from redres_ros.controller import Controller
 from redres_ros.cycles import NANOSECONDS, ClockError, Cycles
 from redres_ros.errors import RedresError
 from redres_ros.parameter import check_parameters, param

@@ -173,7 +173,7 @@ class TestCallbacks:
     def test_whatever_the_controller_hears_its_commands_are_finite_and_it_goes_on(
         self, controller, events
     ):
-        outlet = Outlet(controller, '_command_publisher')
+        outlet = Outlet(controller._commands, '_publisher')
         for event in events:
             match event:
                 case JointState():

@@ -18,7 +18,7 @@ LAYERS = (
     {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},
-    {'motion', 'plugins'},
+    {'motion', 'plugins', 'command'},
     {'resolver'},
     {'controller', 'fri'},
     {'following', 'task_run'},

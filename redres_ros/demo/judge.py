@@ -7,7 +7,7 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from redres_ros.controller import Command
+from redres_ros.command import Command
 from redres_ros.laws import Law
 from redres_ros.limits import Limit, Limits, limit_name
 from redres_ros.nodes.conversions import JointOrder, to_nanoseconds

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from redres_ros.controller import Command
+from redres_ros.command import Command
 from redres_ros.demo.tape import read_tape, stamped
 from redres_ros.laws import Law
 from redres_ros.nodes.conversions import JointOrder

@@ -6,32 +6,30 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray, String
+from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
 from redres_ros.following import Following, FollowingSettings, Reply
 from redres_ros.laws import law_name
+from redres_ros.nodes.command_publisher import CommandPublisher
 from redres_ros.nodes.conversions import (
     Axes,
-    JointMessage,
     JointOrder,
     check_twist,
-    to_pose,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.motion_parameters import NONE, MotionParameters
+from redres_ros.nodes.motion_telemetry import MotionTelemetry
 from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
+from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
 from redres_ros.playout import PlayoutSettings
@@ -39,15 +37,6 @@ from redres_ros.plugins import load_plugins
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
 _TELL_AGAIN = 5.0  # [s] after which a restart is told again
-_NUMBERS = (
-    'joint_velocity_norm',
-    'joint_acceleration_norm',
-    'null_velocity_norm',
-    'joint_torque_norm',
-    'min_singular_value',
-    'task_scaling',
-    'lost_velocity',
-)
 
 
 @dataclass(frozen=True)
@@ -78,51 +67,42 @@ class ControllerNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__('controller')
-        self._robot = declare_robot(self)
-        self._settings = declare(self, ControllerParameters())
-        load_plugins(path for path in self._settings.plugins if path != NONE)
-        model = self._robot.model
-        T = 1.0 / self._settings.rate
+        robot = declare_robot(self)
+        settings = declare(self, ControllerParameters())
+        load_plugins(path for path in settings.plugins if path != NONE)
+        model = robot.model
+        T = 1.0 / settings.rate
         self._motion = MotionParameters(self, model, T)
         wanted = self._motion.wanted({})
         self._controller = Controller(
             model,
             wanted.law,
             T,
-            task=self._robot.task_space,
-            switch_time=self._settings.switch_time,
-            integrate_from=self._settings.integrate_from,
+            task=robot.task_space,
+            switch_time=settings.switch_time,
+            integrate_from=settings.integrate_from,
             limits=wanted.limits,
             preferences=wanted.preferences,
             secondary_tasks=wanted.secondary_tasks,
         )
         following = declare(self, FollowingSettings())
         self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
-        self._frame = self._settings.base_frame or model.base_frame
-        self._axes = Axes(model, self._frame)
+        frame = settings.base_frame or model.base_frame
+        self._axes = Axes(model, frame)
         self._states = JointStateReader()
         self._joints = JointOrder(model.joint_names, self.get_logger().info)
-        self._message = JointMessage(model.joint_names)
-        self._scaling = 0.0  # published last
+        self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
+        self._telemetry = MotionTelemetry(self, frame)
+        self._refusals = Refusals(self)
+        self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
+        self._diagnostics = Diagnostics(self, robot.name, self._health)
         self._hold_wanted = False  # by the service
-        self._create_interfaces()
+        show_obstacles(self, frame)
+        self._listen()
         on_live_change(self, self._check, self._apply)
         self._start_life()
 
-    def _create_interfaces(self) -> None:
-        self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
-        self._forward_publisher = None
-        if self._settings.forward_commands:
-            self._forward_publisher = self.create_publisher(
-                Float64MultiArray, 'forward_position_controller/commands', PUBLISH
-            )
-        kinds = {'tip_pose': PoseStamped, **dict.fromkeys(_NUMBERS, Float64)}
-        kinds |= {'limiting': String, 'law': String}
-        self._telemetry = Telemetry(self, kinds)
-        self._refusals = Refusals(self)
-        self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
-        self._diagnostics = Diagnostics(self, self._robot.name, self._health)
-        show_obstacles(self, self._frame)
+    def _listen(self) -> None:
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
         self.create_subscription(
             TwistStamped, 'cartesian_velocity', self._on_twist, RECENT, raw=True
@@ -173,43 +153,15 @@ class ControllerNode(ManagedNode):
             self._publish(answer)
 
     def _publish(self, answer: Reply) -> None:
-        scaling_changed = answer.scaling != self._scaling
-        if scaling_changed:  # the planner is to know before the state after this one
-            self._publish_scaling(answer)
-        command = answer.command
-        message = self._message.filled(answer.stamp, command.q_ref, command.dq)
-        self._command_publisher.publish(message)
-        if self._forward_publisher:
-            self._forward_publisher.publish(Float64MultiArray(data=command.q_ref.tolist()))
-        if not scaling_changed:
-            self._publish_scaling(answer)
-        self._publish_telemetry(answer)
+        # The planner is to know of another scaling before the state after this one.
+        self._telemetry.publish_change(answer.scaling)
+        self._commands.publish(answer.stamp, answer.command)
+        self._telemetry.publish(answer, self._controller.law)
         if answer.restarted:
             self.get_logger().warning(
                 f'starting anew from the measurement: {answer.restarted}',
                 throttle_duration_sec=_TELL_AGAIN,
             )
-
-    def _publish_scaling(self, answer: Reply) -> None:
-        self._scaling = answer.scaling
-        self._telemetry.publish('task_scaling', lambda: answer.scaling)
-
-    def _publish_telemetry(self, answer: Reply) -> None:
-        if not self._telemetry.heard:
-            return
-        norm = np.linalg.norm
-        publish = self._telemetry.publish
-        command = answer.command
-        state = command.state
-        publish('tip_pose', lambda: to_pose(answer.stamp, self._frame, state.x, state.R))
-        publish('joint_velocity_norm', lambda: float(norm(command.dq)))
-        publish('joint_acceleration_norm', lambda: float(norm(command.ddq)))
-        publish('null_velocity_norm', lambda: float(norm(command.null)))
-        publish('joint_torque_norm', lambda: float(norm(command.tau)))
-        publish('min_singular_value', lambda: command.min_singular_value)
-        publish('lost_velocity', lambda: float(norm(command.lost)))
-        publish('limiting', lambda: command.limiting)
-        publish('law', lambda: law_name(self._controller.law))
 
     def _on_session(self, message: String) -> None:
         before = self._following.commanding
@@ -242,8 +194,8 @@ class ControllerNode(ManagedNode):
 
     def _apply(self, changes: dict[str, Any]) -> None:
         self._motion.apply(changes, self._controller)
-        self._settings = _changed(self._settings, changes)
-        self._controller.switch_time = self._settings.switch_time
+        if 'switch_time' in changes:
+            self._controller.switch_time = changes['switch_time']
         self._following.settings = _changed(self._following.settings, changes)
 
     def _health(self) -> Health:

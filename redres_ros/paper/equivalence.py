@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.controller import Command, Controller
+from redres_ros.command import Command
+from redres_ros.controller import Controller
 from redres_ros.errors import RangeError
 from redres_ros.laws import make_law
 from redres_ros.paper.continuous import integrate

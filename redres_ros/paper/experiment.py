@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from redres_ros.controller import Command
+from redres_ros.command import Command
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.plant import MujocoPlant

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.controller import Command
+from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import check_parameters, param
 from redres_ros.resolution import Square, Weight

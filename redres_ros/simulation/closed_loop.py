@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from redres_ros.controller import SPEED_LIMIT, Command
+from redres_ros.command import Command
+from redres_ros.controller import SPEED_LIMIT
 from redres_ros.errors import DivergedError
 from redres_ros.laws import Law
 from redres_ros.planner import Planner

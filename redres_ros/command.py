@@ -1,0 +1,75 @@
+"""One tick's answer, and the figures of it that recordings and topics show."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.resolution import Weight, project
+from redres_ros.robot_model import RobotState
+
+
+class Command(NamedTuple):
+    """One tick's answer. What only onlookers want is computed when it is asked for.
+
+    Attributes:
+        dq: Joint velocity, (n,) [rad/s].
+        q_ref: Position reference, (n,) [rad].
+        state: What it answers.
+        T: Sampling time [s].
+        J: Jacobian of the first task, (m, n).
+        W: Weight of the law.
+        s: Share of dx that the limits allow.
+        limiting: 'joint: limit' that acts; empty if none does.
+        lost: The part of dx that a singularity does not let through, (m,).
+    """
+
+    dq: np.ndarray
+    q_ref: np.ndarray
+    state: RobotState
+    T: float
+    J: np.ndarray
+    W: Weight
+    s: float
+    limiting: str
+    lost: np.ndarray
+
+    @property
+    def null(self) -> np.ndarray:
+        """The null-space term of Eq. (2), (n,) [rad/s].
+
+        It is P dq, which is P b: P J_W^# = 0.
+        """
+        return project(self.J, self.dq, self.W)
+
+    @property
+    def ddq(self) -> np.ndarray:
+        """Joint acceleration (dq_k - dq_{k-1}) / T, (n,) [rad/s^2], Eq. (13)."""
+        return (self.dq - self.state.dq_prev) / self.T
+
+    @property
+    def tau(self) -> np.ndarray:
+        """Joint torque M(q_k) ddq_k + n(q_k, dq_{k-1}), (n,) [Nm], Eq. (6)."""
+        return self.state.M @ self.ddq + self.state.n
+
+    @property
+    def min_singular_value(self) -> float:
+        """Smallest singular value of the task Jacobian."""
+        return float(np.linalg.svd(self.J, compute_uv=False)[-1])
+
+
+def norm(vector: np.ndarray) -> float:
+    """Euclidean norm of a vector (n,): as np.linalg.norm, to the bit, at a quarter of its cost."""
+    return math.sqrt(vector.dot(vector))
+
+
+# By the names of columns and topics. All norms are Euclidean.
+FIGURES: dict[str, Callable[[Command], float]] = {
+    'joint_velocity_norm': lambda command: norm(command.dq),
+    'joint_acceleration_norm': lambda command: norm(command.ddq),
+    'null_velocity_norm': lambda command: norm(command.null),
+    'joint_torque_norm': lambda command: norm(command.tau),
+    'min_singular_value': lambda command: command.min_singular_value,
+    'task_scaling': lambda command: command.s,
+}

@@ -1,0 +1,41 @@
+"""The topics by which a robot is commanded."""
+
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from redres_ros.command import Command
+from redres_ros.nodes.conversions import JointMessage
+from redres_ros.nodes.qos import PUBLISH
+
+
+class CommandPublisher:
+    """Publishes references, each with the stamp of the state that it answers.
+
+    Args:
+        node: Publishes.
+        names: Of the joints.
+        forward: Whether ros2_control's forward_position_controller gets the positions, too.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str], forward: bool) -> None:
+        self._message = JointMessage(names)
+        self._publisher = node.create_publisher(JointState, 'joint_command', PUBLISH)
+        self._forward_publisher = None
+        if forward:
+            self._forward_publisher = node.create_publisher(
+                Float64MultiArray, 'forward_position_controller/commands', PUBLISH
+            )
+
+    def publish(self, stamp: int, command: Command) -> None:
+        """Publish a tick's reference.
+
+        Args:
+            stamp: Of the state [ns].
+            command: Its answer.
+        """
+        self._publisher.publish(self._message.filled(stamp, command.q_ref, command.dq))
+        if self._forward_publisher:
+            self._forward_publisher.publish(Float64MultiArray(data=command.q_ref.tolist()))
