@@ -140,26 +140,14 @@ class Controller:
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
-        made = _preferences(preferences)
-        if made != self._asked.preferences:
-            asked = replace(self._asked, preferences=made)
-            asked.check(self.model)
-            self._asked = asked
-            self._begun = replace(self._begun, preferences=made)
-            self._is_open = True
+        self._go_over_to(preferences=_preferences(preferences))
 
     def set_secondary_tasks(self, tasks: Iterable[str | Task]) -> None:
         """Go over to other tasks below the first one; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
-        made = _tasks(tasks)
-        if made != self._asked.lower_tasks:
-            asked = replace(self._asked, lower_tasks=made)
-            asked.check(self.model)
-            self._asked = asked
-            self._begun = replace(self._begun, lower_tasks=made)
-            self._is_open = True
+        self._go_over_to(lower_tasks=_tasks(tasks))
 
     def set_limits(
         self,
@@ -267,6 +255,16 @@ class Controller:
         return Command._make(
             (*own, state, self.T, answer.J, answer.W, answer.s, answer.limiting, lost)
         )
+
+    def _go_over_to(self, **changes: Any) -> None:
+        """Ask for other preferences or lower tasks, unless they are in force; they must fit."""
+        asked = replace(self._asked, **changes)
+        if asked == self._asked:
+            return
+        asked.check(self.model)
+        self._asked = asked
+        self._begun = replace(self._begun, **changes)
+        self._is_open = True
 
     def _integrated(self, q: np.ndarray, missed: int) -> np.ndarray:
         """The position from which the reference goes on, (n,) [rad]."""

@@ -12,7 +12,7 @@ from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLi
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.torque import TorqueLimit
-from redres_ros.parameter import parameters
+from redres_ros.parameter import name_of, parameters
 from redres_ros.robot_model import RobotModel
 
 LIMITS: dict[str, type[Limit]] = {
@@ -94,10 +94,7 @@ def gain_names() -> tuple[str, ...]:
 
 def limit_name(limit: Limit) -> str:
     """The limit's name in the table; the class name for one that is not in it."""
-    for name, cls in LIMITS.items():
-        if type(limit) is cls:
-            return name
-    return type(limit).__name__
+    return name_of(limit, LIMITS)
 
 
 __all__ = [
