@@ -43,7 +43,14 @@ class Motion(Protocol):
     """Something that moves the arm."""
 
     def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
-        """What it would do at this state, for a first task that wants dx (m,)."""
+        """What it would do at this state.
+
+        Args:
+            state: Of the arm at this tick.
+            task: The first one.
+            dx: What it wants, (m,).
+            T: Sampling time [s].
+        """
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,15 @@ class LawMotion:
 
 
 def check_task(task: Task, model: RobotModel) -> None:
-    """Raise what a first task raises that does not fit the arm."""
+    """Refuse a first task that does not fit the arm.
+
+    Args:
+        task: A first task.
+        model: Of the arm.
+
+    Raises:
+        RedresError: The task does not fit the arm.
+    """
     task.jacobian(_any_state(model))
 
 
@@ -223,7 +238,13 @@ def _way_out(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np
 
 
 def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:
-    """J (m, n) and dx (m,) with comparable rows."""
+    """J and dx with comparable rows.
+
+    Args:
+        J: (m, n).
+        dx: (m,).
+        scale: What each row is multiplied by, (m,); None for all by one.
+    """
     if scale is None:
         return J, dx
     return scale[:, None] * J, scale * dx

@@ -112,7 +112,11 @@ def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> n
 
 def project(J: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:
     """The part of b in the null space of J, (n,): P b of Eq. (2), what the bias adds to J_W^# dx.
-    As for `resolve`.
+
+    Args:
+        J: Jacobian, (m, n).
+        b: Bias, (n,) [rad/s].
+        W: As for `resolve`.
     """
     return resolve(J, np.zeros(len(J)), b, W)
 

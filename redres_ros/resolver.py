@@ -25,13 +25,25 @@ class Resolver(Protocol):
         """Whether no command can jump under it."""
 
     def advanced(self, T: float, switch_time: float) -> 'Resolver':
-        """One cycle on."""
+        """One cycle on.
+
+        Args:
+            T: Sampling time [s].
+            switch_time: How long a change takes [s].
+        """
 
     def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
         """Whether the answer can be given as it is; start: the reference that is integrated."""
 
     def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
-        """The answer to give; start: (n,) [rad], the reference that is integrated."""
+        """The answer to give.
+
+        Args:
+            answer: The wanted one.
+            state: Of the arm at this tick.
+            start: The reference that is integrated, (n,) [rad].
+            T: Sampling time [s].
+        """
 
 
 class Unlimited:

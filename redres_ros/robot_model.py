@@ -50,8 +50,11 @@ class RobotState:
 
     Each quantity is evaluated once, when it is asked for first: most laws do without most of them.
 
-    q: (n,) [rad]. dq_prev: (n,) [rad/s], the last command, which is all that is known of the
-    velocity at a tick (footnote 4). model: the arm.
+    Args:
+        model: Of the arm.
+        q: (n,) [rad].
+        dq_prev: (n,) [rad/s], the last command, which is all that is known of the velocity at a
+            tick (footnote 4).
     """
 
     def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
@@ -163,8 +166,16 @@ class RobotModel:
         base_offset: float | None = None,
         tool_offset: float | None = None,
     ) -> 'RobotModel':
-        """The arm of that name in the table ARMS, with its own dynamics and offsets [m] unless
-        given here.
+        """The arm of that name.
+
+        Args:
+            name: In the table ARMS.
+            dynamics: 'identified' or 'cylinders'; None for the arm's own.
+            base_offset: Height of the arm above its root link [m]; None for the arm's own.
+            tool_offset: Way from the flange to the tip [m]; None for the arm's own.
+
+        Raises:
+            UnknownNameError: No arm, or no dynamics, has that name.
         """
         return cls(
             find_arm(name, dynamics=dynamics, base_offset=base_offset, tool_offset=tool_offset)
@@ -201,8 +212,14 @@ class RobotModel:
         return cls(arm)
 
     def state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """The state at (q, dq_prev); its arrays are never overwritten. Raises ArrayError for bad
-        input.
+        """The state at (q, dq_prev); its arrays are never overwritten.
+
+        Args:
+            q: (n,) [rad].
+            dq_prev: (n,) [rad/s].
+
+        Raises:
+            ArrayError: Another length, or NaN or infinity.
         """
         return self.unchecked_state(
             finite_vector(q, self.n, 'q'), finite_vector(dq_prev, self.n, 'dq_prev')
@@ -211,13 +228,20 @@ class RobotModel:
     def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
         """As `state`, without check or copy, which take 4 % of a tick.
 
-        The caller guarantees finite vectors (n,) that it never modifies.
+        Args:
+            q: Finite, (n,) [rad], and never modified by the caller.
+            dq_prev: Finite, (n,) [rad/s], and never modified by the caller.
         """
         return RobotState(self, q, dq_prev)
 
     def acceleration(self, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """ddq = M^-1 (tau - n), (n,) [rad/s^2], Eq. (6), by the articulated-body algorithm, without
         M or n.
+
+        Args:
+            q: (n,) [rad].
+            dq: (n,) [rad/s].
+            tau: Joint torques, (n,) [Nm].
         """
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
@@ -225,7 +249,12 @@ class RobotModel:
         return pin.aba(self._model, self._data, q, dq, tau)  # a copy
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """dJ dq, (6,): the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J."""
+        """dJ dq, (6,): the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J.
+
+        Args:
+            q: (n,) [rad].
+            dq: (n,) [rad/s].
+        """
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
@@ -239,15 +268,30 @@ class RobotModel:
         return self._pose(finite_vector(q, self.n, 'q'), self._tip)
 
     def pose(self, q: np.ndarray, frame: str) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) [m] and orientation (3, 3) of a frame in the base frame."""
+        """Position (3,) [m] and orientation (3, 3) of a frame in the base frame.
+
+        Args:
+            q: (n,) [rad].
+            frame: Name of a link.
+        """
         return self._pose(finite_vector(q, self.n, 'q'), self._frame(frame))
 
     def position(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Position of a frame's origin in the base frame, (3,) [m]."""
+        """Position of a frame's origin in the base frame, (3,) [m].
+
+        Args:
+            q: (n,) [rad].
+            frame: Name of a link.
+        """
         return self.pose(q, frame)[0]
 
     def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Jacobian of a frame in the base frame, (6, n): the linear rows, then the angular ones."""
+        """Jacobian of a frame in the base frame, (6, n): the linear rows, then the angular ones.
+
+        Args:
+            q: (n,) [rad].
+            frame: Name of a link.
+        """
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
 
     def _pose(self, q: np.ndarray, frame: int) -> tuple[np.ndarray, np.ndarray]:
@@ -310,8 +354,15 @@ def jacobian_derivatives(J: np.ndarray) -> np.ndarray:
 
 
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """A copy of the values as (size,) float64. Raises ArrayError for anything else, and for NaN or
-    infinity.
+    """A copy of the values as (size,) float64.
+
+    Args:
+        values: Anything that numpy takes for an array.
+        size: Its length.
+        name: What an error calls it.
+
+    Raises:
+        ArrayError: Another shape, no numbers, or NaN or infinity.
     """
     vector = as_vector(values, size, name)
     check_finite(vector, name)
@@ -319,7 +370,16 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
 
 
 def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """The same, where NaN and infinity are looked for later."""
+    """The same, where NaN and infinity are looked for later.
+
+    Args:
+        values: Anything that numpy takes for an array.
+        size: Its length.
+        name: What an error calls it.
+
+    Raises:
+        ArrayError: Another shape, or no numbers.
+    """
     if type(values) is np.ndarray and values.dtype is _FLOAT64:
         vector = values.copy()
     else:
@@ -330,7 +390,15 @@ def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
 
 
 def check_finite(vector: np.ndarray, name: str) -> None:
-    """Raise ArrayError for a vector that holds NaN or infinity."""
+    """Refuse a vector that is not finite.
+
+    Args:
+        vector: Of any length.
+        name: What an error calls it.
+
+    Raises:
+        ArrayError: It holds NaN or infinity.
+    """
     if not are_usable(vector, vector, np.inf):  # in a tenth of the time of np.isfinite().all()
         raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
 

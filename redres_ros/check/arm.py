@@ -19,7 +19,12 @@ _SAME = 1e-3  # [rad] by which two sources of limits may differ
 
 
 def judge_arm(seen: Sighting, expected: ExpectedArm) -> Iterator[Verdict]:
-    """Joints, positions, limits and frames of the arm that is expected."""
+    """Joints, positions, limits and frames of the arm that is expected.
+
+    Args:
+        seen: What was heard of the robot.
+        expected: The arm that it should be.
+    """
     try:
         model = _model_of(expected, seen.description)
     except RedresError as error:

@@ -16,6 +16,12 @@ _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 
 
 def judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict]:
+    """What the stamps of the states are worth.
+
+    Args:
+        states: In the order in which they came.
+        rate: Cycles a second that are expected [Hz].
+    """
     if not states:
         return
     stamps = np.array([state.stamp for state in states]) / 1e9  # [s]

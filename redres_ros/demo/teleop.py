@@ -33,7 +33,13 @@ class TerminalError(RedresError):
 
 
 class Teleop(Node):
-    """Publishes what the keys ask for, and nothing while nobody steers."""
+    """Publishes what the keys ask for, and nothing while nobody steers.
+
+    Args:
+        steering: What the keys ask for.
+        frame: Whose axes the velocities are in.
+        namespace: Of the robot; empty for none.
+    """
 
     def __init__(self, steering: Steering, frame: str, namespace: str = '') -> None:
         super().__init__('teleop', namespace=namespace or None)
@@ -101,7 +107,12 @@ def _interrupt(*_: object) -> None:
 
 
 def steer(node: Teleop, steering: Steering) -> None:
-    """Publish what is typed until Ctrl-C; then ask for a standstill."""
+    """Publish what is typed until Ctrl-C; then ask for a standstill.
+
+    Args:
+        node: Publishes.
+        steering: Takes the keys.
+    """
     with keyboard() as terminal:
         print(HELP, flush=True)
         try:

@@ -65,7 +65,12 @@ class Limit(ABC):
         check_parameters(self)
 
     def place(self, state: ReferenceState, index: int) -> str:
-        """What one of its bounds at a state is about: a joint, unless a limit says otherwise."""
+        """What one of its bounds at a state is about: a joint, unless a limit says otherwise.
+
+        Args:
+            state: Of the reference at this tick.
+            index: Number of the bound.
+        """
         return self.model.joint_names[index]
 
 
@@ -74,7 +79,12 @@ class BoxLimit(Limit):
 
     @abstractmethod
     def box(self, state: ReferenceState, T: float) -> Box:
-        """lower and upper of dq, both (n,) [rad/s], for a sampling time T [s]."""
+        """lower and upper of dq, both (n,) [rad/s].
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """
 
 
 class RowLimit(Limit):
@@ -82,4 +92,9 @@ class RowLimit(Limit):
 
     @abstractmethod
     def rows(self, state: ReferenceState, T: float) -> Rows:
-        """C (r, n), low (r,) and high (r,) with low <= C dq <= high, for a sampling time T [s]."""
+        """C (r, n), low (r,) and high (r,) with low <= C dq <= high.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """

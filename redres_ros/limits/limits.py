@@ -103,7 +103,12 @@ class Limits:
         return keeps
 
     def at(self, state: ReferenceState, T: float) -> Bounds:
-        """What they say at a state, for a sampling time T [s]."""
+        """What they say at a state.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """
         self._fill_in(state, T)
         n = len(state.q)
         box = np.empty((2, n))

@@ -35,15 +35,23 @@ class ContinuousMotion:
 def integrate(
     scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarray
 ) -> ContinuousMotion:
-    """The task as a scheme executes it with dJ dq and ddx known exactly, at ascending times t (N,)
-    [s] up to its end.
+    """The task as a scheme executes it with dJ dq and ddx known exactly.
 
     Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx
     = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only
     if the motion begins with it: where the start misses x_0, the arm starts with the least velocity
-    that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero. Raises
-    RangeError for t, DivergenceError where the motion cannot be followed, ArrayError where J loses
-    rank.
+    that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
+
+    Args:
+        scheme: Of second order.
+        model: Of the arm.
+        task: Its segments take exactly T_AB.
+        t: Ascending times up to the task's end, (N,) [s].
+
+    Raises:
+        RangeError: A time is outside the task.
+        DivergenceError: The motion cannot be followed.
+        ArrayError: J loses rank.
     """
     T_AB = task.segment_time
     T_end = task.segments * task.segment_time

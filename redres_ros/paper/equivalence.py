@@ -53,10 +53,18 @@ class Difference:
 def difference(
     law_name: str, damping: float, T: float, task: WaypointTask, *, model: RobotModel | None = None
 ) -> Difference:
-    """The task executed by a law and by its yardstick, each in its own closed loop. model: None for
-    the task's arm with the equal links of Section 5.2.
+    """The task executed by a law and by its yardstick, each in its own closed loop.
 
-    Raises UnknownNameError for a law without a yardstick, RangeError for damping or T.
+    Args:
+        law_name: In the table LAWS.
+        damping: k_d [1/s].
+        T: Sampling time [s].
+        task: What both execute.
+        model: Of the arm; None for the task's with the equal links of Section 5.2.
+
+    Raises:
+        UnknownNameError: The law has no yardstick.
+        RangeError: Damping or T is not allowed.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = yardstick(law_name, damping, T)
@@ -73,8 +81,16 @@ def yardstick(law_name: str, damping: float, T: float) -> Scheme:
 
     minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes
     for k_d = 1/T (Appendix B), whatever its damping. minimum_kinetic_energy is of first order, too,
-    and has no scheme in the paper. Raises UnknownNameError for a law without one, RangeError for
-    damping.
+    and has no scheme in the paper.
+
+    Args:
+        law_name: In the table LAWS.
+        damping: k_d [1/s].
+        T: Sampling time [s].
+
+    Raises:
+        UnknownNameError: There is none.
+        RangeError: The damping is not allowed.
     """
     if law_name == 'minimum_velocity':
         return make_scheme('minimum_acceleration', 1.0 / T)
@@ -105,12 +121,20 @@ def amplification(
     displacement: float = 1e-10,
     seed: int = 0,
 ) -> Amplification:
-    """What a law's closed loop makes of a small self-motion displacement [rad] of the start, in a
-    random direction.
+    """What a law's closed loop makes of a small self-motion of the start, in a random direction.
 
     A gain g turns rounding errors of 1e-15 rad into differences of g 1e-15 rad/s: no closed loop
     shows an equivalence better. It can grow no further than |dq| / displacement, where the two
     motions have nothing in common any more.
+
+    Args:
+        law_name: In the table LAWS.
+        damping: k_d [1/s].
+        T: Sampling time [s].
+        task: What is executed.
+        model: Of the arm; None for the task's with the equal links of Section 5.2.
+        displacement: Length of the self-motion [rad].
+        seed: Of its direction.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     law = make_law(law_name, damping=damping)
@@ -159,12 +183,19 @@ def convergence(
     stretch: float = 3.0,
     model: RobotModel | None = None,
 ) -> Convergence:
-    """A law at several sampling times beside its scheme in continuous time, for a stretch [s] of
-    the task, k_d fixed.
+    """A law at several sampling times beside its scheme in continuous time.
 
-    The stretch begins with the task. Its segments have to be over in time at every sampling time.
-    Raises UnknownNameError for a law that has no scheme of second order, RangeError for damping, T
-    or stretch.
+    Args:
+        law_name: In the table LAWS.
+        damping: k_d [1/s]. It is the same at every sampling time.
+        task: Its segments have to be over in time at every sampling time.
+        periods: Sampling times [s].
+        stretch: How long the motion is watched from its beginning [s].
+        model: Of the arm; None for the task's with the equal links of Section 5.2.
+
+    Raises:
+        UnknownNameError: The law has no scheme of second order.
+        RangeError: Damping, a sampling time or the stretch is not allowed.
     """
     if not 0.0 < stretch <= task.segments * task.segment_time:
         raise RangeError('stretch', stretch, 0.0, task.segments * task.segment_time, 's')

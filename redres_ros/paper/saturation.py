@@ -164,6 +164,11 @@ def _velocity(way: np.ndarray, speed: float, braking: float) -> np.ndarray:
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> float:
-    """[rad], exact for small ones too."""
+    """The angle between two vectors [rad], exact for small ones too.
+
+    Args:
+        a: (n,).
+        b: (n,).
+    """
     half = np.linalg.norm(a / np.linalg.norm(a) - b / np.linalg.norm(b)) / 2.0
     return 2.0 * math.asin(min(float(half), 1.0))

@@ -37,8 +37,13 @@ class Scheme(ABC):
     def acceleration(
         self, model: RobotModel, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray
     ) -> np.ndarray:
-        """ddq (n,) [rad/s^2] for the task acceleration ddx (m,) [m/s^2], of which dq alone brings
-        about dJ_dq (m,).
+        """ddq, (n,) [rad/s^2], for a task acceleration.
+
+        Args:
+            model: Of the arm.
+            state: Of the arm at this tick.
+            ddx: Task acceleration, (m,) [m/s^2].
+            dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
         """
 
     @abstractmethod
@@ -91,7 +96,13 @@ class TorqueScheme(Scheme):
 
     @abstractmethod
     def torque(self, state: RobotState, ddx: np.ndarray, dJ_dq: np.ndarray) -> np.ndarray:
-        """tau (n,) [Nm]; arguments as in `acceleration`."""
+        """tau, (n,) [Nm], for a task acceleration.
+
+        Args:
+            state: Of the arm at this tick.
+            ddx: Task acceleration, (m,) [m/s^2].
+            dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
+        """
 
 
 @dataclass(frozen=True)
@@ -175,7 +186,16 @@ SCHEMES: dict[str, type[Scheme]] = {
 
 
 def make_scheme(name: str, damping: float = 10.0) -> Scheme:
-    """The scheme that the law of that name was made from. Raises UnknownNameError, RangeError."""
+    """The scheme that the law of that name was made from.
+
+    Args:
+        name: Of the law.
+        damping: k_d [1/s].
+
+    Raises:
+        UnknownNameError: The law was made from none.
+        RangeError: The damping is not allowed.
+    """
     if name not in SCHEMES:
         raise UnknownNameError('scheme of second order', name, SCHEMES)
     return SCHEMES[name](damping)
@@ -185,8 +205,15 @@ class SecondOrderController:
     """Turns task velocities into joint velocities by a scheme of second order, sampled and
     integrated.
 
-    model, scheme, T [s] as they say; used like a Controller. Before the first update everything is
-    at rest. Raises RangeError for T.
+    Used like a Controller. Before the first update everything is at rest.
+
+    Args:
+        model: Of the arm.
+        scheme: In force.
+        T: Sampling time [s].
+
+    Raises:
+        RangeError: T is not allowed.
     """
 
     def __init__(self, model: RobotModel, scheme: Scheme, T: float) -> None:
@@ -200,8 +227,14 @@ class SecondOrderController:
         self._dx_prev = np.zeros(3)
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
-        """The command for the joint positions q (n,) [rad] and the task velocity dx (m,) [m/s].
-        Raises ArrayError.
+        """The command at a tick.
+
+        Args:
+            q: Joint positions, (n,) [rad].
+            dx: Task velocity, (m,) [m/s].
+
+        Raises:
+            ArrayError: One of them has another shape, or is not finite.
         """
         dx = finite_vector(dx, 3, 'dx')
         state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
@@ -225,8 +258,16 @@ def step(
     dx: np.ndarray,
     dx_prev: np.ndarray,
 ) -> np.ndarray:
-    """dq_k (n,) [rad/s] by a scheme, from the state (q_k, dq_{k-1}) and the last J_{k-1} (m, n) and
-    dx_{k-1} (m,).
+    """dq_k, (n,) [rad/s], by a scheme.
+
+    Args:
+        model: Of the arm.
+        scheme: In force.
+        T: Sampling time [s].
+        state: (q_k, dq_{k-1}).
+        J_prev: J_{k-1}, (m, n).
+        dx: dx_k, (m,) [m/s].
+        dx_prev: dx_{k-1}, (m,) [m/s].
     """
     ddx = (dx - dx_prev) / T  # Eq. (8)
     dJ = (state.J[:3] - J_prev) / T  # Eq. (9)

@@ -70,7 +70,15 @@ def table(findings: Mapping[Claim, Finding]) -> str:
 
 
 def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
-    """The same as a file. Raises FileError."""
+    """The same as a file.
+
+    Args:
+        findings: By their claims.
+        path: Of the file.
+
+    Raises:
+        FileError: It cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open('w', newline='', encoding='utf-8') as file:

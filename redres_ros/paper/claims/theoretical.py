@@ -22,7 +22,13 @@ _REPETITIONS = 3000  # of a tick when it is timed
 def states(
     recording: Recording, model: RobotModel, every: int = _EVERY
 ) -> Iterator[tuple[RobotState, np.ndarray]]:
-    """States along a recording and the velocities commanded there."""
+    """States along a recording and the velocities commanded there.
+
+    Args:
+        recording: Of a motion.
+        model: Of the arm.
+        every: Ticks from one state to the next.
+    """
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')
     for k in range(every, len(q), every):

@@ -49,7 +49,12 @@ def figure_16(runs: Runs) -> Figure:
 
 
 def difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
-    """Norm of the difference, sample by sample as long as there are both, (N,) [rad/s]."""
+    """Norm of the difference, sample by sample as long as there are both, (N,) [rad/s].
+
+    Args:
+        dq_I: Joint velocities, (N_I, n) [rad/s].
+        dq_II: Others, (N_II, n) [rad/s].
+    """
     both = min(len(dq_I), len(dq_II))
     return np.linalg.norm(dq_I[:both] - dq_II[:both], axis=1)
 

@@ -86,7 +86,12 @@ def figure_15(runs: Runs) -> Figure:
 
 
 def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
-    """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm]."""
+    """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm].
+
+    Args:
+        motion: As it was measured.
+        model: Of the arm.
+    """
     states = (model.state(q, dq) for q, dq in zip(motion.q, motion.dq, strict=True))
     return np.array(
         [
