@@ -405,10 +405,10 @@ class TestOneController:
     ) -> None:
         T = 0.002
         switch_time = 0.1
-        probe = movable(switch_time=switch_time, command_timeout=0.03)
+        probe = movable(switch_time=switch_time, command_timeout=0.3)
         q_ref = START
         speeds = []
-        for tick in range(200):
+        for tick in range(300):
             if tick < 80 and tick % 10 == 0:
                 probe.steer(DX)
             q_ref, dq = probe.ask(q_ref)
@@ -445,7 +445,7 @@ class TestOneController:
     def test_hold_begins_at_once_in_the_middle_of_a_blend(
         self, movable: Callable[..., Probe]
     ) -> None:
-        probe = movable(switch_time=0.5, limits='none')
+        probe = movable(switch_time=0.5, limits='none', command_timeout=5.0)
         q_ref = START
         for tick in range(100):
             if tick % 20 == 0:
@@ -463,7 +463,7 @@ class TestOneController:
         assert speeds[-1] < speeds[0]
 
     def test_hold_stops_the_arm_and_lets_it_go_again(self, movable: Callable[..., Probe]) -> None:
-        probe = movable(switch_time=0.02)
+        probe = movable(switch_time=0.02, command_timeout=5.0)
         q_ref = START
 
         def speed_after(ticks: int) -> float:
