@@ -1,5 +1,5 @@
-"""Node `echo`: hears what the controller hears, sends every state back as joint_command, and does
-nothing else: what any controller on this machine would take with nothing to compute.
+"""Node `echo`: hears what the controller hears and sends every state back as joint_command. It
+shows what a controller costs that computes nothing.
 """
 
 import sys

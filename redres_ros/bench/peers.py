@@ -43,10 +43,9 @@ def missing_peers() -> tuple[str, ...]:
 
 
 def peers(arm: Arm, T: float) -> dict[str, Peer]:
-    """Every installed peer, pink and mink with every installed solver; each of them twice.
-
-    With limits, as their documentation has it: joint positions and velocities, with embodik
-    accelerations too. And without, which is all that a law of the paper does.
+    """Every installed peer, pink and mink with every installed solver, twice each: once with limits
+    as in their documentation (positions and velocities, for embodik accelerations too), once
+    without, as a law of the paper is.
 
     Args:
         arm: that all of them get.

@@ -15,10 +15,12 @@ _QUANTILES = {'median_us': 0.5, 'p99_us': 0.99, 'p99_9_us': 0.999, 'max_us': 1.0
 class RoundTrips:
     """What became of N states that went out, one every period.
 
-    period: [s].
-    latencies: (N,) from a state's way out to its answer's arrival [s]; infinite where none came.
-    skipped: cycles in which the robot itself was held up and sent nothing.
-    processors: share of a core that each process took meanwhile, by name.
+    Attributes:
+        period: [s].
+        latencies: From a state's way out to its answer's arrival, (N,) [s]; infinite where none
+            came.
+        skipped: Cycles in which the robot itself was held up and sent nothing.
+        processors: Share of a core that each process took meanwhile, by name.
     """
 
     period: float

@@ -28,8 +28,11 @@ SAME = 1e-3
 class Stretch:
     """A recorded part of a motion, k = 0 ... N - 1.
 
-    q, dq_prev: (N, n) [rad], [rad/s]; dx: (N, 3) wanted velocity of the tip [m/s]; x_d: (N, 3)
-    where that leads within a tick [m].
+    Attributes:
+        q: Joint positions, (N, n) [rad].
+        dq_prev: Joint velocities before, (N, n) [rad/s].
+        dx: Wanted velocities of the tip, (N, 3) [m/s].
+        x_d: Where these lead within a tick, (N, 3) [m].
     """
 
     q: np.ndarray
@@ -42,9 +45,13 @@ class Stretch:
 class TickResult:
     """Times by name.
 
-    laws, floors, peers: of our laws, of Pinocchio's calls, of others; deviations: how far each
-    peer's velocities are at most from those of `minimum_velocity` [rad/s]; missing: peers that are
-    not installed.
+    Attributes:
+        laws: Of our laws.
+        floors: Of Pinocchio's calls.
+        peers: Of other libraries.
+        deviations: How far each peer's velocities are from those of `minimum_velocity`, at most
+            [rad/s].
+        missing: Peers that are not installed.
     """
 
     laws: Mapping[str, Times]

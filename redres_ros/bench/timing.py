@@ -13,7 +13,7 @@ import numpy as np
 K = TypeVar('K', bound=Hashable)
 
 BLOCK = 10  # calls of one candidate before it is the next one's turn
-# of them, the first ones are not counted: their caches are still full of the candidate before
+# calls of a block that are not counted: the caches still hold the candidate before
 COLD = 2
 
 
@@ -34,9 +34,7 @@ class Times:
         return self.quantile(0.99)
 
     def quantile(self, share: float) -> float:
-        """The time that this share of the samples does not exceed [s]: one of them, the next
-        larger; NaN if none.
-        """
+        """The smallest sample that this share of them does not exceed [s]; NaN without samples."""
         if not len(self.samples):
             return float('nan')
         return float(np.quantile(self.samples, share, method='higher'))
@@ -57,8 +55,8 @@ def measure(
 ) -> dict[K, Times]:
     """The times of the calls, block by block in turn.
 
-    The order is another one in every round: none always comes after the same one, with the caches
-    as that leaves them. A first round is not counted.
+    The order changes every round, so that no call always finds the caches as the same other one
+    left them. A first round is not counted.
 
     Args:
         calls: by name. Each gets the number of its turn, 0, 1, 2, ..., to pick its input by.

@@ -181,8 +181,7 @@ def _say(text: str) -> None:
 def _ending_at_once() -> Iterator[None]:
     """Have signals end the process, in place of exceptions.
 
-    No other process is left to be ended, and libraries make another error of an exception that
-    comes over them.
+    No other process is left to end, and a library would turn the exception into another error.
     """
     handlers = {}
     for number in (signal.SIGINT, signal.SIGTERM):

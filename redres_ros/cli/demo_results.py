@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def check_files(options: argparse.Namespace) -> None:
-    """Refuse files that could not be written at the end, and what is needed for them is here."""
+    """Refuse files that could not be written at the end, or whose libraries are missing."""
     if options.mcap:
         from redres_ros.cli.record import check_recording
 

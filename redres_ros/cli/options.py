@@ -26,10 +26,9 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Parses words in full only, and declares some options when it is its turn.
+    """Takes no abbreviations, and declares some options only when it parses.
 
-    What those are made from takes a second to load, which `redres --help` and other subcommands
-    need not wait for.
+    What those are made from takes a second to load; `redres --help` need not wait for it.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -97,7 +96,7 @@ def _read_whole_number(text: str) -> int:
         raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a whole number') from None
 
 
-# How the types that options are declared with read their texts; None is that of a plain text.
+# What reads an option's text, by the type that it is declared with; None for plain text.
 _READINGS: dict[type | None, Callable[[str], Any]] = {
     None: _read_text,
     Path: _read_path,

@@ -6,16 +6,19 @@ from itertools import pairwise
 
 from redres_ros.demo.tape import Entry, stamped
 
-_HELD_UP = 1.5  # cycles from one state to the next: the robot's clock stood still between them
+_HELD_UP = 1.5  # cycles from one state to the next, beyond which the robot's clock stood still
 
 
 @dataclass(frozen=True)
 class CycleCounts:
     """How the states of the robot were answered; every state is one of these.
 
-    in_time: within the cycle; waited_for: later, but the next state was not out, because the
-    robot's clock stood still; late: after the next state; missed: never. stood_still: for how long
-    the clock stood still altogether [s].
+    Attributes:
+        in_time: Answered within the cycle.
+        waited_for: Answered later, but before the next state: the robot's clock stood still.
+        late: Answered after the next state.
+        missed: Never answered.
+        stood_still: How long the clock stood still altogether [s].
     """
 
     in_time: int

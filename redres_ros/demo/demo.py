@@ -32,7 +32,7 @@ from redres_ros.waypoints import WaypointTask
 # [s] from starting the processes to command mode, and to the first motion. The first start after an
 # installation compiles what keeps the limits; on a busy machine that takes most of a minute.
 START_PATIENCE = 120.0
-LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes bear where nobody keeps time
+LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 # [s] that an ordinary machine may stall; the fake arm's clock then stands still
 CLOCK_PATIENCE = 5.0

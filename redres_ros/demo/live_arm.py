@@ -25,7 +25,7 @@ SCALING = 'controller/task_scaling'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _GLANCE = 0.02  # [s] between looks at whether it has come
 _SHOWN = 0.5  # [s] for which a limit counts as acting after it did
-# Best effort: who looks on must hold up nobody. Enough for one who was held up himself.
+# Best effort: an onlooker must hold up nobody. Deep enough for one that was held up itself.
 _QUALITY = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -19,8 +19,8 @@ PLANNER = 'planner/state'
 class Onlooker(Node):
     """Keeps the newest words of session and planner, and the newest state as it came.
 
-    States are not even read: at the rate of the robot that would take a good part of a core, and
-    whoever needs one asks for it.
+    States are kept unread: to read each would take a good part of a core. Whoever needs one asks
+    for it.
     """
 
     def __init__(self) -> None:

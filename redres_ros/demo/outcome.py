@@ -26,8 +26,10 @@ _MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
 class Endurance:
     """What came of repeating a task.
 
-    seconds: on the robot's clock; memory: of each node's process after the first round and at the
-    end [MB].
+    Attributes:
+        rounds: How often.
+        seconds: For how long, on the robot's clock.
+        memory: Of each node's process after the first round and at the end [MB].
     """
 
     rounds: int
@@ -36,9 +38,7 @@ class Endurance:
 
     @property
     def steady(self) -> bool:
-        """Whether no process has grown by more than is usual for an interpreter that has not seen
-        everything yet.
-        """
+        """Whether no process has grown more than an interpreter usually does at first."""
         return all(end - start < MOST_GROWTH for start, end in self.memory.values())
 
 
@@ -46,10 +46,17 @@ class Endurance:
 class MotionFigures:
     """A recording in a few figures; a peak is (value, time [s]).
 
-    error, final_error: of the task [m], the latter when the run ended; acceleration [rad/s^2],
-    velocity [rad/s], torque [Nm]: norms over the joints; jump: largest change of a joint's velocity
-    within a cycle at the start [rad/s]; delay: until the arm began to move [s]; still: time without
-    motion, that included [s].
+    Attributes:
+        seconds: How long it took.
+        segments: How many the task has been on.
+        error: Of the task [m].
+        final_error: The same when the run ended [m].
+        acceleration: Norm over the joints [rad/s^2].
+        velocity: Norm over the joints [rad/s].
+        torque: Norm over the joints [Nm].
+        jump: Largest change of a joint's velocity within a cycle at the start [rad/s].
+        delay: Until the arm began to move [s].
+        still: Time without motion, that included [s].
     """
 
     seconds: float

@@ -30,11 +30,16 @@ FINISHED = 'finished'
 class Log:
     """What was said, by the stamp [ns] of the state that it belongs to.
 
-    states: q (n,) [rad]; commands: q_ref [rad] and dq [rad/s], both (n,); desired: position [m] and
-    quaternion of the tip, (7,); segments: that the task was on; words: of the planner; laws: name
-    of the law in force; scalings: share of the task velocity that the limits allow; reasons: why
-    the robot stopped itself, empty where it takes commands; session: states of the robot's session,
-    one after the other.
+    Attributes:
+        states: q, (n,) [rad].
+        commands: q_ref [rad] and dq [rad/s], (n,) each.
+        desired: Position [m] and quaternion of the tip, (7,).
+        segments: The segment of the task.
+        words: Of the planner.
+        laws: Name of the law in force.
+        scalings: Share of the task velocity that the limits allow.
+        reasons: Why the robot stopped itself; empty where it takes commands.
+        session: States of the robot's session, one after the other.
     """
 
     states: Mapping[int, np.ndarray]
@@ -88,9 +93,7 @@ class Log:
         return under_way
 
     def desired_at(self, stamps: list[int]) -> np.ndarray:
-        """Desired poses at some stamps, (N, 7); half-way between its neighbours and so on for one
-        that the planner missed.
-        """
+        """Desired poses at some stamps, (N, 7); interpolated where the planner missed one."""
         known = sorted(self.desired)
         poses = np.array([self.desired[stamp] for stamp in known])  # (N, 7)
         at = np.array(stamps) - known[0]
@@ -226,7 +229,7 @@ def _latest(values: Mapping[int, V], stamps: list[int], stamp: int) -> V:
 
 
 def _reference(wanted: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
-    """What the planner asked for, but for the velocity, which nobody asks for here."""
+    """What the planner asked for, without the velocity, which is not needed here."""
     x_d = wanted[:3]
     reference = Reference(np.zeros(3), x_d, x_d - state.x, segment, finished=False)
     if not pose:

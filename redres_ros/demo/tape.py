@@ -64,8 +64,11 @@ _BUFFER = 16384  # [bytes] it is written in small pieces, so that no cycle has m
 class Entry:
     """One message.
 
-    time: by the monotonic clock, which all processes share [ns]; heard: whether the node received
-    it, rather than published it; data: as it goes over the wire.
+    Attributes:
+        time: By the monotonic clock, which all processes share [ns].
+        topic: Its name.
+        heard: Whether the node received it; otherwise it published it.
+        data: As it goes over the wire.
     """
 
     time: int

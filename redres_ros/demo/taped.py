@@ -28,7 +28,7 @@ def taped(cls: type[Node], tape: Tape) -> type[Node]:
 
 
 class _Taped(Node):
-    """Comes between a node's class and rclpy's."""
+    """Mixed in between a node's class and rclpy's."""
 
     tape: Tape
 
@@ -69,8 +69,8 @@ class _TapedPublisher:
     def get_subscription_count(self) -> int:
         """With the tape as one of the listeners.
 
-        Who asks is telemetry, which publishes only while somebody listens. If nobody but the tape
-        does, nothing is sent.
+        Telemetry asks, and publishes only while somebody listens. If only the tape does, nothing is
+        sent.
         """
         listeners: int = self._publisher.get_subscription_count()
         self._has_listeners = listeners > 0

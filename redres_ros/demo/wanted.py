@@ -18,11 +18,19 @@ class DemoError(RedresError):
 class DemoOptions:
     """What to run.
 
-    dynamics: of the fake arm and of the controller's model; switches: (law, seconds after the task
-    began); parameters: more of them, for every node that has them; composed: one process instead of
-    three; duration [s]: repeat the task for so long, 0 for once; views: modules of this package
-    that show the nodes, with their parameters, and for which the nodes stay until Ctrl-C; mcap:
-    file for all that the nodes say.
+    Attributes:
+        task: Its name.
+        law: Name of the law at the start.
+        rate: Cycles a second [Hz].
+        dynamics: Of the fake arm and of the controller's model.
+        switches: (law, seconds after the task began).
+        lockstep: As fast as it goes, instead of in real time.
+        composed: One process instead of three.
+        duration: How long the task is repeated [s]; 0 for once.
+        views: Modules of this package that show the nodes, with their parameters. For them the
+            nodes stay until Ctrl-C.
+        mcap: File for all that the nodes say; None for none.
+        parameters: More of them, for every node that has them.
     """
 
     task: str
@@ -42,8 +50,10 @@ class DemoOptions:
 class Ending:
     """How a run ended.
 
-    endurance: where the task was repeated to the end; interrupted: by Ctrl-C; last: stamp of the
-    last state that counts [ns].
+    Attributes:
+        endurance: Where the task was repeated to the end.
+        interrupted: By Ctrl-C.
+        last: Stamp of the last state that counts [ns].
     """
 
     endurance: Endurance | None

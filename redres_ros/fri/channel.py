@@ -1,6 +1,4 @@
-"""The way of messages from one end to the other, with the faults of a network. It knows no clock
-but ticks.
-"""
+"""Carries messages from one end to the other, with a network's faults. Time counts in ticks."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -34,9 +32,9 @@ class Link:
 class Channel(Generic[M]):
     """Takes messages in and gives them out as `link` says, which may be set at any time.
 
-    What happens is random, but the same seed, messages and links make the same happen. Every
-    message takes four random numbers whatever the link, so that setting one fault does not change
-    when another one strikes.
+    Faults are random but repeatable: the same seed, messages and links give the same result. Every
+    message draws four random numbers whatever the link, so setting one fault does not move the
+    others.
 
     Args:
         seed: of what happens.
@@ -72,8 +70,8 @@ class Channel(Generic[M]):
         self._overtaken = []
 
     def receive(self, tick: int) -> list[M]:
-        """What arrives up to a tick and was not received yet; what is behind a message that is late
-        waits for it.
+        """Messages that have arrived by a tick and were not received yet. A late one holds up those
+        behind it.
         """
         arrived = []
         while self._under_way and self._under_way[0][0] <= tick:
@@ -81,8 +79,8 @@ class Channel(Generic[M]):
         return arrived
 
     def _is_lost(self, chance: float) -> bool:
-        """Losses come in bursts, seldom enough for `loss` to be the share of messages that are lost
-        on an average.
+        """Whether the next message is lost. Losses come in bursts, so rarely that `loss` is their
+        mean share.
         """
         loss = self.link.loss
         burst = self.link.loss_burst

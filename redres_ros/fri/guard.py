@@ -10,7 +10,7 @@ from redres_ros.fri.reflex import KUKA_NAMES, Reflex
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots.joint_limits import JointLimits
 
-# [rad], [rad/s]: a client that keeps to the same limits may be beyond them by its last digits
+# [rad], [rad/s] for rounding: a client may command exactly the limit
 _ROUNDING = 1e-10
 
 

@@ -118,7 +118,7 @@ class Inbox:
         return answers
 
     def _judge(self, arrival: _ArrivedCommand, now: int) -> Answer:
-        """The answer that an arrival is at a tick. Raises AnswerError."""
+        """What arrived as the answer to a state, judged at tick `now`. Raises AnswerError."""
         self._check_publishers()
         tick = self._answered_tick(arrival.stamp, now)
         q = self._positions(arrival)

@@ -19,28 +19,25 @@ import numpy as np
 from redres_ros.errors import RedresError
 from redres_ros.robots import Arm
 
-BACKENDS = (
-    'egl',
-    'osmesa',
-)  # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
-TIME_LIMIT = 120.0  # [s] for the pictures of a film, and
-TIME_FOR_EACH = 1.0  # [s] for each: without a graphics card a picture takes half a second
+# GL libraries that need no display, tried in this order unless MUJOCO_GL names one
+BACKENDS = ('egl', 'osmesa')
+TIME_LIMIT = 120.0  # [s] for a film, and besides
+TIME_FOR_EACH = 1.0  # [s] for each picture: without a graphics card one takes half a second
+# Where the camera looks [deg]: from the base frame's x towards y, and from the horizontal.
 AZIMUTH = 28.0
-# [deg] where the camera looks: from the base frame's x towards y, from the horizontal
 ELEVATION = -14.0
 
 _SIZE = 480, 600  # width and height [pixels]
-_LOOK_AT = (-0.2, 0.0, 0.49)
+_LOOK_AT = (-0.2, 0.0, 0.49)  # [m]
 _DISTANCE = 2.12  # [m]
-# [m]; the arm stands on a pedestal, because the paper's task leads its wrist below the base
-_FLOOR = -0.3
+_FLOOR = -0.3  # [m]; below the base, because the paper's task leads the wrist there
 _SPARE = 100  # shapes that MuJoCo may add of its own, such as lights and frames
 _BLACK = (0.05, 0.05, 0.05, 1.0)
 _BLUE = (0.12, 0.47, 0.71, 1.0)
 _RED = (0.84, 0.15, 0.16, 1.0)
 _VIOLET = (0.56, 0.40, 0.72, 1.0)  # of the tool, which no path has
-_LINE = 0.007
-_POINT = 0.022  # radii [m]
+_LINE = 0.007  # radius [m]
+_POINT = 0.022  # radius [m]
 
 
 class RenderError(RedresError):
@@ -51,9 +48,12 @@ class RenderError(RedresError):
 class Film:
     """What the pictures show.
 
-    q: (N, n) joint positions [rad], one row a picture; traced: (N,) share of the paths covered by
-    then, 0 to 1; tip, elbow: (K, 3), their paths; points: (P, 3), those of the task; lengths in the
-    base frame [m].
+    Attributes:
+        q: Joint positions, one row a picture, (N, n) [rad].
+        traced: Share of the paths covered by then, 0 to 1, (N,).
+        tip: Its path in the base frame, (K, 3) [m].
+        elbow: The same of the elbow, (K, 3) [m].
+        points: Those of the task, (P, 3) [m].
     """
 
     q: np.ndarray

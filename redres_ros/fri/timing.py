@@ -177,8 +177,8 @@ class _Verdict(NamedTuple):
 
 
 class _Latencies:
-    """Mean and standard deviation of the last WINDOW latencies, from running sums: of whole
-    nanoseconds, so exact.
+    """Mean and standard deviation of the last WINDOW latencies, from running sums of whole
+    nanoseconds: these are exact.
     """
 
     def __init__(self) -> None:
@@ -187,7 +187,7 @@ class _Latencies:
         self._sum_of_squares = 0  # [ns], [ns^2]
 
     def append(self, latency: float) -> None:
-        """Enter a latency [s]; one too many makes the oldest forgotten."""
+        """Enter a latency [s]; beyond WINDOW the oldest is dropped."""
         if not abs(latency) <= _HOUR:
             latency = _HOUR
         newest = round(_NANOSECONDS * latency)

@@ -1,6 +1,6 @@
 """Executable `composed`: the nodes sim, controller and planner in one process and one thread.
 
-States, commands and task velocities are handed over without a way through DDS, on which others can
+States, commands and task velocities are handed over directly, not through DDS. Other processes can
 still listen, and send task velocities.
 """
 

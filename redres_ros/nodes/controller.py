@@ -41,7 +41,7 @@ _TELL_AGAIN = 5.0  # [s] after which a restart is told again
 
 @dataclass(frozen=True)
 class ControllerParameters(ListenerParameters):
-    """Parameters of the node beside those of the arm, the law and what stands between ticks."""
+    """The node's own parameters; those of arm, motion and timing are declared with these."""
 
     switch_time: float = param(
         0.2,

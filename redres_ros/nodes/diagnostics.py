@@ -66,10 +66,14 @@ def _to_text(value: object) -> str:
 
 @dataclass
 class _Episode:
-    """A time in which a source's input cannot be used, with short breaks or without.
+    """A time in which inputs of a source are refused; some may be accepted meanwhile.
 
-    kinds: of errors, each of which is told once; last: when the last one came [s]; over: something
-    could be used since.
+    Attributes:
+        reason: The newest.
+        count: Of refused inputs.
+        last: When the last one came [s].
+        over: Whether an input could be used since.
+        kinds: Of errors, each of which is told once.
     """
 
     reason: str = ''

@@ -49,7 +49,7 @@ class IntraProcess:
 
 
 class _Handing(Node):
-    """Comes between a node's class and rclpy's."""
+    """Mixed in between a node's class and rclpy's."""
 
     intra_process: IntraProcess
 
@@ -84,11 +84,11 @@ class _Publisher:
         self._receivers = receivers
 
     def get_subscription_count(self) -> int:
-        """Of receivers in this process and of subscriptions in others."""
+        """Receivers in this process and subscriptions in others."""
         return len(self._receivers) + self._publisher.get_subscription_count()
 
     def publish(self, message: Any) -> None:
-        """As ever, after the receivers of this process have got it."""
+        """Hand it to the receivers of this process, then publish it."""
         for receive in self._receivers:
             receive(message)
         self._publisher.publish(message)

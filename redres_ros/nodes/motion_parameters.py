@@ -87,7 +87,8 @@ class MotionParameters:
         self.wanted({}).law.check_damping(T)
 
     def wanted(self, changes: Mapping[str, Any]) -> Wanted:
-        """What is asked for after some changes of parameters, others among them do not matter.
+        """What is asked for after changes of parameters. Changes of other parameters are passed
+        over.
 
         Raises:
             RedresError: A value that is not allowed, limits that the arm has no figures for, or a

@@ -48,7 +48,7 @@ class RobotParameters:
 
 @dataclass(frozen=True)
 class MountingParameters:
-    """With what tool the arm stands where, and what of it the task concerns."""
+    """Where the arm stands, with which tool, and which rows its task has."""
 
     dynamics: str = param(
         _PAPER.dynamics, 'inertias: identified arm or uniform cylinders', choices=DYNAMICS

@@ -165,7 +165,7 @@ class SimNode(ManagedNode):
             self._tell_refusals()
             self._session_topics.tell()
             if self._settings.lockstep:
-                # The answer may be here at once, from this thread; services have their turn anyway.
+                # The answer may have come already, in this thread; services still need a turn.
                 waiting.sleep(0.0)
                 self._await_answer(stopped, waiting, math.inf)
             else:
@@ -188,11 +188,11 @@ class SimNode(ManagedNode):
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
     def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Until the next tick is due, and then as long as the answer is late and patience lasts."""
+        """Wait until the next tick is due, and for a late answer until patience ends."""
         self._robot_clock.wait(waiting.sleep)
         if self._settings.patience and self._client_lives and self._unanswered:
             self._await_answer(stopped, waiting, self._settings.patience)
-            # Who was silent for so long is not waited for again before the next command comes.
+            # A client that was silent for so long is not waited for again until it sends a command.
             self._client_lives = not self._unanswered
             self._cycles_waited += 1
             self._robot_clock.stand_still()

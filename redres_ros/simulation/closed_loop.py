@@ -21,7 +21,10 @@ PATIENCE = 3.0  # a task may take this many times its nominal duration
 class Client(Protocol):
     """What answers the robot's states: a Controller, or one of second order.
 
-    model: the arm. T: the robot's cycle [s]. m: rows of dx, 3 or 6.
+    Attributes:
+        model: Of the arm.
+        T: The robot's cycle [s].
+        m: Rows of dx, 3 or 6.
     """
 
     model: RobotModel

@@ -15,7 +15,7 @@ from redres_ros.simulation.plots import NORMS, save
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import table
 
-# where the largest peak is that many times the median one, a norm is drawn on a logarithmic scale
+# A norm is drawn on a logarithmic scale where its largest peak is so many times the median one
 _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 

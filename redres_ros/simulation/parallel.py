@@ -53,7 +53,7 @@ def in_parallel(
 
 
 def _part(progress: Progress, place: int, things: Sequence[Any]) -> Progress:
-    """What tells the progress of the whole from that of one thing, those before it being done."""
+    """Turns the progress of one thing into that of the whole; those before it are done."""
     return lambda share: progress((place + share) / len(things))
 
 

@@ -41,8 +41,10 @@ _ZOOM = 0.85  # leaves room for the labels of the axes
 class Remarks:
     """What is said of a motion beside its curves.
 
-    beside: ideal motions by name, drawn in grey under the norms for comparison; stopped: why the
-    robot was stopped, marked at the end of the curves; switches: (time [s], law before, law after).
+    Attributes:
+        beside: Ideal motions by name, drawn in grey under the norms for comparison.
+        stopped: Why the robot was stopped, marked at the end of the curves.
+        switches: (time [s], law before, law after).
     """
 
     beside: Mapping[str, Recording]
@@ -257,7 +259,7 @@ def _draw_arrows(ax: Any, way: np.ndarray, color: str) -> None:
 
 
 def _scale_alike(ax: Any) -> None:
-    """A metre is as long on each axis, and each has as many ticks as there is room for."""
+    """Make a metre equally long on every axis, with as many ticks as there is room for."""
     limits = np.array((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))  # (3, 2)
     spans = np.maximum(np.ptp(limits, axis=1), _THINNEST * np.ptp(limits, axis=1).max())
     middles = limits.mean(axis=1)

@@ -65,8 +65,13 @@ def row(t: float, command: Command, reference: Reference) -> list[float]:
 class Recording:
     """A motion, one row a tick.
 
-    data: (ticks, columns). n: joints. T: sampling time [s]. finished: the last point was reached.
-    ending: the end in words. pose: whether the task has an orientation.
+    Attributes:
+        data: (ticks, columns).
+        n: Number of joints.
+        T: Sampling time [s].
+        finished: Whether the last point was reached.
+        ending: How it ended, in words.
+        pose: Whether the task has orientations.
     """
 
     data: np.ndarray
