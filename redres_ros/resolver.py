@@ -33,7 +33,13 @@ class Resolver(Protocol):
         """
 
     def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
-        """Whether the answer can be given as it is; start: the reference that is integrated."""
+        """Whether the answer can be given as it is.
+
+        Args:
+            answer: The wanted one.
+            start: State at the reference that is integrated.
+            T: Sampling time [s].
+        """
 
     def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
         """The answer to give.
