@@ -232,7 +232,7 @@ def test_a_short_bench_of_the_tick_has_every_law_and_prints_what_it_writes(
     out = capsys.readouterr().out
     content = json.loads((tmp_path / 'bench.json').read_text())
     assert set(content) == {'machine', 'tick'}
-    limited = {f'minimum_velocity, {name}' for name in LIMIT_SCALES}
+    limited = {f'minimum_velocity, {name}' for name in (*LIMIT_SCALES, 'two priorities')}
     assert set(content['tick']['laws']) == {*LAWS, *limited}
     for name, figures in content['tick']['laws'].items():
         rows = [line.strip() for line in out.splitlines()]

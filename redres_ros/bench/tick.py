@@ -141,7 +141,7 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
 
 
 def controllers(model: RobotModel) -> dict[str, Controller]:
-    """Every law; and one of them with limits, in force without acting, and acting."""
+    """Every law; and one of them with limits, idle and acting, and with a second task."""
     controllers = {name: Controller(model, make_law(name), T) for name in LAWS}
     for name, scale in LIMIT_SCALES.items():
         controllers[f'minimum_velocity, {name}'] = Controller(
@@ -152,6 +152,9 @@ def controllers(model: RobotModel) -> dict[str, Controller]:
             limits=('position', 'velocity', 'acceleration'),
             limit_scale=scale,
         )
+    controllers['minimum_velocity, two priorities'] = Controller(
+        model, make_law('minimum_velocity'), T, secondary_tasks=('orientation',)
+    )
     return controllers
 
 
