@@ -34,8 +34,7 @@ class Servo(Node):
 
     def __init__(self) -> None:
         super().__init__('visual_servoing')
-        self.tip: np.ndarray | None = None  # (3,) [m]
-        self.frame = ''
+        self.pictured = -math.inf  # when the last picture was taken, by the robot's clock [s]
         self.centre: np.ndarray | None = None  # of the circle, (3,) [m]
         self.seen: np.ndarray | None = None  # in the last picture, (3,) [m]
         self.pictures = 0
@@ -45,41 +44,50 @@ class Servo(Node):
         self.create_subscription(PoseStamped, 'controller/tip_pose', self.on_tip, newest)
         self.create_subscription(JointState, 'joint_states', self.on_state, newest)
         self.twists = self.create_publisher(TwistStamped, 'cartesian_velocity', 1)
-        self.create_timer(CAMERA, self.on_picture)
 
     def on_tip(self, message: PoseStamped) -> None:
-        """Where the tip is, and in which frame."""
-        place = message.pose.position
-        self.tip = np.array((place.x, place.y, place.z))
-        self.frame = message.header.frame_id
+        """Take a picture whenever it is time for one."""
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        if stamp - self.pictured >= CAMERA:
+            self.pictured = stamp
+            place = message.pose.position
+            self.on_picture(np.array((place.x, place.y, place.z)), message.header.frame_id)
 
     def on_state(self, message: JointState) -> None:
         """Keep the way of the joints."""
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         self.states.append((stamp, np.array(message.position)))
 
-    def on_picture(self) -> None:
-        """Command by what the picture before showed: looking takes time."""
-        if self.tip is None:
-            return
+    def on_picture(self, tip: np.ndarray, frame: str) -> None:
+        """Command by what the picture before showed: looking takes time.
+
+        Args:
+            tip: Where it is, (3,) [m].
+            frame: Along whose axes.
+        """
         if self.centre is None:
-            self.centre = self.tip - (0.0, RADIUS, 0.0)
+            self.centre = tip - (0.0, RADIUS, 0.0)
         before = self.seen
         angle = 2.0 * math.pi * self.pictures * CAMERA / TURN
         target = self.centre + RADIUS * np.array((0.0, math.cos(angle), math.sin(angle)))
-        self.seen = target - self.tip
+        self.seen = target - tip
         self.errors.append(float(np.linalg.norm(self.seen)))
         self.pictures += 1
         if before is not None:
-            self.steer(GAIN * before)
+            self.steer(GAIN * before, frame)
 
-    def steer(self, dx: np.ndarray) -> None:
-        """Send a task velocity (3,) [m/s], which is to act now."""
+    def steer(self, dx: np.ndarray, frame: str) -> None:
+        """Send a task velocity that is to act now.
+
+        Args:
+            dx: (3,) [m/s].
+            frame: Along whose axes.
+        """
         speed = float(np.linalg.norm(dx))
         if speed > FASTEST:
             dx = dx * (FASTEST / speed)
         message = TwistStamped()  # its stamp is zero: now
-        message.header.frame_id = self.frame
+        message.header.frame_id = frame
         message.twist.linear.x, message.twist.linear.y, message.twist.linear.z = dx.tolist()
         self.twists.publish(message)
 
@@ -102,7 +110,7 @@ servo = Servo()
 with contextlib.suppress(KeyboardInterrupt):
     while servo.pictures * CAMERA < options.seconds:
         rclpy.spin_once(servo)
-servo.steer(np.zeros(3))
+servo.steer(np.zeros(3), '')
 late = servo.errors[len(servo.errors) // 3 :]
 print(f'{servo.pictures} pictures; the tip was {1e3 * max(late):.1f} mm behind at most')
 print(f'no joint accelerated by more than {fastest_change(servo.states):.2f} rad/s^2')

@@ -13,10 +13,12 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import Probe, await_that, graph
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from redres_ros.demo.client import call
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -53,6 +55,24 @@ def robot(namespace: str, arm: str, log: Path) -> Iterator[None]:
         process.wait(20.0)
 
 
+def law_of_left(name: str) -> subprocess.CompletedProcess[str]:
+    """Switch the law of one arm, as users do."""
+    return subprocess.run(
+        [sys.executable, '-m', 'redres_ros.cli', 'law', name, '--namespace', 'left'],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def law(probe: Probe, namespace: str) -> str:
+    """The law that an arm's controller has."""
+    request = GetParameters.Request(names=['law'])
+    answer = call(probe, GetParameters, f'{namespace}/controller/get_parameters', request)
+    return str(answer.values[0].string_value)
+
+
 def test_two_arms_do_their_tasks_side_by_side(tmp_path: Path) -> None:
     with graph(Probe) as (probe, _):
         many = QoSProfile(depth=1000)
@@ -67,12 +87,16 @@ def test_two_arms_do_their_tasks_side_by_side(tmp_path: Path) -> None:
                     lambda words=words: 'finished' in [word.data for word in words],
                     f'the end of the task of the {name} arm',
                 )
+            switched = law_of_left('minimum_velocity')
+            laws = {name: law(probe, name) for name in ARMS}
             topics = [topic for topic, _ in probe.get_topic_names_and_types()]
             of_nobody = [
                 topic
                 for topic in topics
                 if probe.count_publishers(topic) and 'joint' in topic and topic.count('/') == 1
             ]
+    assert (switched.returncode, switched.stderr) == (0, '')
+    assert laws == {'left': 'minimum_velocity', 'right': 'minimum_acceleration'}
     for name, arm in ARMS.items():
         joints = list(JointLimits.of(find_arm(arm)).joint_names)
         assert states[name]

@@ -18,6 +18,10 @@ _MOVING = 0.01  # [rad/s] or [m/s]
 _SAME = 1e-3  # [rad] by which two sources of limits may differ
 
 
+class NoDescriptionError(RedresError):
+    """Nobody publishes the URDF that is expected."""
+
+
 def judge_arm(seen: Sighting, expected: ExpectedArm) -> Iterator[Verdict]:
     """Joints, positions, limits and frames of the arm that is expected.
 
@@ -41,10 +45,6 @@ def _model_of(expected: ExpectedArm, description: str) -> RobotModel:
     if expected.robot != TOPIC:
         return RobotModel(choose_arm(expected.robot, expected.tip_frame))
     return RobotModel(choose_tip(_published(description), expected.tip_frame))
-
-
-class NoDescriptionError(RedresError):
-    """Nobody publishes the URDF that is expected."""
 
 
 def _published(description: str) -> str:

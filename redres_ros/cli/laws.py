@@ -4,7 +4,7 @@ import argparse
 import inspect
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_domain
+from redres_ros.cli.options import add_domain, add_namespace
 
 if TYPE_CHECKING:
     from redres_ros.robots import Arm
@@ -28,6 +28,7 @@ def add(commands: Any) -> None:
         '--damping', type=float, metavar='K_D', help='null-space damping [1/s]; default: as it is'
     )
     add_domain(law)
+    add_namespace(law)
     law.set_defaults(run=_law)
 
 
@@ -69,7 +70,11 @@ def _law(options: argparse.Namespace) -> int:
 
     gains = {} if options.damping is None else {'damping': options.damping}
     make_law(options.name, **gains)
-    with joined_domain(options.domain), spun(lambda: Node('redres_law')) as node:
+
+    def make() -> Node:
+        return Node('redres_law', namespace=options.namespace or None)
+
+    with joined_domain(options.domain), spun(make) as node:
         set_parameters(node, 'controller', {'law': options.name, **gains})
     print(
         f'controller: {options.name}'

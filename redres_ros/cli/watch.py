@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_domain
+from redres_ros.cli.options import add_domain, add_namespace
 from redres_ros.errors import RangeError
 
 _LONGEST = 1e6  # [s]
@@ -16,6 +16,7 @@ def add(commands: Any) -> None:
         '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
     )
     add_domain(watch)
+    add_namespace(watch)
     watch.set_defaults(run=_watch)
 
 
@@ -28,7 +29,7 @@ def _watch(options: argparse.Namespace) -> int:
 
     if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, 0.0, _LONGEST, 's')
-    with joined_domain(options.domain), spun(Watch) as node:
+    with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
         try:
             watch(node, threading.Event(), options.duration)
         finally:

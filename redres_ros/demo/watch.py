@@ -30,10 +30,14 @@ _POSES = {'controller/tip_pose'}
 
 
 class Watch(Node):
-    """Keeps the newest word and figure of every topic on the page, and when it came."""
+    """Keeps the newest word and figure of every topic on the page, and when it came.
 
-    def __init__(self) -> None:
-        super().__init__('watch')
+    Args:
+        namespace: Of the arm's nodes; empty: none.
+    """
+
+    def __init__(self, namespace: str = '') -> None:
+        super().__init__('watch', namespace=namespace or None)
         self._heard: dict[str, Heard] = {}
         self._remote = Remote(self)
         self._arm: LiveArm | None = None
