@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import yaml
+from imports import IMPORTS, ROS
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
@@ -65,3 +66,10 @@ def test_every_workflow_names_files_and_extras_that_exist() -> None:
 def test_the_container_for_developers_installs_what_the_tests_need() -> None:
     container = json.loads((ROOT / '.devcontainer/devcontainer.json').read_text(encoding='utf-8'))
     assert "'.[test]'" in container['postCreateCommand']
+
+
+def test_every_ros_package_that_is_imported_is_a_dependency_of_the_package() -> None:
+    named = {e.text for e in ElementTree.parse(ROOT / 'package.xml').getroot()}
+    imported = {found.library for found in IMPORTS if re.fullmatch(ROS, found.library)}
+    assert 'sensor_msgs' in imported
+    assert sorted(imported - named) == []
