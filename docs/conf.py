@@ -46,6 +46,7 @@ autodoc_default_options = {'members': True, 'show-inheritance': False}
 python_use_unqualified_type_names = True
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
+napoleon_use_ivar = True  # one list of attributes, and no entry for each beside it
 
 # Files beside docs/ that pages link to, and the pages that show them.
 _PAGES = {
