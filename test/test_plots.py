@@ -74,3 +74,16 @@ def test_a_repeated_task_is_shown_from_its_first_round_to_its_last(
     low, high = panel.get_xlim()
     assert low < 0.0  # what happens at the very start is not on the axis
     assert high > rounds[-1]
+
+
+def test_a_task_with_orientations_shows_how_well_they_are_kept(
+    page: list[Figure], model: RobotModel, task: WaypointTask
+) -> None:
+    names = columns(7, pose=True)
+    rows = np.zeros((100, len(names)))
+    rows[:, names.index('t')] = T * np.arange(100)
+    rows[:, names.index('orientation_error')] = 0.002
+    draw(Recording(rows, 7, T, True, '', pose=True), model, task)
+    *_, panel = norms(page)
+    (curve,) = (line for line in panel.lines if line.get_label() == 'orientation [mrad]')
+    assert np.asarray(curve.get_ydata()) == pytest.approx(2.0)

@@ -60,7 +60,8 @@ def draw_motion(
     path: Path,
     remarks: Remarks,
 ) -> None:
-    """One page: the way of tip and elbow on the left, norms over time on the right.
+    """One page: the way of tip and elbow on the left, norms over time on the right; and the errors
+    of a task with orientations.
 
     Args:
         recording: The motion, of at least one row.
@@ -78,10 +79,13 @@ def draw_motion(
     parts: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.3))
     left, right = parts
     draw_paths(left.add_subplot(projection='3d'), recording, model, task)
-    panels = list(right.subplots(len(_SHOWN), 1, sharex=True))
-    for ax, norm in zip(panels, _SHOWN, strict=True):
+    rows = len(_SHOWN) + int(recording.pose)
+    panels = list(right.subplots(rows, 1, sharex=True))
+    for ax, norm in zip(panels, _SHOWN, strict=False):
         draw_norm(ax, norm, recording, remarks.beside, stopped=bool(remarks.stopped))
         _mark_events(ax, recording, remarks)
+    if recording.pose:
+        _draw_errors(panels[-1], recording)
     _name_switches(panels[-1], remarks)
     panels[-1].set_xlabel('time [s]')
     end = max(recording['t'][-1], recording.T)
@@ -156,6 +160,20 @@ def draw_norm(
     for other in (recording, *beside.values()):
         _tell_hidden_peak(ax, other, norm, top)
     ax.grid(alpha=0.3)
+
+
+def _draw_errors(ax: Axes, recording: Recording) -> None:
+    """How far the tip is from where, and from how, it should be."""
+    for column, color, label in (
+        ('task_error', 'black', 'position [mm]'),
+        ('orientation_error', 'tab:orange', 'orientation [mrad]'),
+    ):
+        t, error = _curve(recording, column)
+        ax.plot(t, 1e3 * error, color=color, lw=1.2, label=label)
+    ax.set_ylabel('error', fontsize='small')
+    ax.set_ylim(bottom=0.0)
+    ax.grid(alpha=0.3)
+    ax.legend(fontsize='x-small', loc='upper right')
 
 
 def save(figure: Figure, path: Path) -> None:
