@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.rotation import rotation_matrix, rotation_vector
+from redres_ros.rotation import rotation_matrix, turn_between
 from redres_ros.waypoints import WaypointTask
 
 
@@ -25,7 +25,8 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
         R_d: Wanted orientation, (3, 3).
         R: Orientation, (3, 3).
     """
-    return rotation_vector(R_d.dot(R.T))
+    e: np.ndarray = turn_between(R, R_d)
+    return e
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,7 @@ class Planner:
         """R_d, (3, 3), at the share s of the turn from a point to the next; and that turn, (3,)."""
         A = turns[start]
         B = turns[start + 1]
-        turn = rotation_vector(B.dot(A.T))
+        turn = turn_between(A, B)
         R_d = rotation_matrix(s * turn).dot(A) if s < 1.0 else B.copy()
         return R_d, turn
 

@@ -141,7 +141,7 @@ def resolve_in_order(
     """
     J = np.concatenate([J for J, _ in levels])
     dx = np.concatenate([dx for _, dx in levels])
-    exact = _resolve_exactly(J, dx, b, W, _rows_of(*(len(dx) for _, dx in levels)))
+    exact = _resolve_exactly(J, dx, b, W, _rows_of(*[len(dx) for _, dx in levels]))
     if exact is not None and exact.dot(exact) <= FASTEST**2:
         return exact, False
     dq, damped = resolve_one(*levels[0], b, W)

@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.cycles import NANOSECONDS, Cycles
 from redres_ros.pacing import Pacing
 from redres_ros.planner import Planner, Reference
-from redres_ros.rotation import rotation_vector
+from redres_ros.rotation import turn_between
 from redres_ros.waypoints import WaypointTask
 
 _SHORTEST = 0.5  # [s] that a way takes at least
@@ -57,7 +57,7 @@ def way_to(
         speed: At most, of the tip [m/s], and of the turn ten times as many [rad/s].
     """
     distance = float(np.linalg.norm(x_end - x))
-    angle = float(np.linalg.norm(rotation_vector(R_end.dot(R.T))))
+    angle = float(np.linalg.norm(turn_between(R, R_end)))
     peak = 15.0 / 8.0  # of Eq. (36), over the mean
     return replace(
         task,

@@ -22,7 +22,14 @@ from redres_ros.bench.loop import GRAPHS, UDP, LoopResult
 from redres_ros.bench.processor_time import ProcessorMeter, processor_seconds
 from redres_ros.bench.report import write_json
 from redres_ros.bench.round_trips import RoundTrips
-from redres_ros.bench.tick import LIMIT_SCALES, SAME, TickResult, controllers, deviation, recorded
+from redres_ros.bench.tick import (
+    LIMIT_SCALES,
+    SAME,
+    TickResult,
+    controllers,
+    deviation,
+    recorded,
+)
 from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, Times, measure
 from redres_ros.bench.udp import measure_udp

@@ -12,8 +12,8 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
-    {'errors'},
-    {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles', 'compiled'},
+    {'errors', 'compiled'},
+    {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles'},
     {'closed_form', 'cascade'},
     {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},

@@ -54,8 +54,8 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
     missing = missing_peers()
     made: dict[str, Peer] = {}
     if 'embodik' not in missing:
-        made['embodik'] = _embodik(arm, T, limits=True)
-        made['embodik, no limits'] = _embodik(arm, T, limits=False)
+        made['embodik'] = _embodik(arm, T, 1.0)
+        made['embodik, no limits'] = _embodik(arm, T, None)
     for library, make in {'pink': _pink, 'mink': _mink}.items():
         for solver in SOLVERS:
             if not {library, solver} & set(missing):
@@ -64,7 +64,21 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
     return made
 
 
-def _embodik(arm: Arm, T: float, limits: bool) -> Peer:
+def limited_peers(arm: Arm, T: float, limit_scale: float) -> dict[str, Peer]:
+    """Those that keep accelerations too, under limits so narrow that they act.
+
+    Args:
+        arm: As for `peers`.
+        T: Length of a tick [s].
+        limit_scale: The share of its velocities and accelerations that is allowed.
+    """
+    if 'embodik' in missing_peers():
+        return {}
+    return {'embodik, limits acting': _embodik(arm, T, limit_scale)}
+
+
+def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
+    """limit_scale: on velocities and accelerations; None: without limits."""
     import embodik
 
     with tempfile.NamedTemporaryFile('w', suffix='.urdf') as file:
@@ -73,15 +87,18 @@ def _embodik(arm: Arm, T: float, limits: bool) -> Peer:
         robot = embodik.RobotModel(file.name)
     solver = embodik.KinematicsSolver(robot)
     solver.dt = T
-    if limits:
-        solver.set_acceleration_limits(JointLimits.of(arm).acceleration)
+    if limit_scale is not None:
+        limits = JointLimits.of(arm)
+        solver.set_acceleration_limits(limit_scale * limits.acceleration)
         solver.enable_acceleration_limits(True)
+        for joint, largest in enumerate(limits.velocity):
+            solver.set_joint_velocity_limit(joint, limit_scale * float(largest))
     task = solver.add_frame_task('tip', arm.tip_frame, embodik.TaskType.FRAME_POSITION)
     task.weight = 1.0 / T  # times the error it is the wanted velocity
 
     def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
         task.set_target_position(x_d)
-        dq: np.ndarray = solver.solve_velocity_dq(q, limits)
+        dq: np.ndarray = solver.solve_velocity_dq(q, limit_scale is not None)
         return dq
 
     return velocity

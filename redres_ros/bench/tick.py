@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from redres_ros.bench.peers import Peer, floors, missing_peers, peers
+from redres_ros.bench.peers import Peer, floors, limited_peers, missing_peers, peers
 from redres_ros.bench.timing import Times, measure
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
@@ -130,6 +130,10 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
         calls['peers', name] = _over(peer, stretch.q, stretch.x_d)
     # First, because a peer with acceleration limits remembers the last velocity of a round.
     deviations = {name: deviation(peer, model, stretch) for name, peer in others.items()}
+    for name, peer in limited_peers(model.arm, T, LIMIT_SCALES['limits acting']).items():
+        others[name] = peer
+        deviations[name] = deviation(peer, model, stretch)
+        calls['peers', name] = _over(peer, stretch.q, stretch.x_d)
     times = measure(calls, rounds, progress)
     return TickResult(
         laws={name: times['laws', name] for name in laws},

@@ -9,7 +9,7 @@ import numpy as np
 from redres_ros.errors import ArrayError
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.rotation import from_quaternion, rotation_matrix, rotation_vector, to_quaternion
+from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion, turn_between
 from redres_ros.tasks.task import FrameTask, check_target
 
 
@@ -61,7 +61,9 @@ class Orientation(FrameTask):
         return state.jacobian_derivatives(self.frame)[:, 3:]
 
     def error(self, state: RobotState) -> np.ndarray:
-        return rotation_vector(_matrix(self.target).dot(state.pose(self.frame)[1].T))
+        _, R = state.pose(self.frame)
+        e: np.ndarray = turn_between(R, _matrix(self.target))
+        return e
 
     def begun(self, state: RobotState) -> Self:
         _, R = state.pose(self.frame)
@@ -90,7 +92,7 @@ class Pose(FrameTask):
 
     def error(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
-        turn = rotation_vector(_matrix(self.target[3:]).dot(R.T))
+        turn = turn_between(R, _matrix(self.target[3:]))
         return np.concatenate((np.array(self.target[:3]) - x, turn))
 
     def begun(self, state: RobotState) -> Self:
