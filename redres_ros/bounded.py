@@ -86,9 +86,9 @@ def bound(
         The velocity, always finite and in the box, and what gave way for it. Where the input is not
         finite it is the one nearest to standing still.
     """
-    if keeps(dq_free, box, rows):
-        return Bounded(dq_free)
     lower, upper = box
+    if within(dq_free, lower, upper) and keeps_rows(dq_free, rows):
+        return Bounded(dq_free)
     J, dx, sizes = _stacked_tasks(tasks, len(dq_free))
     C, low, high, groups = _stacked_rows(rows, len(dq_free))
     weight, is_factor = _weight(W)
@@ -97,16 +97,14 @@ def bound(
     )
 
 
-def keeps(dq: np.ndarray, box: Box, rows: Sequence[Rows]) -> bool:
-    """Whether a velocity keeps all limits.
+def keeps_rows(dq: np.ndarray, rows: Sequence[Rows]) -> bool:
+    """Whether a velocity keeps the limits that are not boxes.
 
     Args:
         dq: (n,) [rad/s].
-        box: (lower, upper), both (n,) [rad/s].
         rows: (C, low, high) of each group.
     """
-    lower, upper = box
-    return within(dq, lower, upper) and all(within(C.dot(dq), low, high) for C, low, high in rows)
+    return all(within(C.dot(dq), low, high) for C, low, high in rows)
 
 
 def _weight(W: Weight) -> tuple[np.ndarray, bool]:

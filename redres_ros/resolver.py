@@ -41,13 +41,12 @@ class Resolver(Protocol):
             T: Sampling time [s].
         """
 
-    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
+    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
         """The answer to give.
 
         Args:
             answer: The wanted one.
-            state: Of the arm at this tick.
-            start: The reference that is integrated, (n,) [rad].
+            start: State at the reference that is integrated.
             T: Sampling time [s].
         """
 
@@ -65,7 +64,7 @@ class Unlimited:
         """Always."""
         return True
 
-    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
+    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
         """The wanted one."""
         return answer
 
@@ -83,12 +82,11 @@ class Limited:
 
     def __init__(self, limits: 'Limits', scale: np.ndarray | None) -> None:
         # compiled: loaded only where limits are wanted
-        from redres_ros.bounded import bound, keeps
+        from redres_ros.bounded import bound
         from redres_ros.limits import limit_name
         from redres_ros.limits.joint import AccelerationLimit
 
         self._bound = bound
-        self._keeps = keeps
         self._limit_name = limit_name
         self._limits = limits
         self._scale = scale
@@ -100,18 +98,11 @@ class Limited:
 
     def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
         """Whether it keeps the limits."""
-        if self._limits.keep(answer.dq, start, T):
-            return True
-        bounds = self._limits.at(start, T)
-        return self._keeps(answer.dq, bounds.box, bounds.rows)
+        return self._limits.keep(answer.dq, start, T)
 
-    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
+    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
-        if start is not state.q:
-            state = RobotState(state.model, start, state.dq_prev)
-        if self._limits.keep(answer.dq, state, T):
-            return answer
-        bounds = self._limits.at(state, T)
+        bounds = self._limits.at(start, T)
         levels = [scaled(answer.J, answer.executed, self._scale)]
         levels += [(J, J.dot(answer.dq)) for J in answer.lower]
         bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows)
@@ -121,7 +112,7 @@ class Limited:
         limiting = ''
         if acting is not None:
             limit, index = acting
-            limiting = f'{limit.place(state, index)}: {self._limit_name(limit)}'
+            limiting = f'{limit.place(start, index)}: {self._limit_name(limit)}'
         return replace(answer, dq=bounded.dq, s=bounded.s, limiting=limiting)
 
 
@@ -145,10 +136,10 @@ class Changeover:
         """Whether both do."""
         return self.old.allows(answer, start, T) and self.new.allows(answer, start, T)
 
-    def resolve(self, answer: Proposal, state: RobotState, start: np.ndarray, T: float) -> Proposal:
+    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
         """The mixture of both, which executes the mixture of their shares of dx."""
-        old = self.old.resolve(answer, state, start, T)
-        new = self.new.resolve(answer, state, start, T)
+        old = self.old.resolve(answer, start, T)
+        new = self.new.resolve(answer, start, T)
         part, _ = quintic(self.share)
         return replace(
             answer,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.bounded import Bounded, Box, Rows
+from redres_ros.bounded import Bounded, Box, Rows, keeps_rows
 from redres_ros.limits.boxes import GIVEN, TOUCHING, fill_boxes, keeps_boxes
 from redres_ros.limits.joint import JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
@@ -88,19 +88,18 @@ class Limits:
         return len(self._boxes) + len(self._rows)
 
     def keep(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
-        """Whether a velocity keeps all of them; False also where rows would have to be looked at.
+        """Whether a velocity keeps all of them.
 
         Args:
             dq: (n,) [rad/s].
             state: The reference and the last command.
             T: Sampling time [s].
         """
-        if self._rows:
-            return False
         if self._given:
             self._fill_in(state, T)
-        keeps: bool = keeps_boxes(dq, state.q, state.dq_prev, T, self._kinds, self._figures)
-        return keeps
+        if not keeps_boxes(dq, state.q, state.dq_prev, T, self._kinds, self._figures):
+            return False
+        return not self._rows or keeps_rows(dq, [limit.rows(state, T) for limit in self._rows])
 
     def at(self, state: ReferenceState, T: float) -> Bounds:
         """What they say at a state.
