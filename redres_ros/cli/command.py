@@ -42,12 +42,12 @@ _EXTRAS = {'viser': 'view', 'mcap': 'record', 'imageio_ffmpeg': 'video'}
 _PLUGIN = '--plugin'
 
 _BEGINNING = """\
-redres moves a redundant arm along a task. What to try first:
-  redres demo                     planner, controller and a simulated arm as ROS 2 nodes
-  redres simulate                 the same task in an ideal loop, without ROS
-  redres compare                  several laws on that task, side by side
-  redres laws                     the laws, and what can be combined with them
-  redres --help                   all commands; redres COMMAND --help: their options
+redres moves an arm that has more joints than its task needs. What to try first:
+  redres demo       see an arm move: planner, controller and a simulated robot as ROS 2 nodes
+  redres compare    see what the choice of a law changes, in plots and a table; without ROS
+  redres simulate   every tick of a motion as numbers; without ROS
+  redres laws       what there is to choose from: laws, preferences, tasks, limits, arms
+  redres --help     all commands; redres COMMAND --help: their options
 """
 
 
@@ -142,7 +142,9 @@ def make_parser() -> Parser:
     description = 'Redundancy resolution for arms behind a position interface.'
     parser = Parser(prog='redres', description=description)
     parser.add_argument('--version', action=Version, help='print the version, and end')
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    commands = parser.add_subparsers(
+        dest='command', required=True, metavar='COMMAND', title='commands'
+    )
     for group in _GROUPS:
         group.add(commands)
     for subparser in commands.choices.values():
