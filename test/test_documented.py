@@ -132,3 +132,10 @@ def test_a_comment_gives_a_reason_or_a_test_that_exists(page: str, mark: str) ->
     else:
         assert kind in ('not run', 'given')
         assert said
+
+
+@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md'])
+def test_what_a_page_outside_the_site_links_to_is_there(page: str) -> None:
+    links = re.findall(r'\]\(([^)#]+)', (ROOT / page).read_text(encoding='utf-8'))
+    missing = [link for link in links if '://' not in link and not (ROOT / link).exists()]
+    assert missing == []
