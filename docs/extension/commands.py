@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from extension.markdown import code, plain, table
 from redres_ros.cli.command import make_parser
-from redres_ros.cli.options import Parser
+from redres_ros.cli.parser import Parser
 
 _NOT_SHOWN = (argparse._HelpAction, argparse._SubParsersAction)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import OptionError
+from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
 _RATES = (10.0, 2000.0)  # [Hz]

@@ -19,7 +19,7 @@ from redres_ros.cli import (
     view,
     watch,
 )
-from redres_ros.cli.options import Parser, Version
+from redres_ros.cli.parser import Parser, Version
 from redres_ros.errors import RedresError, quoted
 
 _GROUPS = (

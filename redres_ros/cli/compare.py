@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import OptionError, add_loop, add_motion
+from redres_ros.cli.options import add_loop, add_motion
+from redres_ros.cli.parser import OptionError
 
 if TYPE_CHECKING:
     from redres_ros.laws import Law

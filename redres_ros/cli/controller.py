@@ -5,7 +5,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.gains import gains_of, given_gains
-from redres_ros.cli.options import NONE, OptionError
+from redres_ros.cli.parser import NONE, OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
 if TYPE_CHECKING:

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.options import OptionError, add_robot
+from redres_ros.cli.options import add_robot
+from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError
 
 _LAWS = 'minimum_acceleration'

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import OptionError, add_motion
+from redres_ros.cli.options import add_motion
+from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError
 
 _PAGE = 'view.serve'

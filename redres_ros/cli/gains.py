@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from redres_ros.cli.options import NONE, OptionError
+from redres_ros.cli.parser import NONE, OptionError
 
 _SHARED = ('damping', 'scale')  # they have options of their own
 

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import check_writable
-from redres_ros.cli.options import OptionError, add_domain
+from redres_ros.cli.options import add_domain
+from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError
 
 _LONGEST = 1e6  # [s]

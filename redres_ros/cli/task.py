@@ -4,7 +4,7 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from redres_ros.cli.options import OptionError
+from redres_ros.cli.parser import OptionError
 
 if TYPE_CHECKING:
     from redres_ros.robot_model import RobotModel

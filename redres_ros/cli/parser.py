@@ -1,0 +1,127 @@
+"""How a command line is read: words into values, and errors in one line."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from redres_ros.errors import RedresError, quoted
+
+NONE = 'none'  # the word for no limits at all
+
+
+class OptionError(RedresError):
+    """An option whose text cannot be read, or that does not go with the others."""
+
+
+class Help(argparse.ArgumentDefaultsHelpFormatter):
+    """Shows the defaults that say something."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        if action.default in (None, False, '', ()):
+            return action.help
+        return super()._get_help_string(action)
+
+
+class Parser(argparse.ArgumentParser):
+    """Takes no abbreviations, and declares some options only when it parses.
+
+    What those are made from takes a second to load; `redres --help` need not wait for it.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**{'formatter_class': Help, 'allow_abbrev': False, **kwargs})
+        self._declarations: list[Callable[[Sequence[str]], None]] = []
+        for kind, reading in _READINGS.items():
+            self.register('type', kind, reading)
+
+    def declare_later(self, declare: 'Callable[[Parser, Sequence[str]], None]') -> None:
+        """Have declare(self, words to parse) called once, before the first parsing."""
+        self._declarations.append(lambda words: declare(self, words))
+
+    def parse_known_args(  # type: ignore[override]  # the base class has overloads
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """As of the base class.
+
+        Args:
+            args: The words; None for those of the process.
+            namespace: Takes what they say; None for a new one.
+        """
+        self.declare_all(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
+    def declare_all(self, words: Sequence[str]) -> None:
+        """Declare the options whose turn it is, for these words to parse."""
+        while self._declarations:
+            self._declarations.pop()(words)
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the command line in one line. The base class prints the usage before it, up to
+        twenty lines.
+        """
+        self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """As of the base class, which passes over output that cannot be written."""
+        if message and file is not None:
+            file.write(message)
+
+
+def _read_text(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError('got nothing; expected a name')
+    return text
+
+
+def _read_path(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError('got nothing; expected a path')
+    return Path(text)
+
+
+def _read_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a number') from None
+
+
+def _read_whole_number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a whole number') from None
+
+
+# What reads an option's text, by the type that it is declared with; None for plain text.
+_READINGS: dict[type | None, Callable[[str], Any]] = {
+    None: _read_text,
+    Path: _read_path,
+    float: _read_number,
+    int: _read_whole_number,
+}
+
+
+class Version(argparse.Action):
+    """Prints the package's version.
+
+    Args:
+        option_strings: As of argparse.Action, like all that follow.
+        dest: Where a value would go.
+        help: What it does.
+    """
+
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str = '') -> None:  # noqa: A002
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *args: Any) -> None:
+        """Print it, and end."""
+        from xml.etree import ElementTree
+
+        from redres_ros.share import share_path
+
+        version = ElementTree.parse(share_path('package.xml')).findtext('version')
+        print(f'redres_ros {version}')
+        parser.exit()
