@@ -18,8 +18,9 @@ from redres_ros.motion import STANDING, Blend, LawMotion, check_task
 from redres_ros.parameter import Parameter, check_value, found, several
 from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
-from redres_ros.robot_model import RobotModel, RobotState, as_vector, check_finite
+from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import TASKS, Task
+from redres_ros.vectors import as_vector, check_finite
 
 if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit

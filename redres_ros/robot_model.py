@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.closed_form import are_usable, free_acceleration
-from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
+from redres_ros.closed_form import free_acceleration
+from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
+from redres_ros.vectors import finite_vector
 
 # w.dot(_CROSS), as (3, 3), is the matrix K with K v = w x v
 _CROSS = np.array(
@@ -21,7 +22,6 @@ _CROSS = np.array(
     )
 )
 
-_FLOAT64 = np.dtype(np.float64)
 
 if TYPE_CHECKING:
     from functools import cached_property as evaluated_once
@@ -351,73 +351,3 @@ def jacobian_derivatives(J: np.ndarray) -> np.ndarray:
     inner = np.tri(n, dtype=bool).T[:, None, :]  # (i, 1, j): i <= j
     dv = np.where(inner, dv, dv.transpose(2, 1, 0))
     return np.concatenate((dv, np.where(inner, dw, 0.0)), axis=1)
-
-
-def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """A copy of the values as (size,) float64.
-
-    Args:
-        values: Anything that numpy takes for an array.
-        size: Its length.
-        name: What an error calls it.
-
-    Raises:
-        ArrayError: Another shape, no numbers, or NaN or infinity.
-    """
-    vector = as_vector(values, size, name)
-    check_finite(vector, name)
-    return vector
-
-
-def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """The same, where NaN and infinity are looked for later.
-
-    Args:
-        values: Anything that numpy takes for an array.
-        size: Its length.
-        name: What an error calls it.
-
-    Raises:
-        ArrayError: Another shape, or no numbers.
-    """
-    if type(values) is np.ndarray and values.dtype is _FLOAT64:
-        vector = values.copy()
-    else:
-        vector = _as_floats(values, size, name)
-    if vector.shape != (size,):
-        raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
-    return vector
-
-
-def check_finite(vector: np.ndarray, name: str) -> None:
-    """Refuse a vector that is not finite.
-
-    Args:
-        vector: Of any length.
-        name: What an error calls it.
-
-    Raises:
-        ArrayError: It holds NaN or infinity.
-    """
-    if not are_usable(vector, vector, np.inf):  # in a tenth of the time of np.isfinite().all()
-        raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
-
-
-def _as_floats(values: Any, size: int, name: str) -> np.ndarray:
-    """A copy of the values as an array of float64, whatever they are."""
-    try:
-        _check_real(values, size, name)
-        return np.array(values, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ArrayError(f'{name} is {quoted(values)}; expected {size} numbers') from None
-
-
-def _check_real(values: Any, size: int, name: str) -> None:
-    """Refuse what numpy would turn into floats by leaving out a mask or an imaginary part."""
-    problem = ''
-    if np.ma.is_masked(values):
-        problem = 'has masked values'
-    elif np.asarray(values).dtype.kind not in 'iufO':
-        problem = f'is {quoted(values)}'
-    if problem:
-        raise ArrayError(f'{name} {problem}; expected {size} real numbers')

@@ -15,6 +15,7 @@ LAYERS = (
     {'errors', 'compiled'},
     {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles'},
     {'closed_form', 'cascade'},
+    {'vectors'},
     {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},

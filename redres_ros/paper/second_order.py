@@ -16,7 +16,8 @@ from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import check_parameters, param
 from redres_ros.resolution import Square, Weight
-from redres_ros.robot_model import RobotModel, RobotState, finite_vector
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.vectors import finite_vector
 
 
 @dataclass(frozen=True)

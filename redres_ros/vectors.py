@@ -1,0 +1,80 @@
+"""Vectors that users give, checked: as long as they must be, real and finite."""
+
+from typing import Any
+
+import numpy as np
+
+from redres_ros.closed_form import are_usable
+from redres_ros.errors import ArrayError, quoted
+
+_FLOAT64 = np.dtype(np.float64)
+
+
+def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
+    """A copy of the values as (size,) float64.
+
+    Args:
+        values: Anything that numpy takes for an array.
+        size: Its length.
+        name: What an error calls it.
+
+    Raises:
+        ArrayError: Another shape, no numbers, or NaN or infinity.
+    """
+    vector = as_vector(values, size, name)
+    check_finite(vector, name)
+    return vector
+
+
+def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
+    """As `finite_vector`, where NaN and infinity are looked for later.
+
+    Args:
+        values: Anything that numpy takes for an array.
+        size: Its length.
+        name: What an error calls it.
+
+    Raises:
+        ArrayError: Another shape, or no numbers.
+    """
+    if type(values) is np.ndarray and values.dtype is _FLOAT64:
+        vector = values.copy()
+    else:
+        vector = _as_floats(values, size, name)
+    if vector.shape != (size,):
+        raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
+    return vector
+
+
+def check_finite(vector: np.ndarray, name: str) -> None:
+    """Refuse a vector that is not finite.
+
+    Args:
+        vector: Of any length.
+        name: What an error calls it.
+
+    Raises:
+        ArrayError: It holds NaN or infinity.
+    """
+    if not are_usable(vector, vector, np.inf):  # in a tenth of the time of np.isfinite().all()
+        raise ArrayError(f'{name} is {vector.tolist()}; every value must be finite')
+
+
+def _as_floats(values: Any, size: int, name: str) -> np.ndarray:
+    """A copy of the values as an array of float64, whatever they are."""
+    try:
+        _check_real(values, size, name)
+        return np.array(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ArrayError(f'{name} is {quoted(values)}; expected {size} numbers') from None
+
+
+def _check_real(values: Any, size: int, name: str) -> None:
+    """Refuse what numpy would turn into floats by leaving out a mask or an imaginary part."""
+    problem = ''
+    if np.ma.is_masked(values):
+        problem = 'has masked values'
+    elif np.asarray(values).dtype.kind not in 'iufO':
+        problem = f'is {quoted(values)}'
+    if problem:
+        raise ArrayError(f'{name} {problem}; expected {size} real numbers')
