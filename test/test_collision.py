@@ -1,6 +1,7 @@
 """The collision limit: distances as another library has them, and arms that keep them."""
 
 from functools import cache
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -12,7 +13,7 @@ from redres_ros.errors import ArrayError
 from redres_ros.limits import make_limits
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.distances import FIRST_BALL, FLOOR
-from redres_ros.robots import ARMS
+from redres_ros.robots import ARMS, Arm
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
@@ -216,6 +217,13 @@ def test_far_from_everything_the_closed_form_comes_back_to_the_bit():
 def test_balls_come_as_four_numbers_each():
     with pytest.raises(ArrayError, match='balls holds 3 numbers; expected four for each'):
         limit_of('lwr4', balls=(0.1, 0.2, 0.3))
+
+
+def test_an_arm_with_two_tips_is_refused_by_their_names():
+    path = Path(__file__).parents[1] / 'examples' / 'two_arms.urdf'
+    arm = Arm(path, tip_frame='left_hand', other_tips=('right_hand',))
+    with pytest.raises(ArrayError, match='knows arms with one tip; .* has also right_hand'):
+        CollisionLimit(RobotModel(arm))
 
 
 def test_a_clearance_beyond_the_influence_is_refused():

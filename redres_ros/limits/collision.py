@@ -45,6 +45,11 @@ class CollisionLimit(RowLimit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.model.arm.other_tips:
+            raise ArrayError(
+                f'the limit collision knows arms with one tip; {self.model.arm.source} has also '
+                f'{", ".join(self.model.arm.other_tips)}'
+            )
         if len(self.balls) % 4:
             raise ArrayError(
                 f'balls holds {len(self.balls)} numbers; '
