@@ -1,10 +1,14 @@
 """The controller within limits: what it keeps, what it tells, and that nothing makes it jump."""
 
+import os
+from itertools import combinations
+
 import numpy as np
 import pytest
 
-from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
+from redres_ros import LAWS, Command, Controller, RobotModel, WaypointTask, load_task, make_law
 from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownNameError
+from redres_ros.limits import LIMITS
 from redres_ros.limits.joint import VelocityLimit
 from redres_ros.planner import Planner
 
@@ -13,6 +17,8 @@ BOX = ('position', 'velocity', 'acceleration')
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
 ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
+NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
+COMBINATIONS = [names for count in range(1, 6) for names in combinations(LIMITS, count)]
 EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 
 
@@ -43,6 +49,39 @@ def test_no_command_leaves_the_limits_whatever_is_asked(law, model, task):
         assert (command.q_ref <= model.q_max).all()
         assert (command.q_ref >= model.q_min).all()
         q = command.q_ref
+
+
+@EVERY_LAW
+def test_long_random_motions_keep_every_combination_of_limits(law, model, task):
+    """Some of them, and all by night. Without a limit on speeds a law may run away, and is told."""
+    random = np.random.default_rng(1)
+    count = len(COMBINATIONS) if NIGHTLY else 3
+    for index in random.permutation(len(COMBINATIONS))[:count]:
+        names = COMBINATIONS[index]
+        controller = controller_of(model, law, limits=names)
+        q = task.start
+        for k in range(3000 if NIGHTLY else 150):
+            if k % 50 == 0:
+                dx = random.normal(scale=2.0, size=3)
+            try:
+                command = controller.update(q, dx)
+            except DivergedError:
+                assert 'velocity' not in names, names
+                break
+            assert_kept(names, command, model)
+            q = command.q_ref
+
+
+def assert_kept(names: tuple[str, ...], command: Command, model: RobotModel) -> None:
+    assert np.isfinite(command.q_ref).all()
+    if 'velocity' in names:
+        assert (np.abs(command.dq) <= model.dq_max + 1e-12).all(), names
+    if 'acceleration' in names:
+        allowed = acceleration_limit(model) * (1.0 + ROUNDING)
+        assert (np.abs(command.ddq) <= allowed).all(), names
+    if 'position' in names:
+        assert (command.q_ref <= model.q_max).all(), names
+        assert (command.q_ref >= model.q_min).all(), names
 
 
 @EVERY_LAW
