@@ -19,8 +19,13 @@ from geometry_msgs.msg import TwistStamped
 from graph_helpers import Probe, await_that, graph
 
 from redres_ros.cli import main
-from redres_ros.demo.steering import WAYS, Steering
+from redres_ros.demo.steering import HELP, WAYS, Steering
 from redres_ros.errors import RangeError
+
+
+def test_the_page_shows_the_keys_as_the_command_does() -> None:
+    page = Path(__file__).parents[1] / 'docs' / 'tutorials' / 'teleoperation.md'
+    assert f'```text\n{HELP}\n```' in page.read_text(encoding='utf-8')
 
 
 def test_every_row_of_the_task_velocity_has_a_key_for_either_way() -> None:

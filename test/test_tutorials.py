@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from geometry_msgs.msg import PoseStamped
 from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros.nodes.conversions import to_nanoseconds, to_twist
@@ -48,6 +49,45 @@ def test_a_camera_of_30_hertz_moves_the_arm_without_a_jump_at_its_pictures() -> 
     # Held, each picture's change of 3.5 mm/s would come in one cycle: 1.7 m/s^2 at the tip, and as
     # much in rad/s^2 of joints half a metre away. The circle itself asks for 0.1 m/s^2.
     assert acceleration.max() < 0.6
+
+
+def errors_behind_a_camera(gain: float) -> np.ndarray:
+    """How far the tip is behind a target on a circle, at each picture after some time [mm]."""
+    with virtual_run(sim=CALM, controller={'rate': RATE}) as run:
+        assert run.run_until(lambda: run.commanding, 5.0)
+        tip = np.zeros(3)
+
+        def look(message: PoseStamped) -> None:
+            place = message.pose.position
+            tip[:] = (place.x, place.y, place.z)
+
+        run.graph.listen('controller/tip_pose', 'camera', look)
+        run.run(0.1)
+        centre = tip - (0.0, 0.04, 0.0)
+        seen = np.zeros(3)
+        errors = []
+        for k in range(90):
+            angle = 2.0 * np.pi * k / 150.0  # a round in 5 s
+            target = centre + 0.04 * np.array((0.0, np.cos(angle), np.sin(angle)))
+            dx = gain * seen  # of the picture before
+            seen = target - tip
+            errors.append(1e3 * float(np.linalg.norm(seen)))
+            run.graph.publish('cartesian_velocity', to_twist(0, '', dx))
+            run.run(1.0 / 30.0)
+    return np.array(errors[60:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('gain', [10, 25])
+def test_the_tip_is_as_far_behind_a_camera_as_the_page_says(gain: int) -> None:
+    page = (PAGES / 'visual_servoing.md').read_text(encoding='utf-8')
+    [row] = re.findall(rf'\| {gain} \| ([^|]*) \|', page)
+    told = float(re.findall(r'[\d.]+', row)[0])
+    errors = errors_behind_a_camera(float(gain))
+    if 'steadily' in row:
+        assert errors == pytest.approx(told, abs=0.3)  # the page's arm has physics
+    else:
+        assert errors.max() > 3.0 * errors.min()
 
 
 @pytest.mark.slow
