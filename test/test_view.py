@@ -21,7 +21,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.demo.client import read_parameters
+from redres_ros.demo.client import CallError, read_parameters
 from redres_ros.demo.judge import Cycle, Judge, read_cycle
 from redres_ros.demo.onlooker import PLANNER, Onlooker
 from redres_ros.demo.replay import FINISHED, MOVING
@@ -31,6 +31,7 @@ from redres_ros.nodes.conversions import JointOrder, to_joint_state
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.view import gate, words
+from redres_ros.view.controls import Controls
 from redres_ros.view.saved import write_page
 from redres_ros.view.shapes import FIXED, shapes_of
 from redres_ros.view.spectator import WORDS
@@ -202,6 +203,22 @@ def test_a_command_is_read_in_the_order_of_our_joints() -> None:
     cycle = read_cycle(serialize_message(message), JointOrder(names))
     assert cycle.stamp == 5
     assert cycle.q_ref.tolist() == [0.0, 1.0, 2.0] and cycle.dq.tolist() == [10.0, 11.0, 12.0]
+
+
+def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
+    told: list[str] = []
+
+    def refuse(of: str, values: dict[str, Any]) -> None:
+        raise CallError(f'{of} refused')
+
+    controls = Controls.__new__(Controls)
+    controls._remote = SimpleNamespace(set_parameters=refuse)
+    controls._values = {'controller': {'law': 'minimum_torque'}}
+    shown: list[str] = []
+    controls._shows = {'controller': {'law': shown.append}}
+    client = SimpleNamespace(add_notification=lambda title, text, **_: told.append(text))
+    controls._set(SimpleNamespace(client=client), 'controller', 'law', 'minimum_velocity')
+    assert shown == ['minimum_torque'] and told == ['controller refused']
 
 
 def test_a_trail_keeps_its_span_and_begins_anew_with_another_clock() -> None:

@@ -169,6 +169,8 @@ def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
         from redres_ros.view.gate import free_port
 
         views[_PAGE] = {'port': free_port(), 'patience': START_PATIENCE}
+        if options.plugin:
+            views[_PAGE]['plugins'] = tuple(map(os.path.abspath, options.plugin))
     return views
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from redres_ros.demo.judge import Judge
+from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import Limits, gain_names, make_limits
 from redres_ros.nodes.motion_parameters import NONE
@@ -80,6 +81,8 @@ def chosen(values: Values, of: str) -> tuple[str, ...]:
 
 def _law(values: Values) -> Law:
     name = values['law']
+    if name not in LAWS:
+        raise UnknownNameError('law', name, LAWS)
     gains = {}
     for field in parameters(LAWS[name]):
         for key in (field.name, f'{name}.{field.name}'):

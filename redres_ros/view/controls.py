@@ -56,6 +56,7 @@ class Controls:
     ) -> None:
         self._server = server
         self._remote = remote
+        self._values = {node: dict(has) for node, has in values.items()}
         self._shows: dict[str, dict[str, Callable[[Any], None]]] = {'controller': {}, 'sim': {}}
         self._add_task()
         self._add_law(values['controller'])
@@ -74,6 +75,7 @@ class Controls:
         """
         for name, value in values.items():
             if name in self._shows.get(node, {}):
+                self._values[node][name] = value
                 self._shows[node][name](value)
 
     def _add_task(self) -> None:
@@ -162,13 +164,30 @@ class Controls:
         handle.on_update(lambda event: self._set(event, node, parameter, event.target.value))
 
     def _set(self, event: viser.GuiEvent[Any], node: str, parameter: str, value: Any) -> None:
-        self._give(event, lambda: self._remote.set_parameters(node, {parameter: value}))
+        """Set a parameter; one that is refused is shown as the node has it."""
+        self._give(
+            event,
+            lambda: self._remote.set_parameters(node, {parameter: value}),
+            lambda: self.show(node, {parameter: self._values[node][parameter]}),
+        )
 
-    def _give(self, event: viser.GuiEvent[Any], order: Callable[[], Any]) -> None:
-        """Carry out an order of somebody at the page; who gave it is told what went wrong."""
+    def _give(
+        self,
+        event: viser.GuiEvent[Any],
+        order: Callable[[], Any],
+        undo: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Carry out an order of somebody at the page; who gave it is told what went wrong.
+
+        Args:
+            event: What was clicked, and by whom.
+            order: Asks the nodes.
+            undo: Is called where they refuse.
+        """
         if event.client is None:  # shown by us, because a node has it already
             return
         try:
             order()
         except CallError as error:
             event.client.add_notification('Refused', str(error), color='red', auto_close_seconds=8)
+            undo()

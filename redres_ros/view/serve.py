@@ -6,9 +6,11 @@ import threading
 from dataclasses import dataclass
 
 from redres_ros.demo.remote import Remote
+from redres_ros.nodes.motion_parameters import NONE
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
+from redres_ros.plugins import load_plugins
 from redres_ros.view.gate import ADDRESS, close_server, open_server
 from redres_ros.view.page import Page
 from redres_ros.view.spectator import NICENESS, Spectator
@@ -19,6 +21,9 @@ class ViewParameters:
     """Parameters of the node."""
 
     port: int = param(8080, 'of the page; the next free one is taken', 1024, 65535)
+    plugins: tuple[str, ...] = param(
+        (NONE,), 'Python files with the laws, preferences and limits that the controller has'
+    )
     patience: float = param(10.0, 'how long a graph may take to appear [s]', 0.0, 600.0)
 
 
@@ -28,6 +33,8 @@ class ViewNode(Spectator):
     def __init__(self) -> None:
         super().__init__()
         self._settings = declare(self, ViewParameters())
+        # Those of this node's own starter: what a graph names is not executed here.
+        load_plugins(path for path in self._settings.plugins if path != NONE)
         self._remote = Remote(self)
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
