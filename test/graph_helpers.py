@@ -225,11 +225,13 @@ class Witness(Node):
         self.session.append((self.at, message.data))
 
 
-def await_that(condition: Callable[[], bool], what: str, every: float = 0.01) -> None:
+def await_that(
+    condition: Callable[[], bool], what: str, every: float = 0.01, patience: float = PATIENCE
+) -> None:
     """Wait until a condition holds; fail if it does not in time."""
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + patience
     while not condition():
-        assert time.monotonic() < until, f'waited {PATIENCE:g} s in vain for {what}'
+        assert time.monotonic() < until, f'waited {patience:g} s in vain for {what}'
         time.sleep(every)
 
 

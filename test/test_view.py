@@ -16,6 +16,7 @@ pytest.importorskip('viser', reason='needs the extra view')
 
 from graph_helpers import await_that, graph
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Int32
@@ -26,7 +27,9 @@ from redres_ros.demo.judge import Cycle, Judge, read_cycle
 from redres_ros.demo.onlooker import PLANNER, Onlooker
 from redres_ros.demo.replay import FINISHED, MOVING
 from redres_ros.demo.sampling import Sampler
-from redres_ros.limits import make_limits
+from redres_ros.demo.settings import judge_of, model_of
+from redres_ros.limits import limit_name, make_limits
+from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import JointOrder, to_joint_state
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
@@ -205,6 +208,24 @@ def test_a_command_is_read_in_the_order_of_our_joints() -> None:
     assert cycle.q_ref.tolist() == [0.0, 1.0, 2.0] and cycle.dq.tolist() == [10.0, 11.0, 12.0]
 
 
+def test_the_page_has_the_arm_the_law_and_the_limits_that_the_controller_has() -> None:
+    with graph(ControllerNode) as (node, _):
+        names = node.list_parameters([], 0).names
+        values = {
+            name: parameter_value_to_python(node.get_parameter(name).get_parameter_value())
+            for name in names
+        }
+        model = model_of(values)
+        judge = judge_of(values, model)
+        assert model.arm == node._robot.arm
+        assert judge.law == node._controller.law
+        assert [limit_name(limit) for limit in judge.limits] == [
+            'acceleration',
+            'velocity',
+            'position',
+        ]
+
+
 def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     told: list[str] = []
 
@@ -275,7 +296,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'
         start('view.serve', log, port=gate.free_port(18280), patience=100.0)
-        await_that(lambda: 'page: ' in log.read_text(), 'the page')
+        await_that(lambda: 'page: ' in log.read_text(), 'the page', patience=BROWSER_PATIENCE)
         address = log.read_text().partition('page: ')[2].strip()
         chromium.goto(address)
         # Events of their own: a real click waits until all that is drawn has come to rest.

@@ -1,7 +1,7 @@
 """What a graph's parameters say of its arm, task, law and limits."""
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -35,9 +35,8 @@ def model_of(values: Values, description: str = '') -> RobotModel:
         arm = choose_tip(description, *links)
     else:
         arm = choose_arm(values['robot'], *links)
-    mounting = {field.name: values[field.name] for field in fields(MountingParameters)}
-    mounting.pop('task_space')
-    return RobotModel(replace(arm, **mounting))
+    mounting = {f.name: _unchangeable(values[f.name]) for f in fields(MountingParameters)}
+    return RobotModel(MountingParameters(**mounting).mount(arm))
 
 
 def points_of(planner: Values, model: RobotModel) -> np.ndarray:
@@ -99,3 +98,8 @@ def _limits(values: Values, model: RobotModel) -> Limits:
         torque_scale=values['torque_scale'],
         gains={gain: values[gain] for gain in gain_names() if gain in values},
     )
+
+
+def _unchangeable(value: Any) -> Any:
+    """A parameter's value, of an array as a tuple."""
+    return value if isinstance(value, (bool, int, float, str)) else tuple(value)

@@ -69,6 +69,17 @@ class MountingParameters:
         'position', 'rows of the task: position 3, pose 6', choices=('position', 'pose')
     )
 
+    def mount(self, arm: Arm) -> Arm:
+        """An arm so mounted."""
+        return replace(
+            arm,
+            dynamics=self.dynamics,
+            base_offset=self.base_offset,
+            tool_offset=self.tool_offset,
+            acceleration_limit=self.acceleration_limit,
+            effort_limit=() if self.effort_limit == _OF_THE_URDF else self.effort_limit,
+        )
+
 
 class ChosenRobot(NamedTuple):
     """The arm of a node.
@@ -116,14 +127,7 @@ def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
     mounting = declare(node, own)
     for remark in arm.remarks():
         node.get_logger().info(remark)
-    arm = replace(
-        arm,
-        dynamics=mounting.dynamics,
-        base_offset=mounting.base_offset,
-        tool_offset=mounting.tool_offset,
-        acceleration_limit=mounting.acceleration_limit,
-        effort_limit=() if mounting.effort_limit == _OF_THE_URDF else mounting.effort_limit,
-    )
+    arm = mounting.mount(arm)
     arm.kinematics()  # refuses limits of another number of joints
     return ChosenRobot(wanted.robot, arm, mounting.task_space)
 
