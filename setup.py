@@ -128,10 +128,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
-        *shared('config', '*.yaml'),
-        *shared('config', '*.rviz'),
-        *shared('config', '*.json'),
-        *shared('config', '*.xml'),
+        *shared('config', '*'),
         *shared('launch', '*.launch.py'),
         # The names that `ros2 run` looks for, where it looks. They start the scripts in bin/, so
         # that both installers lay out the same files, and a setup.cfg that sends the scripts

@@ -183,7 +183,7 @@ def assert_share_files(prefix: Path) -> None:
     ).is_file()
     files = [
         ROOT / 'package.xml',
-        *(ROOT / 'config').rglob('*.yaml'),
+        *filter(Path.is_file, (ROOT / 'config').rglob('*')),
         *(ROOT / 'launch').rglob('*.py'),
     ]
     assert len(files) > 2
