@@ -9,12 +9,15 @@ import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import add_motion
 from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError
+
+if TYPE_CHECKING:
+    from redres_ros.demo.demo import Demo
 
 _PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
@@ -95,19 +98,40 @@ def _add_files(demo: argparse.ArgumentParser) -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
     from redres_ros.cli.demo_results import check_files, write_results
-    from redres_ros.cli.gains import check_gains
-    from redres_ros.cli.task import find_motion
-    from redres_ros.demo.demo import Demo
     from redres_ros.demo.processes import own_domain
-    from redres_ros.demo.wanted import DemoOptions
     from redres_ros.demo.words import after, before
     from redres_ros.simulation.report import progress_bar
 
+    check_files(options)
+    demo = _make_demo(options)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
+    with (
+        own_domain(options.domain) as domain,
+        progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
+    ):
+        _say(before(demo.options, demo.model))
+        _say_where(domain, demo)
+        ending = demo.run(progress)
+    with _ending_at_once():
+        outcome = demo.outcome(ending)
+        write_results(outcome, demo, options)
+        _say(after(outcome))
+    if outcome.interrupted:
+        return 130
+    return 0 if outcome.succeeded else 1
+
+
+def _make_demo(options: argparse.Namespace) -> 'Demo':
+    """The run that is asked for. Raises RedresError for what a node would refuse."""
+    from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
+    from redres_ros.cli.gains import check_gains
+    from redres_ros.cli.task import find_motion
+    from redres_ros.demo.demo import Demo
+    from redres_ros.demo.wanted import DemoOptions
+
     if not 0.0 <= options.duration <= 1e6:
         raise RangeError('duration', options.duration, 0.0, 1e6, 's')
-    check_files(options)
     views = _views(options)
     motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
     period = 1.0 / options.rate if options.rate else math.inf
@@ -126,35 +150,19 @@ def _demo(options: argparse.Namespace) -> int:
         options.mcap,
         {'plant': options.plant, **node_parameters(options, motion)},
     )
-    demo = Demo(
-        wanted,
-        motion.task,
-        motion.model,
-        lambda law: find_law(options, law, period),
-        made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS),
-    )
-    # What the node would refuse is refused here.
+    out = made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS)
+    demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law, period), out)
     make_controller(options, motion, find_law(options, options.law, period), period)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
-    with (
-        own_domain(options.domain) as domain,
-        progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
-    ):
-        _say(before(wanted, motion.model))
-        print(
-            f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
-        )
-        if _PAGE in views:
-            address = f'http://127.0.0.1:{views[_PAGE]["port"]}'
-            print(f'page {address}, as soon as the nodes run; they stay until Ctrl-C', flush=True)
-        ending = demo.run(progress)
-    with _ending_at_once():
-        outcome = demo.outcome(ending)
-        write_results(outcome, demo, options)
-        _say(after(outcome))
-    if outcome.interrupted:
-        return 130
-    return 0 if outcome.succeeded else 1
+    return demo
+
+
+def _say_where(domain: int, demo: 'Demo') -> None:
+    """Print where the run can be looked at."""
+    print(f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True)
+    page = demo.options.views.get(_PAGE)
+    if page:
+        address = f'http://127.0.0.1:{page["port"]}'
+        print(f'page {address}, as soon as the nodes run; they stay until Ctrl-C', flush=True)
 
 
 def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:

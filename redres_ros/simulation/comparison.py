@@ -133,16 +133,12 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
         title: Says what was compared.
     """
     marked = {name: _marked(efforts, name) for name in (*_WORST, *_WHOLE)}
-    worst = [
-        [
-            law,
-            *(marked[name][law] for name in _WORST),
-            _answer(effort),
-        ]
-        for law, effort in efforts.items()
-    ]
+    worst = []
+    whole = []
+    for law, effort in efforts.items():
+        worst.append([law, *(marked[name][law] for name in _WORST), _answer(effort)])
+        whole.append([law, *(marked[name][law] for name in _WHOLE)])
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
-    whole = [[law, *(marked[name][law] for name in _WHOLE)] for law in efforts]
     return (
         table(['law', *_WORST.values(), 'within the limits?'], worst, title=title),
         table(['law', *_WHOLE.values()], whole, note='\n'.join(['* least', *unfinished])),

@@ -102,7 +102,11 @@ def sweep(
     Raises:
         RedresError: No such law, or a damping out of its range.
     """
-    chosen = [[make_law(law, damping=damping) for damping in dampings] for law in laws]
+    chosen = {
+        (i, k): make_law(law, damping=damping)
+        for i, law in enumerate(laws)
+        for k, damping in enumerate(dampings)
+    }
     limits = JointLimits.of(model.arm)
 
     def try_all(seed: int, _: Callable[[float], None]) -> np.ndarray:
@@ -110,7 +114,7 @@ def sweep(
         task = random_task(model, robot, seed)
         found = np.empty((len(laws), len(dampings), 2))
         for place in np.ndindex(found.shape[:2]):
-            recording = run(Controller(model, chosen[place[0]][place[1]], T), task)
+            recording = run(Controller(model, chosen[place], T), task)
             peak = np.inf
             if recording.finished:
                 peak = recording.peak('joint_acceleration_norm')[0]

@@ -143,11 +143,8 @@ def regimes(runs: Runs) -> Finding:
                     ]
                 )
             )
-        ratio = abs(speeds[-1])
-        seen[share] = (
-            'alternating' if speeds[1] * speeds[2] < 0.0 else 'one sign',
-            'dies out' if ratio < 1e-6 else 'grows' if ratio > 1e6 else 'stays',
-        )
+        sign = 'alternating' if speeds[1] * speeds[2] < 0.0 else 'one sign'
+        seen[share] = (sign, _fate(abs(speeds[-1])))
     expected = {
         0.5: ('one sign', 'dies out'),
         1.5: ('alternating', 'dies out'),
@@ -158,6 +155,13 @@ def regimes(runs: Runs) -> Finding:
         seen == expected,
         '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()),
     )
+
+
+def _fate(ratio: float) -> str:
+    """What becomes of a speed that is so many times the first one after a while."""
+    if ratio < 1e-6:
+        return 'dies out'
+    return 'grows' if ratio > 1e6 else 'stays'
 
 
 def cost(runs: Runs) -> Finding:
