@@ -217,7 +217,7 @@ def test_the_page_has_the_arm_the_law_and_the_limits_that_the_controller_has() -
         }
         model = model_of(values)
         judge = judge_of(values, model)
-        assert model.arm == node._robot.arm
+        assert model.arm == node._controller.model.arm
         assert judge.law == node._controller.law
         assert [limit_name(limit) for limit in judge.limits] == [
             'acceleration',
