@@ -31,6 +31,7 @@ MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
+TURN = 2.0 * np.pi  # [rad]
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
 
 
@@ -92,6 +93,7 @@ class Controller:
         self.m = self.task.size
         self.switch_time = switch_time
         self._integrate_from = integrate_from
+        self._turning = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
         self._nothing_lost = np.zeros(self.m)
         self._nothing_lost.flags.writeable = False  # every command shares it
         self._asked = LawMotion(law, _preferences(preferences), _tasks(secondary_tasks))
@@ -200,7 +202,22 @@ class Controller:
         """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before
         the first.
         """
-        return 0.0 if self._q_ref is None else max(map(abs, (self._q_ref - q).tolist()))
+        if self._q_ref is None:
+            return 0.0
+        return max(map(abs, (self._q_ref - self.nearest_turn(q)).tolist()))
+
+    def nearest_turn(self, q: np.ndarray) -> np.ndarray:
+        """q (n,) [rad], where joints of more than a turn are at the one nearest to the last
+        reference.
+
+        Their drivers may tell angles of one turn alone. References go on from turn to turn: they
+        never jump.
+        """
+        if not self._turning.size or self._q_ref is None:
+            return q
+        turns = np.zeros(len(q))
+        turns[self._turning] = np.round((self._q_ref - q)[self._turning] / TURN)
+        return q + TURN * turns
 
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
         """The command that answers one state.
@@ -225,6 +242,7 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
+        q = self.nearest_turn(q)
         start = self._integrated(q, missed)
         resolver = self._resolver.advanced(self.T, self.switch_time)
         state = RobotState(self.model, q, self._dq_prev)

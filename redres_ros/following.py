@@ -15,6 +15,9 @@ from redres_ros.errors import RedresError
 from redres_ros.parameter import check_parameters, param
 from redres_ros.playout import Playout, PlayoutSettings
 
+# What a robot does in a cycle without a command: go on as before, or stay at the last command.
+BRIDGING = ('extrapolate', 'hold')
+
 # Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
 COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
 
@@ -51,6 +54,12 @@ class FollowingSettings:
         0,
         1000,
     )
+    bridging: str = param(
+        'extrapolate',
+        'what the robot does in a cycle without a command: extrapolate the last ones, as FRI and '
+        'libfranka do, or hold the last one, as ros2_control does',
+        choices=BRIDGING,
+    )
     following_tolerance: float = param(
         0.1,
         'lag of a joint at which the arm counts as stopped, and the controller '
@@ -64,6 +73,10 @@ class FollowingSettings:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+
+class LeapError(RedresError):
+    """A state in which a joint is where it cannot have got to since the last one."""
 
 
 class TwistSpeedError(RedresError):
@@ -131,6 +144,8 @@ class Following:
         self.q: np.ndarray | None = None  # of the newest state, (n,) [rad]
         self._answer: Reply | None = None  # to the newest state that was answered
         self._answered_cycle = 0
+        self._heard_cycle = 0  # of the newest state that was believed
+        self._doubtful: np.ndarray | None = None  # q of a state that was not believed, (n,) [rad]
 
     @property
     def commanding(self) -> bool:
@@ -161,16 +176,21 @@ class Following:
 
         Raises:
             ClockError: The stamp is not that of a new cycle.
+            LeapError: A joint has moved further than it can; the next such state is believed.
             RedresError: What Controller.update() raises.
         """
         if stamp and stamp == self._cycles.newest:
             return self._same_again(q, now)
         another_robot = self._cycles.newest > 0
-        if self._cycles.enter(stamp, now) == 0:
+        cycles = self._cycles.enter(stamp, now)
+        if cycles == 0:
             self._begin(stamp, another_robot)
+        else:
+            self._check_leap(q)
         if self._waiting:
             self._expecting = False  # the robot did not wait, so nobody else need
         self.q = q
+        self._heard_cycle = self._cycles.number
         self._waiting = _State(stamp, self._cycles.number, q, now)
         return self.answer_if_due(now)
 
@@ -217,6 +237,34 @@ class Following:
             self._session.begin(stamp)
         self.playout.clear()
         self._answered_cycle = 0
+        self._doubtful = None
+
+    def _check_leap(self, q: np.ndarray) -> None:
+        """Doubt a single state that would make the controller begin anew somewhere else, such as
+        that of an encoder which fails for a moment.
+
+        Args:
+            q: (n,) [rad]. An arm that is really there says so again.
+        """
+        doubtful = self._doubtful
+        self._doubtful = None
+        tolerance = self.settings.following_tolerance
+        if self.q is None or self._controller.lag(q) <= tolerance:
+            return
+        q = self._controller.nearest_turn(q)
+        leap = self._leap(q, self._controller.nearest_turn(self.q))
+        if leap > tolerance and (doubtful is None or self._leap(q, doubtful) > tolerance):
+            self._doubtful = q
+            raise LeapError(
+                f'a joint has moved {leap:.3g} rad further than it can; expected at most '
+                f'{tolerance:g} (parameter following_tolerance), or a second state like it'
+            )
+
+    def _leap(self, q: np.ndarray, before: np.ndarray) -> float:
+        """By how much the joint that leapt furthest is further away than its speed allows [rad]."""
+        seconds = self._controller.T * (self._cycles.number - self._heard_cycle)
+        reach = seconds * self._controller.model.dq_max  # (n,)
+        return float((np.abs(q - before) - reach).max())
 
     def _same_again(self, q: np.ndarray, now: float) -> Reply | None:
         """A robot that waits for its answer asks again, and gets the same one."""
@@ -243,6 +291,8 @@ class Following:
             controller.reset()
             missed = 0
         self.skipped += missed
+        if self.settings.bridging == 'hold':
+            missed = 0  # the arm has not gone on
         stale = self._is_stale(state, now)
         dx = self.playout.play(state.cycle)
         if self.held or stale:

@@ -10,12 +10,14 @@ from redres_ros.cycles import ClockError
 from redres_ros.following import (
     Following,
     FollowingSettings,
+    LeapError,
     Reply,
     TwistAgeError,
     TwistSpeedError,
 )
 from redres_ros.planner import quintic
 from redres_ros.playout import PlayoutSettings
+from redres_ros.robots import find_arm
 
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]
@@ -39,9 +41,9 @@ class Robot:
     after the other.
     """
 
-    def __init__(self, following: Following) -> None:
+    def __init__(self, following: Following, start: np.ndarray = START) -> None:
         self.following = following
-        self.q = START
+        self.q = start
         self.cycle = 0
         self.references: list[np.ndarray] = []
 
@@ -149,6 +151,45 @@ def test_jitter_drift_and_a_clock_that_is_set_leave_every_reference_as_it_is() -
     np.testing.assert_array_equal(robot.references, perfect.references)
 
 
+@pytest.mark.parametrize(('bridging', 'cycles'), [('extrapolate', 3.0), ('hold', 0.0)])
+def test_after_missed_cycles_the_reference_goes_on_from_where_the_robot_is(
+    bridging: str, cycles: float
+) -> None:
+    robot = at_speed(bridging=bridging)
+    before, last = robot.references[-2:]
+    robot.cycle += 3
+    answer = robot.ask()
+    assert answer is not None
+    expected = last + cycles * (last - before) + T * answer.command.dq
+    np.testing.assert_allclose(answer.command.q_ref, expected, rtol=0.0, atol=1e-12)
+    assert robot.following.skipped >= 3
+
+
+def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
+    references = []
+    for wraps in (False, True):
+        model = RobotModel.named('gen3')
+        controller = Controller(model, make_law('minimum_velocity'), T, task='pose')
+        following = Following(controller, FollowingSettings(max_angular=10.0))
+        start = np.array((*find_arm('gen3').start[:6], 0.5 - np.pi))
+        robot = Robot(following, start)
+        spin = np.zeros(6)
+        for _ in range(1500):
+            told = wrapped(robot.q) if wraps else robot.q
+            robot.cycle += 1
+            robot.take(following.enter_state(robot.stamp, told, robot.now))
+            spin[3:] = 0.5 * model.tip(robot.q)[1][:, 2]  # about the last joint's axis
+            robot.steer(spin)
+        references.append(robot.references)
+        assert robot.q[6] < -np.pi - 0.5
+    np.testing.assert_allclose(references[1], references[0], rtol=0.0, atol=1e-9)
+
+
+def wrapped(q: np.ndarray) -> np.ndarray:
+    """The same angles between -pi and pi."""
+    return (q + np.pi) % (2.0 * np.pi) - np.pi
+
+
 def test_a_cycle_that_was_missed_is_passed_on_to_the_controller() -> None:
     robot = at_speed()
     robot.cycle += 2
@@ -194,9 +235,35 @@ def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
     assert robot.ask().restarted == ''
 
 
+def test_a_single_state_to_which_no_arm_can_have_leapt_is_refused_and_changes_nothing() -> None:
+    robot = at_speed()
+    other = at_speed()
+    good = robot.q
+    robot.q = good + 0.2
+    with pytest.raises(LeapError, match='0.19'):
+        robot.ask()
+    robot.q = good
+    other.cycle += 1  # of the other one that state is lost
+    robot.follow(50)
+    other.follow(50)
+    np.testing.assert_array_equal(robot.references, other.references)
+
+
+def test_states_that_leap_to_and_fro_are_never_believed() -> None:
+    robot = at_speed()
+    robot.q = robot.q + 0.2
+    good = robot.q
+    for side in (1.0, -1.0, 1.0, -1.0):
+        robot.q = good + side
+        with pytest.raises(LeapError):
+            robot.ask()
+
+
 def test_an_arm_that_does_not_follow_makes_the_controller_begin_anew_and_say_why() -> None:
     robot = at_speed()
     robot.q = robot.q + 0.2
+    with pytest.raises(LeapError):
+        robot.ask()
     answer = robot.ask()
     assert answer is not None
     assert '0.2 rad from its reference, allowed 0.1' in answer.restarted
