@@ -14,6 +14,8 @@ class FloatingArm:
     """
 
     n = 7
+    q_min = np.full(n, -2.9)
+    q_max = np.full(n, 2.9)
 
     def __init__(self, M: np.ndarray | None = None) -> None:
         self._M = np.eye(self.n) if M is None else M

@@ -215,6 +215,7 @@ class Scene:
         assert (np.abs(changes) <= LIMITS.acceleration * (1.0 + 1e-6)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('channel', 'name', 'expected'), cells())
 def test_every_fault_of_every_message_ends_as_the_table_says(
     channel: Channel, name: str, expected: Cell

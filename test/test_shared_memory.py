@@ -11,6 +11,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from graph_helpers import Probe, await_that, graph
+from sensor_msgs.msg import JointState
+
 from redres_ros.demo.processes import NodeProcess, own_domain, remember_files
 from redres_ros.demo.shared_memory import FOLDER, files_of, files_of_domain, remove_dead
 
@@ -45,6 +48,17 @@ def test_nodes_that_end_leave_no_shared_memory(tmp_path: Path) -> None:
         for node in nodes:
             node.end()
     assert left(used) == set()
+
+
+def test_a_node_that_is_started_by_itself_uses_none_that_could_be_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with graph(Probe) as (probe, start):
+        states = probe.listen(JointState, 'joint_states')
+        monkeypatch.delenv('ROS_AUTOMATIC_DISCOVERY_RANGE')  # as with `ros2 run`
+        node = start('sim', tmp_path / 'log')
+        await_that(lambda: bool(states), 'states')
+        assert files_of(node.pid) == set()
 
 
 def test_what_was_killed_is_tidied_up_at_the_next_start_in_its_domain(tmp_path: Path) -> None:
