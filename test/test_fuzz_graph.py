@@ -1,0 +1,216 @@
+"""Random messages and parameter sets into a graph at work, in virtual time, while laws, limits and
+preferences are switched: some thousands, and a hundred thousand with REDRES_NIGHTLY=1.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+from virtual_graph import VirtualRun, virtual_run
+
+from redres_ros.laws import LAWS
+from redres_ros.nodes.conversions import to_joint_state, to_pose, to_twist
+from redres_ros.preferences import PREFERENCES
+from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.tasks import TASKS
+
+pytestmark = pytest.mark.slow
+
+MESSAGES = 100_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 3000
+RATE = 100.0  # [Hz]
+LIMITS = JointLimits.of(find_arm('lwr4_paper'))
+ODD = (np.nan, np.inf, -np.inf, 1e300, -1e-300, 0.0)
+BOX = ['position', 'velocity', 'acceleration']
+THROWN = 'thrown'  # in the place of a frame
+WORDS = ('CMD', 'MON', 'MOVE', '', 'x' * 1000, 'cmd')
+
+
+class Thrower:
+    """Throws things at the graph by chance.
+
+    Args:
+        run: The graph.
+        seed: Of the chance.
+    """
+
+    def __init__(self, run: VirtualRun, seed: int) -> None:
+        self._run = run
+        self._chance = np.random.default_rng(seed)
+        self.thrown: Counter[str] = Counter()
+        self._throws: dict[str, Callable[[], None]] = {
+            'joint_states': lambda: self._publish('joint_states', self._joints()),
+            'joint_command': lambda: self._publish('joint_command', self._joints()),
+            'cartesian_velocity': lambda: self._publish('cartesian_velocity', self._twist()),
+            'target_pose': lambda: self._publish('target_pose', self._pose()),
+            'session_state': lambda: self._publish('sim/session_state', self._word()),
+            'stop_reason': lambda: self._publish('sim/stop_reason', self._word()),
+            'task_scaling': lambda: self._publish('controller/task_scaling', self._number()),
+            'good parameters': lambda: self._set('controller', *self._good()),
+            'bad parameters': self._set_badly,
+            'service': self._call,
+        }
+
+    def throw(self) -> None:
+        """One thing."""
+        kind = self._chance.choice(list(self._throws))
+        self.thrown[str(kind)] += 1
+        self._throws[str(kind)]()
+
+    def _publish(self, topic: str, message: Any) -> None:
+        self._run.graph.publish(topic, message)
+
+    def _stamp(self) -> int:
+        """Around now, or anywhere [ns]."""
+        newest = self._run.nodes['controller']._following._cycles.newest
+        near = newest + int(self._chance.integers(-20, 20)) * int(1e9 / RATE)
+        anywhere = int(self._chance.integers(0, 2**31)) * 10**9
+        return max(near if self._chance.random() < 0.8 else anywhere, 0)
+
+    def _joints(self) -> JointState:
+        q = self._chance.uniform(LIMITS.lower, LIMITS.upper)
+        if self._chance.random() < 0.3:
+            q[self._chance.integers(7)] = self._chance.choice(ODD[:3])
+        names = list(LIMITS.joint_names)
+        if self._chance.random() < 0.3:
+            names[self._chance.integers(7)] = str(self._chance.choice(('x', names[0])))
+        message = to_joint_state(self._stamp(), names, q, q)
+        message.header.frame_id = THROWN
+        return message
+
+    def _twist(self) -> TwistStamped:
+        dx = self._chance.normal(0.0, 1.0, 3) * 10.0 ** self._chance.integers(-3, 3)
+        if self._chance.random() < 0.3:
+            dx[self._chance.integers(3)] = self._chance.choice(ODD)
+        stamp = 0 if self._chance.random() < 0.3 else self._stamp()
+        return to_twist(stamp, str(self._chance.choice(('world', '', 'tool0', 'nose'))), dx)
+
+    def _pose(self) -> PoseStamped:
+        x = self._chance.normal(0.0, 0.5, 3) * 10.0 ** self._chance.integers(-2, 4)
+        if self._chance.random() < 0.3:
+            x[self._chance.integers(3)] = self._chance.choice(ODD)
+        return to_pose(0, str(self._chance.choice(('world', '', 'nose'))), x, np.eye(3))
+
+    def _word(self) -> String:
+        return String(data=str(self._chance.choice(WORDS)))
+
+    def _number(self) -> Float64:
+        return Float64(data=float(self._chance.choice((*ODD, 1.0, 0.5, -1.0))))
+
+    def _good(self) -> list[Parameter]:
+        gains = {
+            'law': str(self._chance.choice(list(LAWS))),
+            'damping': float(self._chance.uniform(0.0, RATE)),
+            'limits': [*BOX, 'torque'][: 3 + self._chance.integers(2)],
+            'limit_scale': float(self._chance.uniform(0.1, 1.0)),
+            'preferences': [str(self._chance.choice([*PREFERENCES, 'none']))],
+            'secondary_tasks': [str(self._chance.choice([*TASKS, 'none', 'none']))],
+            'posture.gain': float(self._chance.uniform(0.0, 100.0)),
+            'switch_time': float(self._chance.uniform(0.0, 1.0)),
+            'command_timeout': float(self._chance.uniform(0.01, 1.0)),
+        }
+        names = self._chance.choice(list(gains), 3, replace=False)
+        return [Parameter(str(name), value=gains[str(name)]) for name in names]
+
+    def _set_badly(self) -> None:
+        node = str(self._chance.choice(('controller', 'planner', 'sim')))
+        known = sorted(self._run.nodes[node]._parameters)
+        name = str(self._chance.choice([known_name for known_name in known if known_name in BAD]))
+        before = self._run.nodes[node].get_parameter(name).value
+        result = self._set(node, Parameter(name, value=BAD[name]))
+        assert not result.successful and result.reason
+        assert self._run.nodes[node].get_parameter(name).value == before
+
+    def _set(self, node: str, *changes: Parameter) -> Any:
+        return self._run.nodes[node].set_parameters_atomically(list(changes))
+
+    def _call(self) -> None:
+        name = str(self._chance.choice(('planner/start', 'planner/stop', 'sim/reset', 'hold')))
+        if name == 'hold':
+            self._run.graph.call('controller/hold', data=bool(self._chance.random() < 0.2))
+        else:
+            self._run.graph.call(name)
+
+
+BAD: dict[str, Any] = {
+    'law': 'fastest',
+    'damping': float('nan'),
+    'limits': ['speed'],
+    'limit_scale': 2.0,
+    'axis.frame': 'nose',
+    'rate': 10.0,
+    'state_loss': -1.0,
+    'frozen_joint': 9,
+}
+
+
+class Witness:
+    """Judges every command and every reference of the robot.
+
+    Args:
+        run: The graph.
+    """
+
+    def __init__(self, run: VirtualRun) -> None:
+        self.commands = 0
+        self._dq = np.zeros(7)
+        self._robot = run.nodes['sim']._robot
+        self._advance = self._robot.advance
+        self._robot.advance = self._advanced
+        run.graph.listen('joint_command', 'witness', self._on_command)
+
+    def _on_command(self, message: JointState) -> None:
+        if message.header.frame_id == THROWN:
+            return
+        self.commands += 1
+        q_ref = np.array(message.position)
+        dq = np.array(message.velocity)
+        assert (np.abs(dq) <= LIMITS.velocity * (1.0 + 1e-9)).all()
+        assert ((LIMITS.lower <= q_ref) & (q_ref <= LIMITS.upper)).all()
+        step = LIMITS.acceleration / RATE * (1.0 + 1e-6)
+        from_rest = (np.abs(dq) <= step).all()  # as after every new beginning
+        assert from_rest or (np.abs(dq - self._dq) <= step).all()
+        self._dq = dq
+
+    def _advanced(self, *answers: Any) -> None:
+        before = self._robot.reference
+        self._advance(*answers)
+        after = self._robot.reference
+        assert (np.abs(after - before) <= LIMITS.velocity / RATE * (1.0 + 1e-9)).all()
+        assert ((LIMITS.lower <= after) & (after <= LIMITS.upper)).all()
+
+
+def test_whatever_is_thrown_no_command_leaves_the_limits_and_the_graph_goes_on() -> None:
+    loop = {'rate': RATE}
+    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+    with virtual_run(sim=sim, controller=loop, planner={**loop, 'autostart': True}) as run:
+        witness = Witness(run)
+        thrower = Thrower(run, seed=0)
+        chance = np.random.default_rng(1)
+        while thrown_by(thrower) < MESSAGES:
+            calm = chance.random() < 0.01  # for the robot to begin its command mode anew
+            run.run(1.0 if calm else float(chance.exponential(1.0)) / RATE)
+            for _ in range(chance.integers(1, 6)):
+                thrower.throw()
+        assert witness.commands > MESSAGES / 10
+        assert all(run.nodes[name]._health() for name in run.nodes)
+        run.graph.call('controller/hold', data=False)
+        run.graph.call('planner/stop')
+        run.graph.call('sim/reset')
+        run.graph.publish('sim/stop_reason', String(data=''))
+        assert run.run_until(lambda: run.commanding, 5.0)
+
+
+def thrown_by(thrower: Thrower) -> int:
+    """All that was thrown."""
+    return sum(thrower.thrown.values())
