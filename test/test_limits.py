@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from redres_ros import RobotModel
+from redres_ros import Controller, RobotModel, load_task
 from redres_ros.bounded import bound
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
@@ -301,3 +301,23 @@ def test_an_arm_without_acceleration_limits_needs_an_argument(model):
 def test_a_margin_that_leaves_nothing_of_a_range_is_refused(model):
     with pytest.raises(RangeError):
         make_limits(('position',), model, gains={'position.margin': 2.0})
+
+
+@pytest.mark.parametrize('scale', [0.1, 0.001])
+def test_limits_that_are_narrowed_while_the_arm_is_fast_let_it_brake_within_its_range(
+    scale: float,
+) -> None:
+    model = RobotModel.named('lwr4_paper')
+    controller = Controller(model, 'minimum_velocity', T, limits=BOXES)
+    q = load_task('rectangle').start
+    fastest = []
+    for tick in range(1500):
+        if tick == 400:
+            controller.set_limits(BOXES, limit_scale=scale)
+        command = controller.update(q, np.array((0.0, 0.6 * (tick < 400), 0.0)))
+        q = command.q_ref
+        fastest.append(float(np.abs(command.dq).max()))
+        assert ((model.q_min <= q) & (q <= model.q_max)).all()
+        assert (np.abs(command.ddq) <= model.arm.acceleration_limit * np.array(1.0 + 1e-6)).all()
+    assert fastest[399] > 2.0
+    assert fastest[-1] <= scale * model.dq_max.max()

@@ -50,12 +50,12 @@ def test_nodes_that_end_leave_no_shared_memory(tmp_path: Path) -> None:
     assert left(used) == set()
 
 
-def test_a_node_that_is_started_by_itself_uses_none_that_could_be_left(
+def test_on_the_subnet_a_node_uses_none_that_could_be_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with graph(Probe) as (probe, start):
         states = probe.listen(JointState, 'joint_states')
-        monkeypatch.delenv('ROS_AUTOMATIC_DISCOVERY_RANGE')  # as with `ros2 run`
+        monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
         node = start('sim', tmp_path / 'log')
         await_that(lambda: bool(states), 'states')
         assert files_of(node.pid) == set()

@@ -8,7 +8,7 @@ from redres_ros.compiled import compiled, direct, vector
 TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
 # What a limit is, and what its figures (3, n) are then.
-ACCELERATION = 0  # A [rad/s^2]
+ACCELERATION = 0  # A [rad/s^2], and the arm's own, with which a joint may brake where it has to
 VELOCITY = 1  # V [rad/s]
 POSITION = 2  # q_min, q_max [rad], A [rad/s^2]
 GIVEN = 3  # the box itself, lower and upper [rad/s]
@@ -68,6 +68,30 @@ def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[flo
     return min(max(least, lower), upper), max(min(most, upper), lower)
 
 
+@compiled()
+def braked(
+    lower: float, upper: float, least: float, most: float, dq_prev: float, hardest: float
+) -> tuple[float, float]:
+    """[lower, upper], wider where a joint that is too fast can only get into [least, most] by
+    braking harder.
+
+    It is too fast where limits have become narrower while it moved.
+
+    Args:
+        lower: Of what the acceleration that is allowed lets it do [rad/s].
+        upper: The same.
+        least: Of what another limit lets it do [rad/s].
+        most: The same.
+        dq_prev: The last command [rad/s].
+        hardest: Change of the velocity that the arm is able to in a tick [rad/s].
+    """
+    if most < lower:
+        return min(lower, max(dq_prev - hardest, most, 0.0)), upper
+    if least > upper:
+        return lower, max(upper, min(dq_prev + hardest, least, 0.0))
+    return lower, upper
+
+
 @direct
 @compiled(boolean(vector(), vector(), vector(), float64, vector(int64), _FIGURES))
 def keeps_boxes(
@@ -82,8 +106,13 @@ def keeps_boxes(
     for i in range(len(q)):
         lower = -np.inf
         upper = np.inf
+        hardest = 0.0
         for k in range(len(kinds)):
             least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
+            if kinds[k] == ACCELERATION:
+                hardest = T * figures[k, 1, i]
+            elif least > upper + TOUCHING or most < lower - TOUCHING:
+                lower, upper = braked(lower, upper, least, most, dq_prev[i], hardest)
             lower, upper = narrowed(lower, upper, least, most)
         if not lower <= dq[i] <= upper:
             return False
@@ -104,7 +133,7 @@ def fill_boxes(
     """Write the box of each limit, and the one that is in all of them.
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
-    allow.
+    allow, and brakes for that as hard as the arm is able to.
 
     Args:
         q: (n,) [rad].
@@ -122,12 +151,16 @@ def fill_boxes(
     for i in range(len(q)):
         lower = -np.inf
         upper = np.inf
+        hardest = 0.0
         for k in range(len(kinds)):
             least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
-            if least > upper + TOUCHING or most < lower - TOUCHING:
+            if kinds[k] == ACCELERATION:
+                hardest = T * figures[k, 1, i]
+            elif least > upper + TOUCHING or most < lower - TOUCHING:
                 meet = False
+                lower, upper = braked(lower, upper, least, most, dq_prev[i], hardest)
             lower, upper = narrowed(lower, upper, least, most)
         box[0, i] = lower
         box[1, i] = upper

@@ -60,14 +60,18 @@ class _Braking(JointLimit):
 
 @dataclass(frozen=True, eq=False)
 class AccelerationLimit(_Braking):
-    """|dq - dq_prev| <= A T. It holds whatever the state."""
+    """|dq - dq_prev| <= A T. It holds whatever the state.
+
+    Only a joint that is too fast for other limits, because they have become narrower while it
+    moved, brakes with more: with the arm's own acceleration, whatever the scale.
+    """
 
     order = 0
     kind = ACCELERATION
 
     @property
     def figures(self) -> np.ndarray:
-        return np.stack((self.A, self.A, self.A))
+        return np.stack((self.A, self.A / self.scale, self.A))
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,10 @@ class SessionTopics:
         self._tell('sim/session_state', self._session.state.value)
         self._tell('sim/connection_quality', self._session.quality.name)
 
+    def tell_again(self) -> None:
+        """Have the next call of tell() publish everything: a word may have got lost."""
+        self._told.clear()
+
     def _tell(self, topic: str, word: str) -> None:
         if word != self._told.get(topic):
             self._told[topic] = word

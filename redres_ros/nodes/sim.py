@@ -161,6 +161,7 @@ class SimNode(ManagedNode):
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
+                self._session_topics.tell_again()
             self._robot.advance(*answers)
             self._tell_refusals()
             self._session_topics.tell()
