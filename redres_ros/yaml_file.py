@@ -6,6 +6,7 @@ from typing import Any
 import yaml
 
 from redres_ros.errors import FileError
+from redres_ros.text_file import read_file
 
 _LARGEST = 200_000  # [bytes], some seconds of PyYAML's time
 _MOST_NODES = 100_000  # every alias counted as what it stands for
@@ -32,13 +33,10 @@ def read_yaml(path: Path) -> Any:
     YAML.
     """
     try:
-        with path.open('rb') as file:
-            text = file.read(_LARGEST + 1)
+        text = read_file(path, _LARGEST)
     except (OSError, ValueError) as error:  # ValueError: a path that no file can have
         reason = getattr(error, 'strerror', None) or str(error)
         raise FileError(f'cannot read {path}: {reason}') from None
-    if len(text) > _LARGEST:
-        raise FileError(f'{path} is too large; allowed: {_LARGEST} bytes')
     try:
         return yaml.load(text.decode(), _Loader)
     except RecursionError:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from redres_ros.cli import main
+
 pytestmark = pytest.mark.slow
 
 PATIENCE = 120.0  # [s] for a process that should end by itself
@@ -91,6 +93,27 @@ def test_a_window_system_that_is_not_there_does_not_matter(tmp_path):
     status, said = shell(f'{REDRES} compare --period 0.01', tmp_path, MPLBACKEND='nonsense')
     assert (status, said) == (0, '')
     assert (tmp_path / 'redres_compare' / 'comparison.png').is_file()
+
+
+# --- files that never end -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('ending', ['yaml', 'urdf', 'xacro'])
+@pytest.mark.parametrize('kind', ['pipe', 'device', 'folder'])
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path, capsys, kind, ending):
+    path = tmp_path / f'a.{ending}'
+    if kind == 'pipe':
+        os.mkfifo(path)
+    elif kind == 'device':
+        path.symlink_to('/dev/zero')
+    else:
+        path.mkdir()
+    option = '--task' if ending == 'yaml' else '--robot'
+    assert main(['simulate', option, str(path)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith('redres simulate: ')
+    assert str(path) in said
+    assert said.count('\n') == 1
 
 
 # --- Ctrl-C while Python still loads --------------------------------------------------------------

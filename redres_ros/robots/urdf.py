@@ -10,6 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.text_file import read_file
+
+_LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand
 
 
 @dataclass(frozen=True)
@@ -161,8 +164,8 @@ def source_name(source: Path | str) -> str:
 def _read(path: Path) -> str:
     """The text of a URDF. Raises OSError, UnicodeDecodeError, FileError."""
     if path.suffix != '.xacro':
-        return path.read_text(encoding='utf-8')
-    path.read_bytes()  # whether it is there
+        return read_file(path, _LARGEST).decode()
+    read_file(path, _LARGEST)  # whether it is there
     try:
         xacro = import_module('xacro')
     except ImportError:
