@@ -172,7 +172,10 @@ class Playout:
         """Go on from where the last line leads, if this one leads somewhere else."""
         old = self._line
         if self._guesses and line.start is not old.start:
-            apart = old.at(wanted) - target
+            expected = old.at(wanted)
+            if self._cycles_needed(expected - self._target) > cycles:
+                expected = self._target  # a line between two that were known may be steep
+            apart = expected - target
             spread = self._way_back(old, line)
         else:
             apart = self._target - target

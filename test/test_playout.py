@@ -150,3 +150,24 @@ def test_after_clear_the_next_one_begins_from_a_standstill() -> None:
     np.testing.assert_array_equal(playout.play(200), np.zeros(3))
     playout.put(200, dx)
     assert np.linalg.norm(playout.play(201)) <= A * T * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize('spread', [0, 5, 50])
+def test_whatever_stamps_task_velocities_bear_the_largest_acceleration_is_kept_twice_at_most(
+    spread: int,
+) -> None:
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        playout = Playout(3, T, PlayoutSettings(twist_lag=int(random.integers(0, 4))))
+        before = np.zeros(3)
+        cycle = 0
+        for _ in range(300):
+            cycles = 1 if random.random() < 0.9 else int(random.integers(2, 6))
+            cycle += cycles
+            for _ in range(random.integers(0, 4)):
+                stamped = cycle + int(random.integers(-spread, spread + 1))
+                playout.put(max(stamped, 0), random.normal(0.0, random.choice((0.01, 1.0)), 3))
+            out = playout.play(cycle)
+            # The way back to a line that itself rises as steeply as that.
+            assert np.linalg.norm(out - before) <= 2.0 * A * T * cycles * (1.0 + 1e-9)
+            before = out

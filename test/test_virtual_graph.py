@@ -1,5 +1,6 @@
 """How the arm moves when messages are late or missing: the real nodes, in virtual time."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from virtual_graph import Fault, virtual_run
+from virtual_graph import Fault, VirtualRun, virtual_run
 
 pytestmark = pytest.mark.slow
 
@@ -62,6 +63,7 @@ def accelerations(limits: str, **faults: Fault) -> np.ndarray:
         run.run(SECONDS)
         assert run.commanding
         assert run.nodes['sim']._session.reason == ''
+    assert np.abs(references[-1] - references[-2]).max() * RATE > 0.01  # it moves
     return np.diff(references, 2, axis=0) * RATE**2
 
 
@@ -106,3 +108,41 @@ def test_after_missed_states_the_velocity_makes_up_for_those_cycles_and_for_noth
     # The robot extrapolates, and the next reference lies on that line: only the change of velocity
     # of the missed cycles and of this one comes at once. A step by the gap would be 100 times that.
     assert peak(accelerations('none', state=lost)) < 1.1 * (missed + 1) * undisturbed
+
+
+@pytest.fixture
+def resting() -> Iterator[VirtualRun]:
+    """A robot in command mode whose planner waits to be started."""
+    loop = {'rate': 100.0}
+    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+    with virtual_run(sim=sim, controller=loop, planner=loop) as run:
+        run.run(0.5)
+        assert run.commanding
+        yield run
+
+
+def test_a_start_on_a_stopped_robot_is_refused_with_the_reason_and_the_remedy(
+    resting: VirtualRun,
+) -> None:
+    resting.nodes['sim']._session.stop('protective stop: for the test')
+    resting.run(0.1)
+    response = resting.graph.call('planner/start')
+    assert not response.success
+    assert 'protective stop: for the test' in response.message
+    assert 'sim/reset' in response.message
+    resting.graph.call('sim/reset')
+    assert resting.run_until(lambda: resting.commanding, 2.0)
+    assert resting.graph.call('planner/start').success
+    resting.run(0.5)
+    assert 'under way already' in resting.graph.call('planner/start').message
+
+
+def test_a_task_that_was_started_before_the_controller_was_there_begins_without_a_snap(
+    undisturbed: float,
+) -> None:
+    def comes_late(message: Any, now: float) -> list[tuple[float, Any]]:
+        began.append(now)
+        return [] if now < began[0] + 1.5 else [(0.0, message)]
+
+    began: list[float] = []
+    assert peak(accelerations('none', state=comes_late)) < 1.3 * undisturbed

@@ -69,26 +69,27 @@ def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[flo
 
 
 @compiled()
-def braked(
-    lower: float, upper: float, least: float, most: float, dq_prev: float, hardest: float
+def saved(
+    lower: float, upper: float, room: tuple[float, float], dq_prev: float, hardest: float, T: float
 ) -> tuple[float, float]:
-    """[lower, upper], wider where a joint that is too fast can only get into [least, most] by
-    braking harder.
+    """[lower, upper], wider where a joint leaves its range unless it brakes harder than that.
 
-    It is too fast where limits have become narrower while it moved.
+    So it is where limits have become narrower while the joint was fast.
 
     Args:
         lower: Of what the acceleration that is allowed lets it do [rad/s].
         upper: The same.
-        least: Of what another limit lets it do [rad/s].
-        most: The same.
+        room: To the lower and to the upper end of the range [rad].
         dq_prev: The last command [rad/s].
-        hardest: Change of the velocity that the arm is able to in a tick [rad/s].
+        hardest: Acceleration that the arm is able to [rad/s^2].
+        T: Sampling time [s].
     """
+    least = -stopping_speed(room[0], hardest, T)
+    most = stopping_speed(room[1], hardest, T)
     if most < lower:
-        return min(lower, max(dq_prev - hardest, most, 0.0)), upper
-    if least > upper:
-        return lower, max(upper, min(dq_prev + hardest, least, 0.0))
+        lower = min(lower, max(dq_prev - T * hardest, most, 0.0))
+    elif least > upper:
+        upper = max(upper, min(dq_prev + T * hardest, least, 0.0))
     return lower, upper
 
 
@@ -110,9 +111,10 @@ def keeps_boxes(
         for k in range(len(kinds)):
             least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
             if kinds[k] == ACCELERATION:
-                hardest = T * figures[k, 1, i]
-            elif least > upper + TOUCHING or most < lower - TOUCHING:
-                lower, upper = braked(lower, upper, least, most, dq_prev[i], hardest)
+                hardest = figures[k, 1, i]
+            elif kinds[k] == POSITION and (least > upper or most < lower):
+                room = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
+                lower, upper = saved(lower, upper, room, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
         if not lower <= dq[i] <= upper:
             return False
@@ -133,7 +135,7 @@ def fill_boxes(
     """Write the box of each limit, and the one that is in all of them.
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
-    allow, and brakes for that as hard as the arm is able to.
+    allow. Only where it would leave its range it brakes as hard as the arm is able to.
 
     Args:
         q: (n,) [rad].
@@ -156,11 +158,13 @@ def fill_boxes(
             least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
-            if kinds[k] == ACCELERATION:
-                hardest = T * figures[k, 1, i]
-            elif least > upper + TOUCHING or most < lower - TOUCHING:
+            if least > upper + TOUCHING or most < lower - TOUCHING:
                 meet = False
-                lower, upper = braked(lower, upper, least, most, dq_prev[i], hardest)
+            if kinds[k] == ACCELERATION:
+                hardest = figures[k, 1, i]
+            elif kinds[k] == POSITION and (least > upper or most < lower):
+                room = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
+                lower, upper = saved(lower, upper, room, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
         box[0, i] = lower
         box[1, i] = upper

@@ -62,8 +62,8 @@ class _Braking(JointLimit):
 class AccelerationLimit(_Braking):
     """|dq - dq_prev| <= A T. It holds whatever the state.
 
-    Only a joint that is too fast for other limits, because they have become narrower while it
-    moved, brakes with more: with the arm's own acceleration, whatever the scale.
+    Only a joint that would leave its range, because limits have become narrower while it was fast,
+    brakes with more: with the arm's own acceleration, whatever the scale.
     """
 
     order = 0
