@@ -143,7 +143,7 @@ REFUSED = [
     (('--robot', 'fr3', '--task', 'rectangle'), 'the tip of fr3 is 794 mm away from the first'),
     (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
     (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
-    (('--limits', 'speed'), "unknown limit 'speed'; allowed: acceleration, none, position, "),
+    (('--limits', 'speed'), "unknown limit 'speed'; allowed: acceleration, collision, none, "),
     (('--limit-scale', '0', '--limits', 'velocity'), 'scale is 0.0; allowed: 0.001 to 1'),
     (('--limit-scale', 'nan', '--limits', 'velocity'), 'scale is nan; allowed: '),
     (('--limit-scale', '0.5'), '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
