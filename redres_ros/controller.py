@@ -269,10 +269,18 @@ class Controller:
         self._begun = begun
         self._is_open = False
         lost = self._nothing_lost if answer.lost is None else answer.lost
-        own = (dq.copy(), q_ref.copy())
-        # _make takes half the time of calling the class
-        return Command._make(
-            (*own, state, self.T, answer.J, answer.W, answer.s, answer.limiting, lost)
+        return Command._make(  # in half the time of calling the class
+            (
+                dq.copy(),
+                q_ref.copy(),
+                state,
+                self.T,
+                answer.J,
+                answer.W,
+                answer.s,
+                answer.limiting,
+                lost,
+            )
         )
 
     def _go_over_to(self, **changes: Any) -> None:

@@ -88,14 +88,16 @@ class LawMotion:
         b = self.law.bias(state, T)
         if self.preferences:
             b = self.law.bias_with(state, T, self._preferred(state))
-        first = (J, dx) if scale is None else scaled(J, dx, scale)
-        if not self.lower_tasks:
-            dq, damped = resolve_one(*first, b, W)
-            lower: Sequence[np.ndarray] = ()
-        else:
-            levels = [first, *(_level(task, state) for task in self.lower_tasks)]
+        lower: Sequence[np.ndarray] = ()
+        if self.lower_tasks:
+            levels = [scaled(J, dx, scale)]
+            levels += [_level(task, state) for task in self.lower_tasks]
             dq, damped = resolve_in_order(levels, b, W)
             lower = [J for J, _ in levels[1:]]
+        elif scale is None:
+            dq, damped = resolve_one(J, dx, b, W)
+        else:
+            dq, damped = resolve_one(*scaled(J, dx, scale), b, W)
         if not damped:
             return Proposal(dq, J, dx, None, W, lower)
         executed = J.dot(dq)
@@ -202,9 +204,9 @@ class Blend:
 
         Where both execute the task, J dq = dx, so does every mixture.
         """
-        new = self.new.answer(state, task, dx, T)
         if self.share >= 1.0:
-            return new, self
+            return self.new.answer(state, task, dx, T), self
+        new = self.new.answer(state, task, dx, T)
         old = self.old.answer(state.with_velocity(self.dq_old), task, dx, T)
         s, _ = quintic(self.share)
         dq = (1.0 - s) * old.dq + s * new.dq

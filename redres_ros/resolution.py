@@ -197,9 +197,13 @@ def _resolve_exactly(
     size: float = 0.0,
 ) -> np.ndarray | None:
     """dq (n,) by the closed form; None where a direction may have to be damped."""
-    array, form = as_array(W)
     dq = np.empty(len(b))
-    outcome = closed_form(J, dx, b, array, form, tasks, size, dq)
+    array, form = (_NO_WEIGHT, IDENTITY) if W is None else as_array(W)
+    try:
+        outcome = closed_form(J, dx, b, array, form, tasks, size, dq)
+    except TypeError:  # not of float64
+        arrays = [np.asarray(given, np.float64) for given in (J, dx, b, array)]
+        outcome = closed_form(*arrays, form, tasks, size, dq)
     if outcome == SOLVED:
         return dq
     if outcome == INDEFINITE:

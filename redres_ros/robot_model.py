@@ -73,7 +73,8 @@ class RobotState:
     @evaluated_once
     def J(self) -> np.ndarray:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        return self.model._jacobian(self.q, self.model._tip)
+        model = self.model
+        return model._jacobian(self.q, model._tip)
 
     @property
     def x(self) -> np.ndarray:

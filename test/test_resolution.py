@@ -94,6 +94,16 @@ def test_it_is_the_formula_of_the_paper_written_plainly(form):
         assert resolve(J, dx, b, weight) == pytest.approx(b + J_W @ (dx - J @ b), abs=1e-12)
 
 
+@pytest.mark.parametrize('kind', [int, np.float32])
+def test_numbers_of_other_types_are_taken(kind):
+    J = np.eye(3, 7, dtype=kind)
+    W = np.diag(np.arange(1, 8)).astype(kind)
+    dx = np.arange(3, dtype=kind)
+    b = np.arange(7, dtype=kind)
+    expected = resolve(*(given.astype(float) for given in (J, dx, b, W)))
+    assert (resolve(J, dx, b, W) == expected).all()
+
+
 def test_the_identity_as_weight_changes_nothing():
     for J, dx, b, _ in PROBLEMS:
         assert resolve(J, dx, b, np.eye(len(b))) == pytest.approx(resolve(J, dx, b), abs=ROUNDING)
