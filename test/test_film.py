@@ -1,5 +1,8 @@
 """Films and pages of a recorded motion."""
 
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -111,3 +114,26 @@ def test_a_window_without_a_display_is_refused(
     monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
     assert main(['demo', '--viewer']) == 1
     assert '--viewer needs a display' in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which('xvfb-run'), reason='needs a display: xvfb')
+def test_where_there_is_a_display_a_window_shows_the_arm_and_closes() -> None:
+    script = """
+import numpy as np
+from redres_ros.fri.window import opened
+from redres_ros.robots import find_arm
+arm = find_arm('planar4r')
+with opened(arm) as window:
+    for _ in range(3):
+        window.show(np.array(arm.start))
+    print('open' if window.is_open else 'closed')
+"""
+    done = subprocess.run(
+        ['xvfb-run', '-a', sys.executable, '-c', script],
+        text=True,
+        timeout=120,
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout.strip()) == (0, 'open'), done.stderr

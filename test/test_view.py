@@ -15,6 +15,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 pytest.importorskip('viser', reason='needs the extra view')
 
 from graph_helpers import await_that, graph
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
@@ -298,6 +299,15 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         start('view.serve', log, port=gate.free_port(18280), patience=100.0)
         await_that(lambda: 'page: ' in log.read_text(), 'the page', patience=BROWSER_PATIENCE)
         address = log.read_text().partition('page: ')[2].strip()
+        pushes: list[float] = []
+        node.create_subscription(
+            ParameterEvent,
+            '/parameter_events',
+            lambda event: pushes.extend(
+                p.value.double_value for p in event.changed_parameters if p.name == 'push_force_x'
+            ),
+            100,
+        )
         chromium.goto(address)
         # Events of their own: a real click waits until all that is drawn has come to rest.
         chromium.get_by_role('combobox', name='law').dispatch_event('click')
@@ -305,6 +315,8 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         chromium.get_by_role('checkbox', name='torque').dispatch_event('click')
         chromium.get_by_role('button', name='start').dispatch_event('click')
         await_that(lambda: node.word(PLANNER) in (MOVING, FINISHED), 'the task')
+        chromium.get_by_role('button', name='x', exact=True).dispatch_event('click')
+        await_that(lambda: pushes == [60.0, 0.0], 'the push and its end')
         controller = read_parameters(node, 'controller')
         assert controller['law'] == 'minimum_kinetic_energy'
         assert 'torque' in controller['limits'] and 'position' in controller['limits']
