@@ -42,6 +42,7 @@ from redres_ros.view.spectator import WORDS
 from redres_ros.view.trail import Trail
 
 T = 0.002  # [s]
+DX = np.array((0.0, 0.6, -0.3))  # [m/s]
 PORT = 8080
 BROWSER_PATIENCE = 100.0  # [s]; it draws without a graphics card
 CHROMIUM = ('/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome')
@@ -166,7 +167,7 @@ def motion() -> SimpleNamespace:
     q = load_task('rectangle').start
     commands = []
     for _ in range(300):
-        commands.append(controller.update(q, np.array((0.0, 0.6, -0.3))))
+        commands.append(controller.update(q, DX))
         q = commands[-1].q_ref
     judge = Judge(model, law, make_limits(names, model, limit_scale=0.2), T)
     cycles = [
@@ -192,13 +193,17 @@ def test_the_limits_that_are_shown_are_those_that_the_controller_kept(
 
 def test_the_figures_are_those_of_the_controllers_own_answers(motion: SimpleNamespace) -> None:
     command = motion.commands[200]
-    figures = motion.judge.figures(command.state.q, motion.cycles[199:201], 0.7)
+    asked = float(np.linalg.norm(DX))
+    figures = motion.judge.figures(command.state.q, motion.cycles[199:201], asked)
     assert figures.speed >= np.linalg.norm(command.dq) - 1e-12
     assert np.isclose(figures.acceleration, np.linalg.norm(command.ddq))
     assert np.isclose(figures.torque, np.linalg.norm(command.tau))
     assert np.isclose(figures.null_speed, np.linalg.norm(command.null))
     assert figures.singular_value == pytest.approx(command.min_singular_value)
-    assert (figures.time, figures.scaling) == (0.4, 0.7)
+    assert figures.time == 0.4
+    assert 0.0 < figures.scaling < 1.0 and figures.scaling == pytest.approx(command.s)
+    idle = motion.judge.figures(command.state.q, motion.cycles[199:201], 0.0)
+    assert idle.scaling == 1.0
 
 
 def test_a_command_is_read_in_the_order_of_our_joints() -> None:

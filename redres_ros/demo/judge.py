@@ -13,6 +13,7 @@ from redres_ros.limits import Limit, Limits, limit_name
 from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
 from redres_ros.robot_model import RobotModel
 
+_STILL = 1e-3  # [m/s] below which a task asks for nothing that would show
 _TOUCHING = 1e-6  # [rad/s] from a bound: what is commanded there, is commanded because of it
 
 
@@ -35,7 +36,7 @@ class Figures:
         null_speed: Norm of the part of the velocity that does not move the tip [rad/s].
         torque: Norm of the joint torques [Nm].
         singular_value: The smallest of the task's Jacobian.
-        scaling: Share of the task velocity that the limits allow.
+        scaling: Share of the asked speed of the tip that is carried out, 0 to 1.
     """
 
     time: float
@@ -83,13 +84,13 @@ class Judge:
     period: float
     rows: int = 3
 
-    def figures(self, q: np.ndarray, cycles: list[Cycle], scaling: float) -> Figures:
+    def figures(self, q: np.ndarray, cycles: list[Cycle], asked: float) -> Figures:
         """The figures of the newest of some cycles, two at least.
 
         Args:
             q: Measured positions, (n,) [rad].
             cycles: In their order.
-            scaling: As the controller told it last.
+            asked: The speed of the tip that the task asked for at the newest one [m/s].
         """
         before = cycles[-2]
         now = cycles[-1]
@@ -97,6 +98,7 @@ class Judge:
         J = state.J[: self.rows]
         elapsed = max((now.stamp - before.stamp) / 1e9, self.period)
         W = self.law.weight(state)
+        scaling = _share(asked, state.J[:3] @ now.dq)
         command = Command(
             now.dq, now.q_ref, state, elapsed, J, W, scaling, limiting='', lost=np.zeros(len(J))
         )
@@ -128,6 +130,18 @@ class Judge:
         for row_limit, (C, low, high) in zip(bounds.row_limits, bounds.rows, strict=True):
             touched += [(row_limit, row) for row in _touched(C @ now.dq, low, high)]
         return {(limit_name(limit), limit.place(state, index)) for limit, index in touched}
+
+
+def _share(asked: float, dx: np.ndarray) -> float:
+    """How much of a speed [m/s] a velocity dx (3,) [m/s] is, 0 to 1; 1 where next to none is asked.
+
+    Args:
+        asked: The speed that was asked for [m/s].
+        dx: The velocity that is commanded, (3,) [m/s].
+    """
+    if asked < _STILL:
+        return 1.0
+    return min(float(np.linalg.norm(dx)) / asked, 1.0)
 
 
 def _touched(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int]:

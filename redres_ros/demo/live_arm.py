@@ -1,18 +1,23 @@
 """A running arm, looked at now and then: where it is, what was commanded, which limits act."""
 
+import math
 import time
+from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, String
+from std_msgs.msg import String
 
 from redres_ros.demo.judge import Cycle, Figures, read_cycle
 from redres_ros.demo.sampling import Sample, Sampler
 from redres_ros.demo.settings import judge_of, model_of
+from redres_ros.demo.tape import stamp_of
 from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import JointOrder
 from redres_ros.nodes.qos import LATCHED
@@ -20,10 +25,11 @@ from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 
 STATES = 'joint_states'
 COMMANDS = 'joint_command'
-SCALING = 'controller/task_scaling'
+TWISTS = 'cartesian_velocity'
 
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _GLANCE = 0.02  # [s] between looks at whether it has come
+_NEAR = 1.5  # cycles that a task velocity may be away from where it belongs
 _SHOWN = 0.5  # [s] for which a limit counts as acting after it did
 # Best effort: an onlooker must hold up nobody. Deep enough for one that was held up itself.
 _QUALITY = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -47,11 +53,12 @@ class LiveArm:
         self.figures: Figures | None = None  # of what came since the last look, if anything did
         self._values = dict(values)
         self._judge = judge_of(values, self.model)
+        self._lag = round(1e9 * values['twist_lag'] * self._judge.period)  # [ns]
         self._joints = JointOrder(self.model.joint_names)
-        self._scaling = 1.0
+        self._twists: deque[bytes] = deque(maxlen=_QUALITY.depth)
         self._cycles: list[Cycle] = []
         self._acted: dict[tuple[str, str], int] = {}  # limit and place: the stamp [ns] when it did
-        for topic, kind in ((STATES, JointState), (COMMANDS, JointState), (SCALING, Float64)):
+        for topic, kind in ((STATES, JointState), (COMMANDS, JointState), (TWISTS, TwistStamped)):
             self._samples.add(topic, kind, _QUALITY)
 
     def apply(self, changes: Mapping[str, Any]) -> None:
@@ -64,15 +71,13 @@ class LiveArm:
         state = self._samples.newest(STATES)
         if state is not None and self._joints.concerns(state):
             self.q = self._joints.positions(state)
-        scaling = self._samples.newest(SCALING)
-        if scaling is not None:
-            self._scaling = scaling.data
+        self._twists.extend(sample.data for sample in self._samples.take(TWISTS))
         self.figures = None
         cycles = self._new_cycles(self._samples.take(COMMANDS))
         if len(cycles) < 2:
             return
         self._cycles = cycles
-        self.figures = self._judge.figures(self.q, cycles, self._scaling)
+        self.figures = self._judge.figures(self.q, cycles, self._asked(cycles[-1].stamp))
         for found in self._judge.acting(*cycles[-2:]):
             self._acted[found] = cycles[-1].stamp
 
@@ -97,6 +102,19 @@ class LiveArm:
     def close(self) -> None:
         """Release the subscriptions."""
         self._samples.close()
+
+    def _asked(self, stamp: int) -> float:
+        """The speed [m/s] that the task asks for at a state of that stamp [ns]; 0 if it does not.
+
+        The controller plays task velocities out with a fixed lag. Its own word on the scaling would
+        cost it a message in every cycle.
+        """
+        wanted = stamp - self._lag
+        twist = min(self._twists, key=lambda data: abs(stamp_of(data) - wanted), default=b'')
+        if not twist or abs(stamp_of(twist) - wanted) > _NEAR * self._judge.period * 1e9:
+            return 0.0
+        linear = deserialize_message(twist, TwistStamped).twist.linear
+        return math.hypot(linear.x, linear.y, linear.z)
 
     def _description(self, values: Mapping[str, Any]) -> str:
         """The URDF on the topic, where the controller has it from there; empty if none comes."""
