@@ -112,5 +112,8 @@ with contextlib.suppress(KeyboardInterrupt):
         rclpy.spin_once(servo)
 servo.steer(np.zeros(3), '')
 late = servo.errors[len(servo.errors) // 3 :]
-print(f'{servo.pictures} pictures; the tip was {1e3 * max(late):.1f} mm behind at most')
+behind = 1e3 * float(np.median(late))
+print(
+    f'{servo.pictures} pictures; the tip was {behind:.1f} mm behind, {1e3 * max(late):.1f} at most'
+)
 print(f'no joint accelerated by more than {fastest_change(servo.states):.2f} rad/s^2')

@@ -101,8 +101,8 @@ def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
         finally:
             for node in nodes:
                 node.end()
-    _, lag = numbers(behind)
-    assert lag < 40.0  # 50 mm/s over 3 1/s; the rest is for moments in which a machine stalls
+    _, lag, _ = numbers(behind)
+    assert 10.0 < lag < 25.0  # 50 mm/s over 3 1/s is 17 mm; machines stall for some pictures
     assert numbers(change)[0] < 3.0
 
 

@@ -473,6 +473,19 @@ def test_an_inertia_that_no_body_can_have_is_replaced_by_its_mean_and_that_is_to
     assert_libraries_agree(text)
 
 
+@pytest.mark.parametrize(
+    'tensor',
+    [
+        'ixx="-2e-20" iyy="-2e-20" izz="0"',  # zero, but for rounding
+        'ixx="2e-8" iyy="3e-8" izz="4e-8" ixy="6e-8"',  # as of an antenna of TIAGo
+    ],
+)
+def test_tensors_of_careless_exporters_are_mended(tensor):
+    rest = ' '.join(f'{key}="0"' for key in ('ixy', 'ixz', 'iyz') if key not in tensor)
+    inertial = f'<inertial><mass value="0.1"/><inertia {tensor} {rest}/></inertial>'
+    assert_libraries_agree(urdf(left=f'<link name="left">{inertial}</link>'))
+
+
 def test_inertias_beside_the_chain_are_mended_too():
     text = urdf(left=f'<link name="left">{INERTIAL.replace("0.01", "0", 1)}</link>')
     assert 'link left has an inertia' in ' '.join(arm_from_urdf(text, 'tip').remarks())
@@ -489,7 +502,7 @@ def test_a_weight_without_extent_may_be_fixed_to_a_part():
     [
         ('mass value="1.5"', 'mass value="-1.5"', 'the mass -1.5 kg'),
         ('mass value="1.5"', 'mass value="nan"', "value 'nan'"),
-        ('ixx="0.01"', 'ixx="-0.01"', 'principal moment of inertia -0.01'),
+        ('ixx="0.01"', 'ixx="-0.01"', 'moment of inertia -0.01'),
         ('ixx="0.01"', 'ixx="inf"', "ixx 'inf'"),
     ],
 )

@@ -101,11 +101,16 @@ def _mass(urdf: Urdf, link: str) -> float:
     return mass
 
 
-def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
-    """Of a link's inertia, (3,) [kg m^2], ascending; zeros where it has none."""
+def _tensor(urdf: Urdf, link: str) -> np.ndarray:
+    """A link's inertia about its centre of mass, (3, 3) [kg m^2]; zeros where it has none."""
     inertia = urdf.links[link].find('inertial/inertia')
     xx, xy, xz, yy, yz, zz = (urdf.number(inertia, key, '0', f'link {link}') for key in _TENSOR)
-    return np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+
+
+def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
+    """Of a link's inertia, (3,) [kg m^2], ascending; zeros where it has none."""
+    return np.linalg.eigvalsh(_tensor(urdf, link))
 
 
 def _mend(urdf: Urdf, link: str) -> Iterator[str]:
@@ -115,9 +120,12 @@ def _mend(urdf: Urdf, link: str) -> Iterator[str]:
     that; many a URDF does not care.
     """
     _write_zeros(urdf.links[link].find('inertial'))
+    diagonal = np.diag(_tensor(urdf, link))
+    if diagonal.min() < -1e-6 * np.abs(diagonal).max() - _SMALLEST:  # beyond rounding
+        raise urdf.error(f'link {link} has the moment of inertia {diagonal.min():.3g} kg m^2')
+    if 0.0 < np.abs(diagonal).max() <= _SMALLEST:
+        _set_moments(child(urdf.links[link], 'inertial'), 0.0, 0.0, 0.0)
     moments = _principal_moments(urdf, link)
-    if moments[0] < -1e-6 * abs(moments[-1]):
-        raise urdf.error(f'link {link} has the principal moment of inertia {moments[0]:.3g} kg m^2')
     possible = moments[0] > _SMALLEST and moments[0] + moments[1] >= moments[2]
     if possible or not moments[-1] > 0.0:
         return
