@@ -23,6 +23,7 @@ def main() -> int:
     page = PAGE.read_text()
     page = replace(page, 'machine', machine(measured['machine']))
     page = replace(page, 'tick', tick_table(measured['tick']))
+    page = replace(page, 'goals', goals_table(measured['tick']))
     page = replace(page, 'loop', loop_table(measured['loop']))
     PAGE.write_text(page)
     return 0
@@ -72,6 +73,32 @@ def tick_table(figures: Mapping[str, Any]) -> str:
             )
     heads = ('tick', 'median', 'p99', 'by computeAllTerms', f'by {figures["fastest_peer"]}')
     return table(heads, rows)
+
+
+def goals_table(figures: Mapping[str, Any]) -> str:
+    """What was aimed at, as ratios of medians, and what came of it."""
+    laws = {name: times['median_us'] for name, times in figures['laws'].items()}
+    peers = {name: times['median_us'] for name, times in figures['peers'].items()}
+    floor = figures['pinocchio']['kinematics, M and n']['median_us']
+    least = laws['minimum_velocity']
+    weighted = max(
+        laws[name]
+        for name in ('minimum_kinetic_energy', 'dynamically_consistent', 'minimum_torque')
+    )
+    idle = laws['minimum_velocity, limits idle']
+    acting = laws['minimum_velocity, limits acting']
+    goals = (
+        ('minimum_velocity by embodik', least / peers['embodik'], 0.9),
+        ('with limits that do not act, by embodik', idle / peers['embodik'], 1.0),
+        ('with limits that act, by embodik', acting / peers['embodik, limits acting'], 1.5),
+        ("the slowest M-weighted law, by Pinocchio's J, M and n", weighted / floor, 3.3),
+        ('two priorities, by one task', laws['minimum_velocity, two priorities'] / least, 1.5),
+    )
+    rows = [
+        (name, f'{measured:.2f}', f'at most {goal}', 'met' if measured <= goal else 'missed')
+        for name, measured, goal in goals
+    ]
+    return table(('ratio of medians', 'measured', 'goal', ''), rows)
 
 
 def loop_table(figures: Mapping[str, Any]) -> str:

@@ -27,7 +27,7 @@ GRAPHS = {  # what runs together; the last process of each has the robot in it
     'the same in one process': ('composed',),
 }
 
-_PATIENCE = 30.0  # [s] for the first answer
+_PATIENCE = 120.0  # [s] for the first answer; the first start compiles
 _STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state
 _TAPED = ('joint_states', 'joint_command')
 # A real robot would leave command mode when this machine stalls, and the arm would stand still.
