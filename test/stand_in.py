@@ -61,6 +61,25 @@ class LbrGuard:
         return ''
 
 
+class Slowing:
+    """The velocity limits of FR3, which fall towards the ends of the ranges: sqrt(k d) - c.
+
+    The numbers are those of Franka's documentation and of libfranka's rate limiter.
+    """
+
+    c = np.array((0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35))  # [rad/s]
+    k = np.array((12.0, 5.17, 7.0, 8.0, 34.0, 11.0, 34.0))  # [rad/s^2]
+    lower = -np.array((2.7501, 1.7918, 2.9065, 3.0481, 2.8101, -0.54092, 3.0196))  # [rad]
+    upper = np.array((2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196))  # [rad]
+
+    def fastest(self, q: np.ndarray, limits: JointLimits) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest velocity at q, (n,) [rad/s] each."""
+        down = np.sqrt(self.k * np.maximum(q - self.lower, 0.0)) - self.c
+        up = np.sqrt(self.k * np.maximum(self.upper - q, 0.0)) - self.c
+        slowest = np.zeros_like(q)
+        return -np.clip(down, slowest, limits.velocity), np.clip(up, slowest, limits.velocity)
+
+
 class FrankaRules:
     """What a Franka arm asks of joint positions: differences over 1 ms within the limits."""
 
@@ -69,6 +88,7 @@ class FrankaRules:
     def __init__(self, limits: JointLimits, T: float) -> None:
         self._limits = limits
         self._T = T
+        self.slowing: Slowing | None = None  # near the ends of the ranges
         self._last: list[np.ndarray] = []  # q, dq, ddq
 
     def verdict(self, q: np.ndarray) -> str:
@@ -81,13 +101,28 @@ class FrankaRules:
         limits = self._limits
         if ((q < limits.lower) | (q > limits.upper)).any():
             return 'joint_motion_generator_position_limits_violation'
-        if (np.abs(dq) > limits.velocity).any():
+        fastest = (-limits.velocity, limits.velocity)
+        if self.slowing:
+            fastest = self.slowing.fastest(q, limits)
+        if (dq < fastest[0]).any() or (dq > fastest[1]).any():
             return 'joint_motion_generator_velocity_limits_violation'
         if (np.abs(ddq) > limits.acceleration + ROUNDING / self._T**2).any():
             return 'joint_motion_generator_velocity_discontinuity'
         if (np.abs(dddq) > self.jerk + ROUNDING / self._T**3).any():
             return 'joint_motion_generator_acceleration_discontinuity'
         return ''
+
+
+def fr3_rules(limits: JointLimits, T: float) -> FrankaRules:
+    """Those of an FR3.
+
+    Args:
+        limits: Of its joints.
+        T: Its cycle [s].
+    """
+    rules = FrankaRules(limits, T)
+    rules.slowing = Slowing()
+    return rules
 
 
 class StandIn:

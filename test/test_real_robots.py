@@ -9,10 +9,20 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from stand_in import COMMANDS, FrankaRules, Judge, LbrGuard, StandIn, behind_ros2_control
+from stand_in import (
+    COMMANDS,
+    FrankaRules,
+    Judge,
+    LbrGuard,
+    Slowing,
+    StandIn,
+    behind_ros2_control,
+    fr3_rules,
+)
 from test_urdf import PARTS, urdf
 from virtual_graph import Graph
 
+from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
@@ -44,7 +54,7 @@ class Robot(NamedTuple):
 
 ROBOTS = {
     'lbr_iiwa7': Robot(find_arm('iiwa7'), LbrGuard),
-    'franka_fr3': Robot(find_arm('fr3'), FrankaRules, ('fr3_finger_joint1', 'fr3_finger_joint2')),
+    'franka_fr3': Robot(find_arm('fr3'), fr3_rules, ('fr3_finger_joint1', 'fr3_finger_joint2')),
     'kinova_gen3': Robot(find_arm('gen3'), FrankaRules, ('robotiq_85_left_knuckle_joint',)),
     'ros2_control': Robot(
         arm_from_urdf(ON_A_RAIL, 'tool0'), FrankaRules, ('finger',), description=ON_A_RAIL
@@ -116,6 +126,27 @@ def test_a_franka_arm_stops_for_a_single_command_that_is_late() -> None:
         late = False
         clock.advance(0.01)
     assert robot.complaints[0] == 'joint_motion_generator_velocity_discontinuity'
+
+
+def test_near_the_ends_of_its_ranges_the_limits_for_an_fr3_allow_no_more_than_the_robot() -> None:
+    own = read_yaml(FOLDER / 'franka_fr3.yaml')['/**/controller']['ros__parameters']
+    T = 1.0 / rate_of('franka_fr3')
+    model = RobotModel(ROBOTS['franka_fr3'].arm)
+    names = ('position', 'velocity')
+    gains = {'position.margin': own['position.margin']}
+    bounds = make_limits(names, model, limit_scale=own['limit_scale'], gains=gains)
+    limits = JointLimits.of(model.arm)
+    for share in np.linspace(0.0, 1.0, 2001):
+        q = limits.lower + share * (limits.upper - limits.lower)
+        state = model.state(q, np.zeros(7))
+        lower = np.max([limit.box(state, T)[0] for limit in bounds], axis=0)
+        upper = np.min([limit.box(state, T)[1] for limit in bounds], axis=0)
+        slowest, fastest = Slowing().fastest(q, limits)
+        inside = (q > limits.lower + gains['position.margin']) & (
+            q < limits.upper - gains['position.margin']
+        )
+        assert (lower >= slowest)[inside].all()
+        assert (upper <= fastest)[inside].all()
 
 
 @EVERY
