@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,13 @@ def test_layouts_show_what_is_recorded() -> None:
     known |= {f'/joint_states/{joint}/position' for joint in joints}
     known |= {f'/joint_command/{joint}/velocity' for joint in joints}
     assert len(curves) > 20 and set(curves) <= known
+
+
+def test_a_package_that_holds_no_messages_is_not_even_imported() -> None:
+    for name in ('this/msg/Zen', 'os.path/msg/Thing', '/msg/Thing'):
+        with pytest.raises(TypeTextError):
+            find_type(name)
+    assert 'this' not in sys.modules
 
 
 # --- beside a running graph -----------------------------------------------------------------------

@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
@@ -28,7 +29,8 @@ from redres_ros.demo.judge import Cycle, Judge, read_cycle
 from redres_ros.demo.onlooker import PLANNER, Onlooker
 from redres_ros.demo.replay import FINISHED, MOVING
 from redres_ros.demo.sampling import Sampler
-from redres_ros.demo.settings import judge_of, model_of
+from redres_ros.demo.settings import credible, judge_of, model_of
+from redres_ros.errors import RedresError
 from redres_ros.limits import limit_name, make_limits
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import JointOrder, to_joint_state
@@ -230,6 +232,36 @@ def test_the_page_has_the_arm_the_law_and_the_limits_that_the_controller_has() -
             'velocity',
             'position',
         ]
+
+
+@pytest.mark.parametrize(
+    ('names', 'position', 'velocity'),
+    [
+        ('ab', [0.0, 0.0], [1.0]),
+        ('ab', [0.0, 0.0], [1.0, np.nan]),
+        ('ab', [0.0], [1.0, 1.0]),
+        ('ba', [0.0, 0.0], [1.0, 1.0]),
+        ('abc', [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]),
+    ],
+)
+def test_a_command_that_no_controller_would_send_is_refused(
+    names: str, position: list[float], velocity: list[float]
+) -> None:
+    message = JointState(name=list(names), position=position, velocity=velocity)
+    with pytest.raises(RedresError):
+        read_cycle(serialize_message(message), JointOrder(('a', 'b')))
+
+
+def test_bytes_that_are_no_command_are_refused() -> None:
+    for data in (b'', b'\x00\x01\x00\x00', serialize_message(JointState(name=['a']))[:-20]):
+        with pytest.raises(RedresError):
+            read_cycle(data, JointOrder(('a',)))
+
+
+def test_changes_that_cannot_be_are_passed_over() -> None:
+    known = {'law': 'minimum_velocity', 'damping': 10.0, 'limits': ['position']}
+    told = {'law': 5, 'damping': 'x', 'limits': ['velocity'], 'unknown': 1}
+    assert credible(told, known) == {'limits': ['velocity']}
 
 
 def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:

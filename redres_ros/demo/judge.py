@@ -4,14 +4,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from redres_ros.command import Command
+from redres_ros.errors import JointNamesError
 from redres_ros.laws import Law
 from redres_ros.limits import Limit, Limits, limit_name
 from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
+from redres_ros.nodes.wire import deserialised
 from redres_ros.robot_model import RobotModel
+from redres_ros.vectors import finite_vector
 
 _STILL = 1e-3  # [m/s] below which a task asks for nothing that would show
 _TOUCHING = 1e-6  # [rad/s] from a bound: what is commanded there, is commanded because of it
@@ -53,17 +55,17 @@ def read_cycle(data: bytes, joints: JointOrder) -> Cycle:
 
     Args:
         data: A serialised joint_command.
-        joints: Puts its joints into the arm's order.
+        joints: Of the arm, in whose order a controller names them.
 
     Raises:
-        RedresError: The message is of another arm.
+        RedresError: The bytes are no message, it is of another arm, or lacks a velocity.
     """
-    message = deserialize_message(data, JointState)
-    return Cycle(
-        to_nanoseconds(message.header.stamp),
-        joints.positions(message),
-        np.array(message.velocity),
-    )
+    message = deserialised(data, JointState)
+    if tuple(message.name) != joints.names:
+        raise JointNamesError(message.name, joints.names)
+    q_ref = joints.positions(message)
+    dq = finite_vector(np.array(message.velocity), len(q_ref), 'velocity')
+    return Cycle(to_nanoseconds(message.header.stamp), q_ref, dq)
 
 
 @dataclass(frozen=True)

@@ -4,24 +4,25 @@ import math
 import time
 from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from redres_ros.demo.judge import Cycle, Figures, read_cycle
 from redres_ros.demo.sampling import Sample, Sampler
-from redres_ros.demo.settings import judge_of, model_of
-from redres_ros.demo.tape import stamp_of
+from redres_ros.demo.settings import credible, judge_of, model_of
+from redres_ros.demo.tape import STAMP_END, stamp_of
 from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import JointOrder
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.nodes.wire import EncodingError, deserialised
 
 STATES = 'joint_states'
 COMMANDS = 'joint_command'
@@ -30,6 +31,7 @@ TWISTS = 'cartesian_velocity'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _GLANCE = 0.02  # [s] between looks at whether it has come
 _NEAR = 1.5  # cycles that a task velocity may be away from where it belongs
+_LIVE = {'law', 'damping', 'limits', 'limit_scale', 'torque_scale'}  # and gains, as posture.gain
 _SHOWN = 0.5  # [s] for which a limit counts as acting after it did
 # Best effort: an onlooker must hold up nobody. Deep enough for one that was held up itself.
 _QUALITY = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -62,16 +64,25 @@ class LiveArm:
             self._samples.add(topic, kind, _QUALITY)
 
     def apply(self, changes: Mapping[str, Any]) -> None:
-        """Take in changes of the controller's parameters. Raises RedresError."""
-        self._values.update(changes)
-        self._judge = judge_of(self._values, self.model)
+        """Take in changes of what the controller's parameters say of law and limits.
+
+        Args:
+            changes: Of parameters, as told. What cannot be is passed over.
+        """
+        live = {name: value for name, value in changes.items() if name in _LIVE or '.' in name}
+        values = {**self._values, **credible(live, self._values)}
+        with suppress(RedresError):
+            self._judge = judge_of(values, self.model)
+            self._values = values
 
     def look(self) -> None:
         """Take in what came since the last time."""
         state = self._samples.newest(STATES)
         if state is not None and self._joints.concerns(state):
-            self.q = self._joints.positions(state)
-        self._twists.extend(sample.data for sample in self._samples.take(TWISTS))
+            with suppress(RedresError):  # one that no robot would send
+                self.q = self._joints.positions(state)
+        twists = [sample.data for sample in self._samples.take(TWISTS)]
+        self._twists.extend(data for data in twists if len(data) >= STAMP_END)
         self.figures = None
         cycles = self._new_cycles(self._samples.take(COMMANDS))
         if len(cycles) < 2:
@@ -113,7 +124,10 @@ class LiveArm:
         twist = min(self._twists, key=lambda data: abs(stamp_of(data) - wanted), default=b'')
         if not twist or abs(stamp_of(twist) - wanted) > _NEAR * self._judge.period * 1e9:
             return 0.0
-        linear = deserialize_message(twist, TwistStamped).twist.linear
+        try:
+            linear = deserialised(twist, TwistStamped).twist.linear
+        except EncodingError:
+            return 0.0
         return math.hypot(linear.x, linear.y, linear.z)
 
     def _description(self, values: Mapping[str, Any]) -> str:
@@ -136,7 +150,7 @@ class LiveArm:
             try:
                 cycle = read_cycle(sample.data, self._joints)
             except RedresError:
-                continue  # of another arm
+                continue  # of another arm, or of nobody's
             if cycles and cycle.stamp < cycles[-1].stamp:
                 cycles = []  # the clock of another robot
             if not cycles or cycle.stamp > cycles[-1].stamp:

@@ -1,8 +1,10 @@
 """Types of messages as text, so that a file of messages can be read without ROS."""
 
 import importlib
+import importlib.util
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from redres_ros.errors import RedresError
@@ -25,11 +27,23 @@ def find_type(name: str) -> Any:
     package, _, rest = name.partition('/')
     kind = rest.rpartition('/')[2]
     try:
+        if not _has_messages(package):
+            raise ImportError(package)
         return getattr(importlib.import_module(f'{package}.msg'), kind)
     except (ImportError, AttributeError):
         raise TypeTextError(
             f'messages of type {name} cannot be read: {package} is not here'
         ) from None
+
+
+def _has_messages(package: str) -> bool:
+    """Whether a package is one of messages: names come from the graph, and importing executes."""
+    if not package.isidentifier():
+        return False
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.submodule_search_locations is None:
+        return False
+    return any(Path(place, 'msg').is_dir() for place in spec.submodule_search_locations)
 
 
 def name_of(kind: Any) -> str:

@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
+
+from redres_ros.nodes.wire import EncodingError, deserialised
 
 
 class Sample(NamedTuple):
@@ -63,7 +64,10 @@ class Sampler:
         taken = self.take(topic)
         if not taken:
             return None
-        return deserialize_message(taken[-1].data, self._subscriptions[topic].msg_type)
+        try:
+            return deserialised(taken[-1].data, self._subscriptions[topic].msg_type)
+        except EncodingError:
+            return None
 
     def close(self) -> None:
         """Release the subscriptions."""

@@ -78,6 +78,20 @@ def chosen(values: Values, of: str) -> tuple[str, ...]:
     return tuple(name for name in values[of] if name != NONE)
 
 
+def credible(changes: Values, known: Values) -> dict[str, Any]:
+    """Those of the changes that a node may have made: anybody can tell of changes.
+
+    Args:
+        changes: Of parameters, as told.
+        known: The parameters as they are, which says of what type each is.
+    """
+    return {
+        name: value
+        for name, value in changes.items()
+        if name in known and type(value) is type(known[name])
+    }
+
+
 def _law(values: Values) -> Law:
     name = values['law']
     if name not in LAWS:

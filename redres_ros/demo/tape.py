@@ -56,6 +56,7 @@ _WITH_STAMP = {topic for topic, kind in JUDGED.items() if hasattr(kind, 'header'
 # Of a serialised message with a header: 4 bytes say how it is encoded, then come the seconds and
 # nanoseconds of its stamp.
 _STAMP = struct.Struct('<4xiI')
+STAMP_END = _STAMP.size  # [bytes]
 _HEAD = struct.Struct('<qB?I')  # time [ns], number of the topic, heard, length [bytes]
 _BUFFER = 16384  # [bytes] it is written in small pieces, so that no cycle has much to write
 

@@ -91,7 +91,7 @@ class JointStateReader:
         return JointSample(seconds * NANOSECONDS + nanoseconds, layout.name, position)
 
     def _learn(self, data: bytes) -> JointSample:
-        message = _deserialised(data, JointState)
+        message = deserialised(data, JointState)
         layout = _layout(message)
         is_as_expected = (
             data.startswith(_LITTLE_ENDIAN)
@@ -133,7 +133,7 @@ def read_twist(message: Any) -> TwistSample:
     Raises EncodingError for bytes that are none.
     """
     if isinstance(message, bytes) and not message.startswith(_LITTLE_ENDIAN):
-        message = _deserialised(message, TwistStamped)
+        message = deserialised(message, TwistStamped)
     if not isinstance(message, bytes):
         linear = message.twist.linear
         angular = message.twist.angular
@@ -161,7 +161,16 @@ def _gap(place: int, size: int) -> int:
     return (_HEADER - place) % size
 
 
-def _deserialised(data: bytes, kind: Any) -> Any:
+def deserialised(data: bytes, kind: Any) -> Any:
+    """A message from its bytes.
+
+    Args:
+        data: As they came over the wire.
+        kind: The type of the message.
+
+    Raises:
+        EncodingError: They are no such message.
+    """
     try:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001 (rclpy raises what its middleware does)

@@ -9,7 +9,7 @@ import viser
 
 from redres_ros.demo.client import CallError
 from redres_ros.demo.remote import Remote
-from redres_ros.demo.settings import chosen
+from redres_ros.demo.settings import chosen, credible
 from redres_ros.fri.faults import Faults
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
@@ -67,14 +67,14 @@ class Controls:
             self._add_faults(values['sim'])
 
     def show(self, node: str, values: Mapping[str, Any]) -> None:
-        """Show what a node has now, whoever has set it.
+        """Show what a node has now, whoever has set it; what cannot be is passed over.
 
         Args:
             node: Its name.
             values: Of its parameters, by their names.
         """
-        for name, value in values.items():
-            if name in self._shows.get(node, {}):
+        for name, value in credible(values, self._values.get(node, {})).items():
+            if name in self._shows[node]:
                 self._values[node][name] = value
                 self._shows[node][name](value)
 

@@ -11,6 +11,7 @@ _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
+_LONGEST = 400  # letters
 _NEAR = 0.06  # of the range, from an end
 _COLOURS = {
     'position': '#d62728',
@@ -30,14 +31,14 @@ def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
     """
     lines = []
     if words[REASON]:
-        reason = escape(words[REASON])
+        reason = _told(words[REASON])
         lines.append(
             f'<div style="{_ALARM}"><b>Stopped:</b> {reason}<br>Reset lets it go on.</div>'
         )
-    session = escape(words[SESSION] or 'not heard')
-    quality = escape(words[QUALITY])
+    session = _told(words[SESSION] or 'not heard')
+    quality = _told(words[QUALITY])
     lines.append(f'<div>Robot: <b>{session}</b> {_dim(quality and f"connection {quality}")}</div>')
-    lines.append(f'<div>Task: <b>{escape(words[PLANNER] or "not heard")}</b></div>')
+    lines.append(f'<div>Task: <b>{_told(words[PLANNER] or "not heard")}</b></div>')
     lines.extend(_health(node, health.get(node, 'not heard')) for node in NODES)
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
@@ -87,8 +88,13 @@ def _tag(limit: str) -> str:
     )
 
 
+def _told(text: str) -> str:
+    """What somebody said, so that it is text and nothing else, and no longer than can be read."""
+    return escape(text[:_LONGEST])
+
+
 def _health(node: str, text: str) -> str:
-    return f'<div>{_dim(f"{node}: {escape(text)}")}</div>'
+    return f'<div>{_dim(f"{node}: {_told(text)}")}</div>'
 
 
 def _dim(text: str) -> str:
