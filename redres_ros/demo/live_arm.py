@@ -52,7 +52,7 @@ class LiveArm:
         self._samples = Sampler(node)
         self.model = model_of(values, self._description(values))
         self.q = np.zeros(self.model.n)  # as measured [rad]
-        self.figures: Figures | None = None  # of what came since the last look, if anything did
+        self.figures: Figures | None = None  # of what was judged last, if anything came
         self._values = dict(values)
         self._judge = judge_of(values, self.model)
         self._lag = round(1e9 * values['twist_lag'] * self._judge.period)  # [ns]
@@ -76,11 +76,14 @@ class LiveArm:
             self._values = values
 
     def look(self) -> None:
-        """Take in what came since the last time."""
+        """Take in where the arm is."""
         state = self._samples.newest(STATES)
         if state is not None and self._joints.concerns(state):
             with suppress(RedresError):  # one that no robot would send
                 self.q = self._joints.positions(state)
+
+    def judge(self) -> None:
+        """Take in what was commanded since the last time, and what it comes to."""
         twists = [sample.data for sample in self._samples.take(TWISTS)]
         self._twists.extend(data for data in twists if len(data) >= STAMP_END)
         self.figures = None

@@ -17,8 +17,9 @@ from redres_ros.view.scene import ArmScene
 from redres_ros.view.spectator import Spectator
 from redres_ros.view.trail import Trail
 
-_PERIOD = 0.04  # [s] from one picture of the arm to the next
-_SLOWLY = 8  # pictures from one drawing of plots, ways and words to the next
+_PERIOD = 0.05  # [s] from one picture of the arm to the next
+_JUDGED = 2  # pictures from one judgement of what was commanded to the next
+_SLOWLY = 6  # pictures from one drawing of plots, ways and words to the next
 _PLOTTED = 15.0  # [s] of the robot's clock
 _TRACED = 20.0  # [s]
 
@@ -56,8 +57,10 @@ class Page:
             if not self._server.get_clients():
                 self._forget()  # nobody looks
                 continue
-            self._look()
+            self._arm.look()
             number += 1
+            if number % _JUDGED == 0:
+                self._judge()
             with self._server.atomic():
                 self._show_arm()
                 if number % _SLOWLY == 0:
@@ -78,8 +81,8 @@ class Page:
         self._controls = Controls(self._server, remote, values)
         gui.main_panel.dock_right()
 
-    def _look(self) -> None:
-        self._arm.look()
+    def _judge(self) -> None:
+        self._arm.judge()
         figures = self._arm.figures
         if figures is not None:
             self._figures.add(figures.time, figures)
