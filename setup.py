@@ -66,7 +66,7 @@ setup(
     ],
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'robots/*.urdf']},
+    package_data={NAME: ['py.typed', 'nodes/*.xml', 'robots/*.urdf']},
     zip_safe=False,
     # the oldest versions that were tested together; older ones of numpy do not go with pin 3
     install_requires=[

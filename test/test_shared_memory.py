@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,15 @@ def await_files(process: NodeProcess) -> set[str]:
     return used
 
 
+@contextmanager
+def domain_with_shared_memory() -> Iterator[int]:
+    """A domain whose nodes use shared memory, as where the user says LOCALHOST."""
+    with own_domain() as domain:
+        del os.environ['FASTRTPS_DEFAULT_PROFILES_FILE']
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        yield domain
+
+
 def left(names: set[str]) -> set[str]:
     """Those of the names that are still there and that nobody else uses by now."""
     others: set[str] = set()
@@ -42,7 +53,7 @@ def left(names: set[str]) -> set[str]:
 
 
 def test_nodes_that_end_leave_no_shared_memory(tmp_path: Path) -> None:
-    with own_domain():
+    with domain_with_shared_memory():
         nodes = [NodeProcess(name, tmp_path / name, {}) for name in ('sim', 'controller')]
         used = set.union(*map(await_files, nodes))
         for node in nodes:
@@ -62,7 +73,7 @@ def test_on_the_subnet_a_node_uses_none_that_could_be_left(
 
 
 def test_what_was_killed_is_tidied_up_at_the_next_start_in_its_domain(tmp_path: Path) -> None:
-    with own_domain() as domain:
+    with domain_with_shared_memory() as domain:
         node = NodeProcess('controller', tmp_path / 'log', {})
         used = await_files(node)
         remember_files([node.pid])
@@ -74,7 +85,7 @@ def test_what_was_killed_is_tidied_up_at_the_next_start_in_its_domain(tmp_path: 
 
 
 def test_what_is_alive_is_left_alone(tmp_path: Path) -> None:
-    with own_domain() as domain:
+    with domain_with_shared_memory() as domain:
         node = NodeProcess('controller', tmp_path / 'log', {})
         used = await_files(node)
         assert remove_dead(used | files_of_domain(domain)) == []

@@ -42,7 +42,7 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.check.judge import judge
     from redres_ros.check.sighting import Looker
     from redres_ros.check.verdict import Level
-    from redres_ros.demo.processes import joined_domain
+    from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     if not _SHORTEST <= options.duration <= _LONGEST:

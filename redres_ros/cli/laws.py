@@ -64,8 +64,8 @@ def _law(options: argparse.Namespace) -> int:
     from rclpy.node import Node
 
     from redres_ros.demo.client import set_parameters
-    from redres_ros.demo.processes import joined_domain
     from redres_ros.laws import make_law
+    from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     gains = {} if options.damping is None else {'damping': options.damping}

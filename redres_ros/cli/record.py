@@ -39,8 +39,8 @@ def _record(options: argparse.Namespace) -> int:
     import threading
 
     from redres_ros.demo.mcap_file import McapFile
-    from redres_ros.demo.processes import joined_domain
     from redres_ros.demo.recorder import GraphRecorder
+    from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:

@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from redres_ros.demo.processes import joined_domain
+    from redres_ros.nodes.discovery import joined_domain
     from redres_ros.view.serve import main
 
     if not PORTS[0] <= options.port <= PORTS[1]:

@@ -23,8 +23,8 @@ def add(commands: Any) -> None:
 def _watch(options: argparse.Namespace) -> int:
     import threading
 
-    from redres_ros.demo.processes import joined_domain
     from redres_ros.demo.watch import Watch, watch
+    from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:

@@ -19,14 +19,9 @@ from typing import IO, Any
 
 from redres_ros.demo.shared_memory import files_of, files_of_domain, remove_dead
 from redres_ros.errors import RedresError
+from redres_ros.nodes.discovery import joined_domain
 from redres_ros.nodes.runtime import PARENT
 
-_ELSEWHERE = (
-    'ROS_STATIC_PEERS',
-    'ROS_LOCALHOST_ONLY',
-    'ROS_DISCOVERY_SERVER',
-    'FASTRTPS_DEFAULT_PROFILES_FILE',
-)
 _DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 
@@ -85,21 +80,6 @@ def _tidy(domain: int) -> None:
 
 def _memory_of(domain: int) -> Path:
     return Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.files'
-
-
-@contextmanager
-def joined_domain(domain: int | None) -> Iterator[None]:
-    """Set the environment to a ROS domain on this host; None leaves it as the user has it."""
-    kept = dict(os.environ)
-    if domain is not None:
-        for name in _ELSEWHERE:
-            os.environ.pop(name, None)
-        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(kept)
 
 
 def _free_domain() -> tuple[IO[bytes], int]:

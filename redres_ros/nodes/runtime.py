@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
+from redres_ros.nodes import discovery
 from redres_ros.nodes.real_time import ask_kernel
 
 N = TypeVar('N', bound=Node)
@@ -32,23 +33,6 @@ HIGHEST_DOMAIN = 232  # the last one whose ports exist
 
 # environment variable: number of the process without which a node is not to live on
 PARENT = 'REDRES_PARENT'
-
-# Environment variable of Fast DDS. Between processes of one computer it would use shared memory.
-# Opening that for a process which has just come can hold up all who publish for a third of a second
-# (issue 6535 of Fast DDS). UDP over loopback takes messages of this size as fast.
-_TRANSPORTS = ('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
-
-# Environment variables of ROS and Fast DDS that say who may find whom. Where none is set ROS would
-# find everybody on the network, and anybody there could command the arm.
-_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-_DISCOVERY = (
-    _RANGE,
-    'ROS_STATIC_PEERS',
-    'ROS_LOCALHOST_ONLY',
-    'ROS_DISCOVERY_SERVER',
-    'FASTRTPS_DEFAULT_PROFILES_FILE',
-    'FASTDDS_DEFAULT_PROFILES_FILE',
-)
 
 _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
@@ -141,9 +125,7 @@ def start(arguments: list[str] | None = None) -> None:
 
     Raises StartError for an environment that cannot work.
     """
-    os.environ.setdefault(*_TRANSPORTS)
-    if not any(map(os.environ.get, _DISCOVERY)):
-        os.environ[_RANGE] = 'LOCALHOST'
+    discovery.prepare()
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN):
         raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')
