@@ -32,6 +32,11 @@ SWEPT = ('minimum_acceleration',)
 RANDOM_TASKS = 200
 SWEEP_T = 0.01  # [s]
 
+_QUANTILES = {
+    0.5: 'median of peak / best',
+    0.9: 'nine in ten below',
+    0.99: '99 in 100 below',
+}
 _BLOCK = r'(<!-- numbers: {} -->\n)(.*?)(<!-- end -->)'
 _EFFORT = ('acceleration', 'velocity', 'torque', 'squared_torque', 'kinetic_energy', 'elbow')
 
@@ -152,7 +157,7 @@ def sweep_table(results: Sequence[Trials]) -> str:
     for trials in results:
         good = [f'{share:.0%}' for share in trials.good]
         rows.append([f'`{trials.law}`', f'within {GOOD:g} × the best', *good])
-        for share, name in ((0.5, 'median of peak / best'), (0.9, 'nine in ten below')):
+        for share, name in _QUANTILES.items():
             rows.append(['', name, *(f'{ratio:.3g}' for ratio in trials.quantiles(share))])
         kept = [f'{share:.0%}' for share in trials.kept.mean(axis=0)]
         rows.append(['', "within the joints' limits", *kept])
