@@ -29,7 +29,7 @@ DAMPINGS = (0.0, 2.0, 5.0, 8.0, 10.0, 12.0, 15.0, 20.0, 50.0, 1.0 / T)
 LIMITS = ('position', 'velocity', 'acceleration')
 TASKS = ('rectangle', 'rectangle_reversed', 'window', 'table')
 SWEPT = ('minimum_acceleration',)
-RANDOM_TASKS = 200
+RANDOM_TASKS = 150
 SWEEP_T = 0.01  # [s]
 
 _QUANTILES = {
@@ -152,7 +152,7 @@ def headline(results: Results) -> str:
 
 def sweep_table(results: Sequence[Trials]) -> str:
     """Random tasks: how often a damping is good, and how bad it is else."""
-    heads = 'law | figure | ' + ' | '.join(f'{damping:g}' for damping in results[0].dampings)
+    heads = 'law | k_d [1/s] | ' + ' | '.join(f'{damping:g}' for damping in results[0].dampings)
     rows = []
     for trials in results:
         good = [f'{share:.0%}' for share in trials.good]

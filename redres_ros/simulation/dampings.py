@@ -20,6 +20,19 @@ from redres_ros.waypoints import WaypointTask
 DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
 GOOD = 1.25  # times the least peak of a task
 
+_QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # of the ratios, and how they are drawn
+_RATIOS = (
+    1.0,
+    1.5,
+    2.0,
+    3.0,
+    5.0,
+    10.0,
+    20.0,
+    50.0,
+    100.0,
+)  # marked on the axis, if they are on it
+
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
 _UNBOUNDED = np.pi  # [rad] either way, of a joint that turns without end
 _STEP = 0.6  # [rad] by which each joint is away, at most, from one point of a task to the next
@@ -163,12 +176,16 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     for trials in results:
         places = np.arange(len(trials.dampings))
         (line,) = good.plot(places, 100.0 * trials.good, 'o-', label=trials.law)
-        bad.plot(places, trials.quantiles(0.5), 'o-', color=line.get_color())
-        bad.plot(places, trials.quantiles(0.9), 'o:', color=line.get_color())
+        for share, style in _QUANTILES.items():
+            bad.plot(places, trials.quantiles(share), style, color=line.get_color())
     good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
     good.set_ylim(0.0, 105.0)
-    bad.set_ylabel('peak / least peak [-]\n(median, dotted: 9 in 10 below)')
+    bad.set_ylabel('peak / least peak [-]\n(of 100 tasks 50, 90, 99 are below)')
     bad.set_yscale('log')
+    bad.minorticks_off()
+    top = max(bad.get_ylim()[1], _RATIOS[1])
+    shown = [ratio for ratio in _RATIOS if ratio <= top]
+    bad.set_yticks(shown, [f'{ratio:g}' for ratio in shown])
     bad.set_xticks(places, [f'{damping:g}' for damping in results[0].dampings])
     bad.set_xlabel(r'damping $k_d$ [s$^{-1}$]')
     for ax in (good, bad):
