@@ -22,7 +22,7 @@ def claims() -> Iterator[str]:
     found = {(row['section'], row['claim']): row for row in results}
     rows = [_row(section, says, found.get((section, says))) for section, says in known]
     held = sum(row['held'] == 'yes' for row in results)
-    yield f'{held} of {len(results)} of those with figures were held when they were measured.'
+    yield f'Of the {len(results)} claims with figures {held} were held when they were measured.'
     yield ''
     yield from table(('in the paper', 'claim', 'held?', 'measured'), rows)
 
