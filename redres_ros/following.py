@@ -21,6 +21,8 @@ BRIDGING = ('extrapolate', 'hold')
 # Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
 COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
 
+_LITTLE = 0.05  # share of a task velocity with which a task hardly goes on
+_LONG = 1.0  # [s] after which that is told
 _SESSION_PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may take 3 s
 
 
@@ -137,6 +139,7 @@ class Following:
         self.playout = Playout(controller.m, controller.T, playout)
         self._controller = controller
         self._cycles = Cycles(round(NANOSECONDS * controller.T))
+        self._slowdown = _Slowdown()
         self._session = _Session(self.settings.lockstep)
         self._twist_arrival = _TwistArrival()
         self._expecting = self.settings.lockstep  # that task velocities go on to come
@@ -161,6 +164,11 @@ class Following:
         self._cycles = Cycles(round(NANOSECONDS * self._controller.T))
         self.playout.clear()
         self._controller.reset()
+
+    @property
+    def hindrance(self) -> str:
+        """What has held the task up for a second or more; empty if nothing has."""
+        return self._slowdown.told(self._controller.T)
 
     def enter_session(self, word: str) -> None:
         """Take in the robot's word on its session; a robot that says nothing takes commands."""
@@ -303,6 +311,7 @@ class Following:
         if stale and not command.dq.any():
             self.playout.clear()  # the arm has come to rest
         follows = commanding and not self.held and not stale
+        self._slowdown.enter(command, follows)
         scaling = command.s if follows else 0.0
         return Reply(state.stamp, command, scaling, restarted)
 
@@ -354,6 +363,28 @@ class _TwistArrival(NamedTuple):
 
     cycle: int = 0
     time: float = math.inf
+
+
+class _Slowdown:
+    """Whether limits have left next to nothing of the task velocity for long."""
+
+    def __init__(self) -> None:
+        self._ticks = 0
+        self._share = 1.0
+        self._limiting = ''
+
+    def enter(self, command: Command, follows: bool) -> None:
+        if not follows or command.s >= _LITTLE:
+            self._ticks = 0
+            return
+        self._ticks += 1
+        self._share = command.s
+        self._limiting = command.limiting
+
+    def told(self, T: float) -> str:
+        if self._ticks * T < _LONG:
+            return ''
+        return f'the limits leave {self._share:.1%} of the task velocity ({self._limiting})'
 
 
 class _Session:

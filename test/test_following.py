@@ -410,3 +410,22 @@ def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
         robot.steer(velocity(robot.cycle))
     assert speed(answer) == 0.0
     assert answer is not None and answer.scaling == 0.0
+
+
+def test_limits_that_hold_the_task_up_for_a_second_are_told_with_the_joint() -> None:
+    controller = Controller(
+        RobotModel.named('lwr4_paper'),
+        make_law('minimum_velocity'),
+        T,
+        limits=('position', 'velocity', 'acceleration'),
+        limit_scale=0.01,
+    )
+    robot = Robot(Following(controller))
+    robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
+    assert robot.following.hindrance == ''  # not long enough yet
+    robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
+    told = robot.following.hindrance
+    assert told.startswith('the limits leave') and 'lwr' in told
+    robot.following.held = True
+    robot.follow(2)
+    assert robot.following.hindrance == ''

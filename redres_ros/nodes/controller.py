@@ -219,6 +219,8 @@ class ControllerNode(ManagedNode):
             return Health(WARN, self.life, figures)
         if not following.commanding:
             return Health(WARN, 'mirroring: the robot takes no commands', figures)
+        if following.hindrance:
+            return Health(WARN, following.hindrance, figures)
         return Health(OK, 'holding' if following.held else 'commanding', figures)
 
 
