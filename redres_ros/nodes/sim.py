@@ -161,7 +161,6 @@ class SimNode(ManagedNode):
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
-                self._session_topics.tell_again()
             self._robot.advance(*answers)
             self._tell_refusals()
             self._session_topics.tell()
@@ -227,8 +226,9 @@ class SimNode(ManagedNode):
         self._arrival.set()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._reset_wanted = True
         reason = self._session.reason
+        self._reset_wanted = True
+        self._session_topics.tell_again()
         response.success = True
         response.message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
         return response
