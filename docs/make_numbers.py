@@ -29,7 +29,7 @@ DAMPINGS = (0.0, 2.0, 5.0, 8.0, 10.0, 12.0, 15.0, 20.0, 50.0, 1.0 / T)
 LIMITS = ('position', 'velocity', 'acceleration')
 TASKS = ('rectangle', 'rectangle_reversed', 'window', 'table')
 SWEPT = ('minimum_acceleration',)
-RANDOM_TASKS = 150
+RANDOM_TASKS = 300
 SWEEP_T = 0.01  # [s]
 
 _QUANTILES = {
