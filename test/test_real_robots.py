@@ -9,6 +9,13 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from stand_in import (
     COMMANDS,
     FrankaRules,
@@ -24,6 +31,7 @@ from virtual_graph import Graph
 
 from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -92,6 +100,34 @@ def stand_in(name: str, graph: Graph, **options: Any) -> StandIn:
     judge = robot.judge(limits, 1.0 / rate)
     start = np.array(robot.arm.start)
     return StandIn(graph, limits, start, rate, judge, others=robot.others, **options)
+
+
+# rclcpp's SystemDefaultsQoS, of joint_state_broadcaster, the forwarding controllers and Franka's
+# own broadcaster; and SensorDataQoS, of other drivers.
+SYSTEM_DEFAULTS = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE
+)
+SENSOR_DATA = QoSProfile(
+    depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE
+)
+
+
+@pytest.mark.parametrize(
+    ('publisher', 'subscription'),
+    [
+        pytest.param(SYSTEM_DEFAULTS, NEWEST, id='states'),
+        pytest.param(SENSOR_DATA, NEWEST, id='states of a driver that sends none twice'),
+        pytest.param(PUBLISH, SYSTEM_DEFAULTS, id='commands'),
+        pytest.param(PUBLISH, SENSOR_DATA, id='commands to a driver that wants none twice'),
+        pytest.param(LATCHED, LATCHED, id='robot_description'),
+    ],
+)
+def test_what_drivers_send_and_expect_matches_the_nodes(
+    publisher: QoSProfile, subscription: QoSProfile
+) -> None:
+    compatible, reason = qos_check_compatible(publisher, subscription)
+    # A warning is given for what both sides leave open, as their liveliness.
+    assert compatible != QoSCompatibility.ERROR, reason
 
 
 @pytest.mark.slow
