@@ -85,9 +85,10 @@ class LawMotion:
         J = task.jacobian(state)
         scale = task.row_scale(state.model)
         W = self.law.weight(state)
-        b = self.law.bias(state, T)
         if self.preferences:
             b = self.law.bias_with(state, T, self._preferred(state))
+        else:
+            b = self.law.bias(state, T)
         lower: Sequence[np.ndarray] = ()
         if self.lower_tasks:
             levels = [scaled(J, dx, scale)]
@@ -107,8 +108,10 @@ class LawMotion:
         return Proposal(dq, J, executed, dx - executed, W, lower)
 
     def _preferred(self, state: RobotState) -> np.ndarray | None:
-        """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None without any."""
-        if not self.preferences or not self.law.remembers:
+        """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None for a law without
+        memory, which has no use for it.
+        """
+        if not self.law.remembers:
             return None
         accelerations = [preference.acceleration(state) for preference in self.preferences]
         return np.add.reduce(accelerations)

@@ -198,7 +198,7 @@ def _resolve_exactly(
 ) -> np.ndarray | None:
     """dq (n,) by the closed form; None where a direction may have to be damped."""
     dq = np.empty(len(b))
-    array, form = (_NO_WEIGHT, IDENTITY) if W is None else as_array(W)
+    array, form = as_array(W)
     try:
         outcome = closed_form(J, dx, b, array, form, tasks, size, dq)
     except TypeError:  # not of float64

@@ -22,9 +22,10 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.client import call
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_twist
+from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits

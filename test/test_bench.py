@@ -35,7 +35,7 @@ from redres_ros.bench.timing import BLOCK, COLD, Times, measure
 from redres_ros.bench.udp import measure_udp
 from redres_ros.cli import main
 from redres_ros.demo.tape import Tape, read_tape
-from redres_ros.nodes.conversions import to_time
+from redres_ros.nodes.stamps import to_time
 
 PERIOD = 0.002  # [s]
 

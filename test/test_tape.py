@@ -18,7 +18,7 @@ from redres_ros.demo.outcome import MotionFigures, Outcome
 from redres_ros.demo.replay import Log, read_log, replay
 from redres_ros.demo.tape import Entry, Tape, read_tape, stamp_of, stamped
 from redres_ros.laws import make_law
-from redres_ros.nodes.conversions import to_time
+from redres_ros.nodes.stamps import to_time
 from redres_ros.planner import Planner
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, columns

@@ -17,9 +17,9 @@ from std_msgs.msg import String
 
 from redres_ros.demo.client import CallError, call
 from redres_ros.demo.onlooker import REASON, SESSION
-from redres_ros.nodes.conversions import to_nanoseconds
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION
+from redres_ros.nodes.stamps import to_nanoseconds
 
 STATES = 'joint_states'
 TWISTS = 'cartesian_velocity'

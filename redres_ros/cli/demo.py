@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import add_motion
+from redres_ros.cli.options import add_motion, check_duration
 from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError
 
@@ -130,8 +130,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.wanted import DemoOptions
 
-    if not 0.0 <= options.duration <= 1e6:
-        raise RangeError('duration', options.duration, 0.0, 1e6, 's')
+    check_duration(options.duration)
     views = _views(options)
     motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
     period = 1.0 / options.rate if options.rate else math.inf

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from redres_ros.cli.parser import NONE, Parser
+from redres_ros.errors import RangeError
+
+_LONGEST = 1e6  # [s]
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
@@ -186,6 +189,19 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
         metavar='ID',
         help='ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID',
     )
+
+
+def add_watching_time(parser: argparse.ArgumentParser) -> None:
+    """--duration of what looks at nodes until it is ended."""
+    parser.add_argument(
+        '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
+    )
+
+
+def check_duration(duration: float | None) -> None:
+    """Refuse a time [s] that nobody waits for; None is one that is left open."""
+    if duration is not None and not 0.0 <= duration <= _LONGEST:
+        raise RangeError('duration', duration, 0.0, _LONGEST, 's')
 
 
 def add_namespace(parser: argparse.ArgumentParser) -> None:

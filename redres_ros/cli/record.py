@@ -5,11 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import check_writable
-from redres_ros.cli.options import add_domain
+from redres_ros.cli.options import add_domain, add_watching_time, check_duration
 from redres_ros.cli.parser import OptionError
-from redres_ros.errors import RangeError
 
-_LONGEST = 1e6  # [s]
 SUFFIX = '.mcap'
 
 
@@ -17,9 +15,7 @@ def add(commands: Any) -> None:
     """Declare the subcommand."""
     record = commands.add_parser('record', help='the messages of running nodes into an MCAP file')
     record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='made anew')
-    record.add_argument(
-        '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
-    )
+    add_watching_time(record)
     record.add_argument(
         '--topics', metavar='A,B,...', help='those that are recorded; default: all that there are'
     )
@@ -43,8 +39,7 @@ def _record(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
-    if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:
-        raise RangeError('duration', options.duration, 0.0, _LONGEST, 's')
+    check_duration(options.duration)
     check_recording(options.file)
     wanted = tuple(filter(None, (options.topics or '').split(',')))
     stopped = threading.Event()

@@ -3,18 +3,13 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_domain, add_namespace
-from redres_ros.errors import RangeError
-
-_LONGEST = 1e6  # [s]
+from redres_ros.cli.options import add_domain, add_namespace, add_watching_time, check_duration
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
     watch = commands.add_parser('watch', help='the live state of running nodes')
-    watch.add_argument(
-        '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
-    )
+    add_watching_time(watch)
     add_domain(watch)
     add_namespace(watch)
     watch.set_defaults(run=_watch)
@@ -27,8 +22,7 @@ def _watch(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
-    if options.duration is not None and not 0.0 <= options.duration <= _LONGEST:
-        raise RangeError('duration', options.duration, 0.0, _LONGEST, 's')
+    check_duration(options.duration)
     with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
         try:
             watch(node, threading.Event(), options.duration)

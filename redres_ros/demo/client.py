@@ -76,11 +76,25 @@ def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
     Raises:
         CallError: The node does not answer, or refuses, with its reason.
     """
+    service = f'{of}/set_parameters_atomically'
+    check_set(of, call(node, SetParametersAtomically, service, setting(values)))
+
+
+def setting(values: Mapping[str, Any]) -> SetParametersAtomically.Request:
+    """The request to set parameters to these values, by their names."""
     wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-    request = SetParametersAtomically.Request(parameters=wanted)
-    result = call(node, SetParametersAtomically, f'{of}/set_parameters_atomically', request).result
-    if not result.successful:
-        raise CallError(f'{of} refused: {result.reason}')
+    return SetParametersAtomically.Request(parameters=wanted)
+
+
+def check_set(of: str, response: SetParametersAtomically.Response) -> None:
+    """Raise CallError where a node did not set what it was to.
+
+    Args:
+        of: Name of the node.
+        response: What it said.
+    """
+    if not response.result.successful:
+        raise CallError(f'{of} refused: {response.result.reason}')
 
 
 def read_parameters(node: Node, of: str) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from redres_ros.command import Command
 from redres_ros.errors import JointNamesError
 from redres_ros.laws import Law
 from redres_ros.limits import Limit, Limits, limit_name
-from redres_ros.nodes.conversions import JointOrder, to_nanoseconds
+from redres_ros.nodes.conversions import JointOrder
+from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.wire import deserialised
 from redres_ros.robot_model import RobotModel
 from redres_ros.vectors import finite_vector

@@ -7,10 +7,10 @@ from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.demo.client import CallError
+from redres_ros.demo.client import CallError, check_set, setting
 from redres_ros.nodes.runtime import Waiting
 
 STEERED = ('controller', 'sim')  # the nodes whose parameters are set
@@ -100,11 +100,7 @@ class Remote:
         Raises:
             CallError: The node does not answer, or refuses, with its reason.
         """
-        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        request = SetParametersAtomically.Request(parameters=wanted)
-        result = self._call(f'{of}/set_parameters_atomically', request).result
-        if not result.successful:
-            raise CallError(f'{of} refused: {result.reason}')
+        check_set(of, self._call(f'{of}/set_parameters_atomically', setting(values)))
 
     def parameters(self, of: str) -> dict[str, Any]:
         """All parameters of a node. Raises CallError."""

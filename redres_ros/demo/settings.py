@@ -10,7 +10,7 @@ from redres_ros.demo.judge import Judge
 from redres_ros.errors import UnknownNameError
 from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import Limits, gain_names, make_limits
-from redres_ros.nodes.motion_parameters import NONE
+from redres_ros.nodes.motion_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
 from redres_ros.parameter import parameters
 from redres_ros.robot_model import RobotModel
@@ -75,7 +75,7 @@ def chosen(values: Values, of: str) -> tuple[str, ...]:
         values: A node's parameters.
         of: The parameter's name.
     """
-    return tuple(name for name in values[of] if name != NONE)
+    return named(values[of])
 
 
 def credible(changes: Values, known: Values) -> dict[str, Any]:

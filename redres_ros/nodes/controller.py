@@ -19,12 +19,11 @@ from redres_ros.nodes.command_publisher import CommandPublisher
 from redres_ros.nodes.conversions import (
     Axes,
     JointOrder,
-    check_twist,
 )
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
-from redres_ros.nodes.motion_parameters import NONE, MotionParameters
+from redres_ros.nodes.motion_parameters import NONE, MotionParameters, named
 from redres_ros.nodes.motion_telemetry import MotionTelemetry
 from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
@@ -34,6 +33,7 @@ from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
 from redres_ros.playout import PlayoutSettings
 from redres_ros.plugins import load_plugins
+from redres_ros.vectors import check_finite
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
 _TELL_AGAIN = 5.0  # [s] after which a restart is told again
@@ -69,7 +69,7 @@ class ControllerNode(ManagedNode):
         super().__init__('controller')
         robot = declare_robot(self)
         settings = declare(self, ControllerParameters())
-        load_plugins(path for path in settings.plugins if path != NONE)
+        load_plugins(named(settings.plugins))
         model = robot.model
         T = 1.0 / settings.rate
         self._motion = MotionParameters(self, model, T)
@@ -131,7 +131,7 @@ class ControllerNode(ManagedNode):
 
     def _enter_twist(self, message: TwistStamped | bytes) -> Reply | None:
         stamp, frame, dx = read_twist(message)
-        check_twist(dx)
+        check_finite(dx, 'cartesian_velocity')
         if self._following.q is not None:
             dx = self._axes.to_base(dx, frame, self._following.q)
         return self._following.enter_twist(stamp, dx[: self._controller.m], time.monotonic())

@@ -5,12 +5,12 @@ from array import array
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
 from redres_ros.fri.robot_clock import NANOSECONDS
+from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.wire import JointSample
 from redres_ros.robot_model import RobotModel, quaternion
 from redres_ros.rotation import from_quaternion
@@ -159,12 +159,6 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
     return message
 
 
-def check_twist(dx: np.ndarray) -> None:
-    """Raise ArrayError for a twist (6,) that holds NaN or infinity."""
-    if not math.isfinite(sum(dx.tolist())) and not np.isfinite(dx).all():  # the first is quicker
-        raise ArrayError(f'cartesian_velocity is {dx.tolist()}; every value must be finite')
-
-
 class Axes:
     """Turns velocities of the tip from the axes of any link into those of the base.
 
@@ -254,13 +248,3 @@ def to_wrench(stamp: int, frame: str, wrench: np.ndarray) -> WrenchStamped:
     torque = message.wrench.torque
     force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
     return message
-
-
-def to_time(stamp: int) -> Time:
-    """Nanoseconds to a stamp."""
-    return Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
-
-
-def to_nanoseconds(stamp: Time) -> int:
-    """A stamp to nanoseconds."""
-    return stamp.sec * NANOSECONDS + stamp.nanosec

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from redres_ros.nodes.conversions import to_time
 from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.stamps import to_time
 
 PERIOD = 0.2  # [s] between two messages
 _OBSTACLES_PERIOD = 1.0  # [s]

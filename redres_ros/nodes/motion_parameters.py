@@ -98,7 +98,7 @@ class MotionParameters:
         gains = self._changed_gains(changes)
         law = make_law(settings.law, **_own(LAWS, settings.law, gains))
         limits = make_limits(
-            _names(settings.limits),
+            named(settings.limits),
             self._model,
             limit_scale=settings.limit_scale,
             torque_scale=settings.torque_scale,
@@ -106,10 +106,10 @@ class MotionParameters:
         )
         preferences = tuple(
             make_preference(name, **_own(PREFERENCES, name, gains))
-            for name in _names(settings.preferences)
+            for name in named(settings.preferences)
         )
         tasks = tuple(
-            make_task(name, **_own(TASKS, name, gains)) for name in _names(settings.secondary_tasks)
+            make_task(name, **_own(TASKS, name, gains)) for name in named(settings.secondary_tasks)
         )
         LawMotion(law, preferences, tasks).check(self._model)
         self._check_unused(changes, gains)
@@ -204,5 +204,6 @@ def _own(table: Mapping[str, type], name: str, gains: Mapping[str, Any]) -> dict
     return {field: gains[key] for field, key in keys.items() if key in gains}
 
 
-def _names(names: tuple[str, ...]) -> tuple[str, ...]:
-    return () if names == (NONE,) else names
+def named(words: Iterable[str]) -> tuple[str, ...]:
+    """The names in a parameter such as `limits`, without the word none."""
+    return tuple(word for word in words if word != NONE)

@@ -14,13 +14,7 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.conversions import (
-    JointOrder,
-    from_pose,
-    to_pose,
-    to_time,
-    to_twist,
-)
+from redres_ros.nodes.conversions import JointOrder, from_pose, to_pose, to_twist
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
@@ -28,6 +22,7 @@ from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import JointSample, JointStateReader
 from redres_ros.pacing import Pacing

@@ -23,7 +23,7 @@ from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
 from redres_ros.fri.robot import FriRobot
 from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
-from redres_ros.nodes.conversions import to_joint_state, to_nanoseconds, to_wrench
+from redres_ros.nodes.conversions import to_joint_state, to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
@@ -31,6 +31,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
+from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import EncodingError, JointStateReader
 from redres_ros.parameter import param

@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 
 from redres_ros.errors import RedresError
 from redres_ros.fri.robot_clock import NANOSECONDS
+from redres_ros.nodes.stamps import to_nanoseconds
 
 _LITTLE_ENDIAN = b'\x00\x01'  # plain CDR, what every DDS of ROS 2 sends on today's processors
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
@@ -76,7 +77,7 @@ class JointStateReader:
     def read(self, message: Any) -> JointSample:
         """What the loop needs of a message. Raises EncodingError for bytes that are none."""
         if not isinstance(message, bytes):
-            return JointSample(_nanoseconds(message), message.name, message.position)
+            return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
         for layout in self._layouts:
             if layout.is_of(message):
                 return self._read_known(message, layout)
@@ -102,7 +103,7 @@ class JointStateReader:
         if is_as_expected:
             self._layouts.insert(0, layout)
             del self._layouts[_REMEMBERED:]
-        return JointSample(_nanoseconds(message), message.name, message.position)
+        return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
 
 
 def _layout(message: JointState) -> _Layout:
@@ -138,7 +139,7 @@ def read_twist(message: Any) -> TwistSample:
         linear = message.twist.linear
         angular = message.twist.angular
         dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-        return TwistSample(_nanoseconds(message), message.header.frame_id, dx)
+        return TwistSample(to_nanoseconds(message.header.stamp), message.header.frame_id, dx)
     try:
         seconds, nanoseconds = _STAMP.unpack_from(message)
         (length,) = _LENGTH.unpack_from(message, _STAMP_END)
@@ -175,9 +176,3 @@ def deserialised(data: bytes, kind: Any) -> Any:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001 (rclpy raises what its middleware does)
         raise EncodingError(f'{len(data)} bytes that are no {kind.__name__}: {error}') from None
-
-
-def _nanoseconds(message: Any) -> int:
-    stamp = message.header.stamp
-    total: int = stamp.sec * NANOSECONDS + stamp.nanosec
-    return total

@@ -6,7 +6,7 @@ import threading
 from dataclasses import dataclass
 
 from redres_ros.demo.remote import Remote
-from redres_ros.nodes.motion_parameters import NONE
+from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
@@ -34,7 +34,7 @@ class ViewNode(Spectator):
         super().__init__()
         self._settings = declare(self, ViewParameters())
         # Those of this node's own starter: what a graph names is not executed here.
-        load_plugins(path for path in self._settings.plugins if path != NONE)
+        load_plugins(named(self._settings.plugins))
         self._remote = Remote(self)
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:

@@ -11,13 +11,11 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 
+from redres_ros.demo.onlooker import PLANNER, REASON, SESSION
 from redres_ros.demo.watch_page import STALE
 from redres_ros.nodes.qos import LATCHED
 
-SESSION = 'sim/session_state'
 QUALITY = 'sim/connection_quality'
-REASON = 'sim/stop_reason'
-PLANNER = 'planner/state'
 WORDS = (SESSION, QUALITY, REASON, PLANNER)
 NODES = ('sim', 'planner', 'controller')
 
