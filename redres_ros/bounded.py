@@ -12,7 +12,7 @@ In order of priority, each level kept as well as the ones before it allow:
 The caller knows dq_free, the same optimum without limits (resolution.py). It is the answer where it
 keeps them all. Where not, it takes the place of b in level 5: W (dq_free - b) is orthogonal to all
 motion that leaves J dq as it is, so both have the same minimum. This file knows no limit, task or
-law by name; the numerical work is done in cascade.py.
+law by name; the numerical work is done in kernels/cascade.py.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.cascade import cascade, within
+from redres_ros.kernels.arithmetic import within
+from redres_ros.kernels.cascade import cascade
 from redres_ros.resolution import Factor, Weight
 
 Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]

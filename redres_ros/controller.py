@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from redres_ros.closed_form import are_usable, integrate
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError
+from redres_ros.kernels.closed_form import are_usable, integrate
 from redres_ros.laws import LAWS, Law
 from redres_ros.motion import STANDING, Blend, LawMotion, check_task
 from redres_ros.parameter import Parameter, check_value, found, several

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.rotation import rotation_matrix, turn_between
+from redres_ros.kernels.turn import turn_between
+from redres_ros.rotation import rotation_matrix
 from redres_ros.waypoints import WaypointTask
 
 

@@ -1,8 +1,8 @@
 """Redundancy resolution: of all joint velocities that execute a task, the one nearest to a bias in
 a chosen norm; and the same for several tasks in order of priority.
 
-The formula itself is compiled, in closed_form.py. Here is what surrounds it: tasks in order, the
-neighbourhood of singularities, and errors that name their reason.
+The formula itself is compiled, in kernels/closed_form.py. Here is what surrounds it: tasks in
+order, the neighbourhood of singularities, and errors that name their reason.
 """
 
 import math
@@ -14,7 +14,8 @@ import numpy as np
 from scipy.linalg.blas import dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from redres_ros.closed_form import (
+from redres_ros.errors import ArrayError
+from redres_ros.kernels.closed_form import (
     FACTOR,
     IDENTITY,
     INDEFINITE,
@@ -25,7 +26,6 @@ from redres_ros.closed_form import (
     WEIGHT,
     closed_form,
 )
-from redres_ros.errors import ArrayError
 
 # [rad/s] beyond which a direction of a lower task counts as lost; several times what arms can do
 FASTEST = 100.0
@@ -44,7 +44,7 @@ class Factor:
     W's. np.asarray gives W itself.
     """
 
-    form = FACTOR  # as closed_form.py calls it
+    form = FACTOR  # as kernels/closed_form.py calls it
 
     def __init__(self, F: np.ndarray) -> None:
         self.F = F

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.closed_form import free_acceleration
 from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.kernels.closed_form import free_acceleration
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.vectors import finite_vector
 

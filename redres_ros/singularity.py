@@ -12,7 +12,7 @@ the way outward from the stretched arm.
 
 import numpy as np
 
-from redres_ros.closed_form import SINGULAR_RATIO
+from redres_ros.kernels.closed_form import SINGULAR_RATIO
 
 # of the threshold below which a direction is damped: above it, the damped motion is on its way out
 _STUCK = 0.1

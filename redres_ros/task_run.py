@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.cycles import NANOSECONDS, Cycles
+from redres_ros.kernels.turn import turn_between
 from redres_ros.pacing import Pacing
 from redres_ros.planner import Planner, Reference
-from redres_ros.rotation import turn_between
 from redres_ros.waypoints import WaypointTask
 
 _SHORTEST = 0.5  # [s] that a way takes at least

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.closed_form import are_usable
 from redres_ros.errors import ArrayError, quoted
+from redres_ros.kernels.closed_form import are_usable
 
 _FLOAT64 = np.dtype(np.float64)
 

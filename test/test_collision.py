@@ -10,9 +10,9 @@ import pytest
 
 from redres_ros import Command, Controller, RobotModel, make_law
 from redres_ros.errors import ArrayError
+from redres_ros.kernels.distances import FIRST_BALL, FLOOR
 from redres_ros.limits import make_limits
 from redres_ros.limits.collision import CollisionLimit
-from redres_ros.limits.distances import FIRST_BALL, FLOOR
 from redres_ros.robots import ARMS, Arm
 
 T = 0.002  # [s]

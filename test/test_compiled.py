@@ -1,15 +1,19 @@
 """Compiling: with a folder for the cache and without, and never in the loop."""
 
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import float64
 from numba.core import caching
 
-from redres_ros.closed_form import closed_form
-from redres_ros.compiled import compiled, direct, vector
+from redres_ros.kernels.cache import ROOM, stamp
+from redres_ros.kernels.closed_form import closed_form
+from redres_ros.kernels.compiled import compiled, direct, vector
 
 
 def halved(x: float) -> float:
@@ -39,14 +43,61 @@ def test_another_type_of_argument_compiles_nothing():
         closed_form(*(np.zeros((3, 7), np.float32),) * 8)
 
 
-def test_a_second_process_finds_what_the_first_one_compiled():
-    import redres_ros.closed_form  # noqa: F401, which fills the cache
+KERNEL = """
+from numba import float64
+from redres_ros.kernels.arithmetic import dot
+from redres_ros.kernels.compiled import compiled, vector
 
-    program = (
-        'from redres_ros.closed_form import closed_form\n'
-        'print(sum(closed_form.stats.cache_misses.values()))\n'
-    )
+@compiled(float64(vector()))
+def square(x):
+    return dot(x, x)
+"""
+ASK = """
+import numpy as np
+from redres_ros.kernels.square import square
+
+print(square(np.full(3, 2.0)), sum(square.stats.cache_misses.values()))
+"""
+
+
+def ask(package: Path) -> str:
+    """What a new process says of the kernel there: its answer, and how often it had to compile."""
     done = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, check=True
+        [sys.executable, '-c', ASK],
+        cwd=package,
+        env=os.environ | {'PYTHONPATH': str(package)},
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    assert done.stdout.strip() == '0'
+    return done.stdout.strip()
+
+
+@pytest.mark.slow
+def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(tmp_path):
+    """Even where that stands in another file, of which numba by itself would not know."""
+    room = tmp_path / 'redres_ros' / 'kernels'
+    room.mkdir(parents=True)
+    (tmp_path / 'redres_ros' / '__init__.py').touch()
+    for name in ('__init__', 'cache', 'compiled', 'arithmetic'):
+        shutil.copy(ROOM / f'{name}.py', room)
+    (room / 'square.py').write_text(KERNEL)
+    assert ask(tmp_path) == '12.0 1'
+    assert ask(tmp_path) == '12.0 0'
+    arithmetic = room / 'arithmetic.py'
+    arithmetic.write_text(arithmetic.read_text().replace('total = 0.0', 'total = 1.0'))
+    assert ask(tmp_path) == '13.0 1'
+    kept = [path.name.partition('.py3')[0] for path in (room / '__pycache__').glob('square*.nb?')]
+    assert kept == 2 * ['square.square-kernel']  # overwritten, and so after a move of its lines
+
+
+def test_the_stamp_of_a_room_changes_with_each_of_its_files(tmp_path):
+    (tmp_path / 'a.py').write_text('x = 1\n')
+    (tmp_path / 'b.py').write_text('')
+    found = {stamp(tmp_path)}
+    for name in ('a.py', 'b.py', 'c.py'):
+        (tmp_path / name).write_text('x = 2\n')
+        stamp.cache_clear()
+        found.add(stamp(tmp_path))
+    stamp.cache_clear()
+    assert len(found) == 4

@@ -5,6 +5,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 
 from imports import IMPORTS, PACKAGE, ROS, WITH_ROS, Import, files_with, room
 
@@ -12,10 +13,9 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
-    {'errors', 'compiled'},
+    {'errors', 'kernels'},
     {'text_file'},
     {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles'},
-    {'closed_form', 'cascade'},
     {'vectors'},
     {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},
@@ -101,14 +101,24 @@ def test_only_nodes_and_the_command_line_import_ros_at_all():
 def test_resolution_needs_nothing_but_numpy_and_lapack_and_the_compiled_formula():
     modules = {found.module for found in IMPORTS if found.file == 'resolution.py'}
     needed = {'numpy', 'scipy.linalg.blas', 'scipy.linalg.lapack'}
-    own = {'redres_ros.errors', 'redres_ros.closed_form'}
+    own = {'redres_ros.errors', 'redres_ros.kernels.closed_form'}
     assert modules - needed - own <= {'math', 'itertools', 'functools', 'collections.abc'}
 
 
 def test_compiled_formulas_need_nothing_but_numpy_and_numba():
-    for file in ('closed_form.py', 'cascade.py'):
-        modules = {found.module for found in IMPORTS if found.file == file}
-        assert modules <= {'typing', 'numpy', 'numba', 'redres_ros.compiled'}
+    formulas = [found for found in IMPORTS if room(found.file) == 'kernels']
+    formulas = [found for found in formulas if Path(found.file).stem not in ('compiled', 'cache')]
+    assert {room(found.module) for found in formulas} <= {'typing', 'numpy', 'numba', 'kernels'}
+
+
+def test_everything_compiled_is_in_one_room():
+    """Whose files numba's cache depends on."""
+    assert {room(file) for file in files_with('numba')} == {'kernels'}
+    assert {
+        room(found.file)
+        for found in IMPORTS
+        if found.module == 'redres_ros.kernels.compiled' and room(found.file) != 'kernels'
+    } == set()
 
 
 def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():
@@ -139,8 +149,8 @@ def test_laws_know_the_state_and_nothing_of_who_runs_them():
         'laws',
         'robot_model',
         'resolution',
-        'closed_form',
         'installed',
+        'kernels',
         'parameter',
         'errors',
     }

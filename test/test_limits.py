@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear
 from redres_ros import Controller, RobotModel, load_task
 from redres_ros.bounded import bound
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
-from redres_ros.limits.boxes import stopping_speed
 from redres_ros.resolution import resolve
 
 T = 0.002  # [s]

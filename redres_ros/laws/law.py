@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.closed_form import go_on
 from redres_ros.errors import RangeError
+from redres_ros.kernels.closed_form import go_on
 from redres_ros.parameter import check_parameters, param
 from redres_ros.resolution import Weight
 from redres_ros.robot_model import RobotState

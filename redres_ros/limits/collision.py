@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.bounded import Rows
 from redres_ros.errors import ArrayError
-from redres_ros.limits.distances import FIRST_BALL, FLOOR, approaches
+from redres_ros.kernels.distances import FIRST_BALL, FLOOR, approaches
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies

@@ -9,14 +9,14 @@ import numpy as np
 
 from redres_ros.bounded import Box
 from redres_ros.errors import ArrayError
-from redres_ros.limits.boxes import ACCELERATION, POSITION, VELOCITY, fill_boxes
+from redres_ros.kernels.boxes import ACCELERATION, POSITION, VELOCITY, fill_boxes
 from redres_ros.limits.limit import BoxLimit, ReferenceState
 from redres_ros.parameter import param
 
 
 @dataclass(frozen=True, eq=False)
 class JointLimit(BoxLimit):
-    """A limit whose box is one of the formulas in boxes.py, where several are taken together."""
+    """A limit whose box is one of the formulas in kernels/boxes.py."""
 
     kind: ClassVar[int]  # of those formulas
 
@@ -95,9 +95,9 @@ class VelocityLimit(JointLimit):
 class PositionLimit(_Braking):
     """-beta(q - q_min) <= dq <= beta(q_max - q): the joint can always stop within its range.
 
-    beta is the largest speed from which it stops in time if it brakes by A T a tick (boxes.py). A
-    joint that is outside comes back as fast as A allows, so that it stops at the end of its range.
-    scale acts on A.
+    beta is the largest speed from which it stops in time if it brakes by A T a tick
+    (kernels/boxes.py). A joint that is outside comes back as fast as A allows, so that it stops at
+    the end of its range. scale acts on A.
 
     Args:
         margin: [rad].

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.bounded import Bounded, Box, Rows, keeps_rows
-from redres_ros.limits.boxes import GIVEN, TOUCHING, fill_boxes, keeps_boxes
+from redres_ros.kernels.boxes import GIVEN, TOUCHING, fill_boxes, keeps_boxes
 from redres_ros.limits.joint import JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 

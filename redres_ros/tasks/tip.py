@@ -7,9 +7,10 @@ from typing import ClassVar, Self
 import numpy as np
 
 from redres_ros.errors import ArrayError
+from redres_ros.kernels.turn import turn_between
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion, turn_between
+from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
 from redres_ros.tasks.task import FrameTask, check_target
 
 

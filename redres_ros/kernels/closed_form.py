@@ -7,7 +7,8 @@ compiled takes as long as three of them.
 import numpy as np
 from numba import boolean, float64, int64
 
-from redres_ros.compiled import compiled, direct, matrix, vector
+from redres_ros.kernels.arithmetic import dot
+from redres_ros.kernels.compiled import compiled, direct, matrix, vector
 
 # What the argument W of `closed_form` is.
 IDENTITY = 0  # nothing: the weight is I
@@ -23,15 +24,6 @@ NOT_FINITE = 3
 
 # Task directions whose singular value is below this share of the largest one are damped.
 SINGULAR_RATIO = 1e-3
-
-
-@compiled()
-def dot(a: np.ndarray, b: np.ndarray) -> float:
-    """a' b."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
 
 
 @compiled()

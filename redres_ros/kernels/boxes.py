@@ -3,7 +3,7 @@
 import numpy as np
 from numba import boolean, float64, int64, types
 
-from redres_ros.compiled import compiled, direct, vector
+from redres_ros.kernels.compiled import compiled, direct, vector
 
 TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 

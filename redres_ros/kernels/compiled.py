@@ -8,22 +8,28 @@ from typing import Any
 import numba
 from numba import types
 
+from redres_ros.kernels import cache
+
+cache.enter()
+
 
 def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     """A decorator that compiles a function for the given signatures, or takes it from the cache.
 
-    Without a signature the function is compiled for whoever calls it first. Where no folder for the
-    cache can be written, it is compiled anew in every process.
+    A function without a signature is a part of others. It is compiled with those that call it, and
+    kept within them. Where no folder for the cache can be written, all is compiled anew in every
+    process.
     """
-    signature = list(signatures) or None
 
     def decorate(function: Callable[..., Any]) -> Any:
         # As in numpy, 1/0 is infinite.
+        if not signatures:
+            return numba.njit(error_model='numpy')(function)
         try:
-            made = numba.njit(signature, cache=True, error_model='numpy')(function)
+            made = numba.njit(list(signatures), cache=True, error_model='numpy')(function)
         except RuntimeError:  # numba found no folder for its cache
-            made = numba.njit(signature, error_model='numpy')(function)
-        if signature and not made.stats.cache_hits:
+            made = numba.njit(list(signatures), error_model='numpy')(function)
+        if not made.stats.cache_hits:
             _tell()
         return made
 

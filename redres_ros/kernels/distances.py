@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, int64, types
 
-from redres_ros.cascade import dot
-from redres_ros.compiled import compiled, matrix, several, vector
+from redres_ros.kernels.arithmetic import dot
+from redres_ros.kernels.compiled import compiled, matrix, several, vector
 
 FLOOR = -1  # in place of a second body
 FIRST_BALL = -2  # the second one is -3

@@ -1,0 +1,64 @@
+"""Where a search starts: in the box, at the point nearest to what is wanted without limits."""
+
+import numpy as np
+
+from redres_ros.kernels.basis import hold
+from redres_ros.kernels.compiled import compiled
+from redres_ros.kernels.search import COUNT, FIXED, FREE, LATER, LOWER, STATE, UPPER, Search
+
+
+@compiled()
+def begin_at(
+    dq_free: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    C: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    d: int,
+) -> tuple[Search, np.ndarray]:
+    """A search that starts at the point of the box nearest to dq_free, with a share of 1.
+
+    Returns:
+        The search, and the lengths (K,) of its rows before they became unit vectors.
+    """
+    n = len(dq_free)
+    K = n + 1 + len(C)
+    search = Search(
+        np.zeros(d),
+        np.zeros((K, d)),
+        np.zeros((2, K)),
+        np.zeros((2, d, d)),
+        np.zeros((4, K + d), np.int64),
+        n,
+    )
+    z, G, ends, _, marks, _ = search
+    length = np.zeros(K)
+    z[n] = 1.0
+    G[n, n] = 1.0  # 0 <= s <= 1
+    ends[UPPER, n] = 1.0
+    for i in range(n):
+        G[i, i] = 1.0
+        ends[LOWER, i] = lower[i]
+        ends[UPPER, i] = upper[i]
+        z[i] = min(max(dq_free[i], lower[i]), upper[i])
+        if lower[i] == upper[i]:
+            hold(search, i, dq_free[i] - z[i])
+            marks[STATE, i] = FIXED
+    marks[COUNT, 0] = marks[COUNT, 1]
+    for i in range(n):
+        if z[i] != dq_free[i] and marks[STATE, i] == FREE:
+            hold(search, i, dq_free[i] - z[i])
+    hold(search, n, 1.0)
+    for r in range(len(C)):
+        i = n + 1 + r
+        marks[STATE, i] = LATER
+        square = 0.0
+        for j in range(n):
+            square += C[r, j] ** 2
+        length[i] = np.sqrt(square) if square > 0.0 else 1.0
+        for j in range(n):
+            G[i, j] = C[r, j] / length[i]
+        ends[LOWER, i] = low[r] / length[i]
+        ends[UPPER, i] = high[r] / length[i]
+    return search, length

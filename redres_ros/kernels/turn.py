@@ -1,0 +1,38 @@
+"""The turn between two rotations."""
+
+import numpy as np
+from numba import float64
+
+from redres_ros.kernels.compiled import compiled, matrix
+
+# [rad] this near to half a turn, the axis is read from the symmetric part of the matrix
+NEAR_HALF_A_TURN = 0.1
+
+
+@compiled(float64[::1](matrix(), matrix()))
+def turn_between(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """The turn from A to B: the rotation vector of B A', (3,) [rad], in the base of both.
+
+    Args:
+        A: (3, 3).
+        B: (3, 3).
+    """
+    R = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = A[j, 0] * B[i, 0] + A[j, 1] * B[i, 1] + A[j, 2] * B[i, 2]
+    w = np.empty(3)  # sin(angle) axis
+    w[0] = (R[2, 1] - R[1, 2]) / 2.0
+    w[1] = (R[0, 2] - R[2, 0]) / 2.0
+    w[2] = (R[1, 0] - R[0, 1]) / 2.0
+    sine = np.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+    cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1.0) / 2.0
+    angle = np.arctan2(sine, cosine)
+    if angle <= np.pi - NEAR_HALF_A_TURN:
+        return w * (angle / sine) if sine > 0.0 else w
+    # The unit axis a, from (R + R')/2 = cos I + (1 - cos) a a'; w gives its sign.
+    outer = ((R + R.T) / 2.0 - cosine * np.eye(3)) / (1.0 - cosine)
+    column = np.argmax(np.diag(outer))
+    axis = outer[column] / np.sqrt(outer[column, column])
+    along = axis[0] * w[0] + axis[1] * w[1] + axis[2] * w[2]
+    return axis * (-angle if along < 0.0 else angle)
