@@ -339,6 +339,7 @@ def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
         (('--switch', 'minimum_velocity'), ('minimum_velocity', 'LAW@SECONDS')),
         (('--switch', 'foo@1'), ('foo', 'minimum_velocity')),
         (('--out', '/dev/null/here'), ('/dev/null/here',)),
+        (('--domain', '500'), ('500', '0 to 232')),
     ],
 )
 def test_bad_options_get_one_line(
@@ -355,7 +356,6 @@ def test_bad_options_get_one_line(
     ('arguments', 'words'),
     [
         (('--rate', '300'), ('300', 'plant steps')),  # told by the sim
-        (('--domain', '500'), ('500', '0 to 232')),
     ],
 )
 def test_what_shows_when_the_graph_starts_gets_one_line_too(

@@ -1,5 +1,11 @@
 """The command `redres`."""
 
+import os
+
+# Matrices of seven joints are no work for several threads, and a process that shares its work by
+# making copies of itself should have one thread only. Read when numpy is loaded.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one subcommand.

@@ -6,10 +6,8 @@ import os
 import signal
 import sys
 import textwrap
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import add_motion, check_duration
@@ -101,6 +99,7 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.demo_results import check_files, write_results
     from redres_ros.demo.processes import own_domain
     from redres_ros.demo.words import after, before
+    from redres_ros.signals import handled
     from redres_ros.simulation.report import progress_bar
 
     check_files(options)
@@ -113,7 +112,8 @@ def _demo(options: argparse.Namespace) -> int:
         _say(before(demo.options, demo.model))
         _say_where(domain, demo)
         ending = demo.run(progress)
-    with _ending_at_once():
+    # No process is left to end, and a library would turn the exception into another error.
+    with handled(_end_at_once, signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome(ending)
         write_results(outcome, demo, options)
         _say(after(outcome))
@@ -187,20 +187,9 @@ def _say(text: str) -> None:
         print(textwrap.fill(text, _WIDTH), flush=True)
 
 
-@contextmanager
-def _ending_at_once() -> Iterator[None]:
-    """Have signals end the process, in place of exceptions.
-
-    No other process is left to end, and a library would turn the exception into another error.
-    """
-    handlers = {}
-    for number in (signal.SIGINT, signal.SIGTERM):
-        handlers[number] = signal.signal(number, lambda number, _: os._exit(128 + number))
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+def _end_at_once(number: int, _: object) -> NoReturn:
+    """End the process at a signal, in place of an exception."""
+    os._exit(128 + number)
 
 
 def _switch(text: str) -> tuple[str, float]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
@@ -18,6 +19,7 @@ class CallError(RedresError):
 
 
 _ASK_AGAIN = 1.0  # [s]
+_LOOK = 0.001  # [s] between looks at whether an answer has come
 
 
 def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.0) -> Any:
@@ -38,21 +40,40 @@ def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.
     """
     client = node.create_client(kind, service)
     try:
-        if not client.wait_for_service(timeout_sec=timeout):
-            domain = node.context.get_domain_id()
-            raise CallError(
-                f'nobody offers the service {service}; is its node running in ROS domain {domain}?'
-            )
-        until = time.monotonic() + timeout
-        futures = []
+        return ask(client, request, timeout)
+    finally:
+        node.destroy_client(client)
+
+
+def ask(client: Client, request: Any, timeout: float = 5.0) -> Any:
+    """The response to a client that stays, as with `call`.
+
+    Args:
+        client: Its node must be spun by somebody else.
+        request: What is asked.
+        timeout: How long to wait for the service, and for its answer [s].
+
+    Raises:
+        CallError: Nobody offers the service, or it does not answer.
+    """
+    service = client.srv_name
+    if not client.wait_for_service(timeout_sec=timeout):
+        domain = client.context.get_domain_id()
+        raise CallError(
+            f'nobody offers the service {service}; is its node running in ROS domain {domain}?'
+        )
+    until = time.monotonic() + timeout
+    futures: list[Future] = []
+    try:
         while time.monotonic() < until and rclpy.ok():
             futures.append(client.call_async(request))
             response = _first(futures, min(until, time.monotonic() + _ASK_AGAIN))
             if response is not None:
                 return response
-        raise CallError(f'{service} did not answer within {timeout:g} s')
     finally:
-        node.destroy_client(client)
+        for future in futures:
+            client.remove_pending_request(future)
+    raise CallError(f'{service} did not answer within {timeout:g} s')
 
 
 def _first(futures: Sequence[Future], until: float) -> Any:
@@ -61,7 +82,7 @@ def _first(futures: Sequence[Future], until: float) -> Any:
         for future in futures:
             if future.done():
                 return future.result()
-        time.sleep(0.002)
+        time.sleep(_LOOK)
     return None
 
 

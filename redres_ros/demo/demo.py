@@ -26,6 +26,7 @@ from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
 from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
+from redres_ros.signals import handled
 from redres_ros.simulation.closed_loop import PATIENCE
 from redres_ros.waypoints import WaypointTask
 
@@ -139,12 +140,9 @@ class Demo:
             yield
         finally:
             # A second signal must not leave a process behind.
-            numbers = (signal.SIGINT, signal.SIGTERM)
-            handlers = [signal.signal(number, signal.SIG_IGN) for number in numbers]
-            for node in (*self._views, *self._nodes):
-                node.end()
-            for number, handler in zip(numbers, handlers, strict=True):
-                signal.signal(number, handler)
+            with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
+                for node in (*self._views, *self._nodes):
+                    node.end()
 
     def _parameters(self) -> dict[str, dict[str, Any]]:
         """Of each node, by its name."""

@@ -43,6 +43,7 @@ def own_domain(wanted: int | None = None) -> Iterator[int]:
 
     Raises:
         GraphError: every domain is taken.
+        RangeError: there is no such domain.
     """
     with ExitStack() as stack:
         if wanted is None:
@@ -50,9 +51,9 @@ def own_domain(wanted: int | None = None) -> Iterator[int]:
             stack.enter_context(lock)
         else:
             domain = wanted
+        stack.enter_context(joined_domain(domain))
         _tidy(domain)
         stack.callback(_tidy, domain)
-        stack.enter_context(joined_domain(domain))
         yield domain
 
 

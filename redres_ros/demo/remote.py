@@ -10,17 +10,15 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.demo.client import CallError, check_set, setting
+from redres_ros.demo.client import CallError, ask, check_set, setting
 from redres_ros.nodes.runtime import Waiting
 
 STEERED = ('controller', 'sim')  # the nodes whose parameters are set
 
-_TIMEOUT = 5.0  # [s] for an answer
 _PATIENCE = 120.0  # [s] for a graph to appear, which may have to be compiled first
 _GLANCE = 0.1  # [s] between looks at whether it is there
 _SETTLING = 0.5  # [s] for the rest of it to be discovered
 _NEEDED = ('controller', 'planner')
-_LOOK = 0.001  # [s] between looks at whether it has come
 _SERVICES = {
     'planner/start': Trigger,
     'planner/stop': Trigger,
@@ -113,17 +111,7 @@ class Remote:
         }
 
     def _call(self, service: str, request: Any) -> Any:
-        client = self._clients[service]
-        until = time.monotonic() + _TIMEOUT
-        if not client.wait_for_service(timeout_sec=_TIMEOUT):
-            raise CallError(f'nobody offers {service}; is its node running?')
-        future = client.call_async(request)
-        while not future.done():
-            if time.monotonic() > until:
-                client.remove_pending_request(future)
-                raise CallError(f'{service} did not answer within {_TIMEOUT:g} s')
-            time.sleep(_LOOK)
-        return future.result()
+        return ask(self._clients[service], request)
 
 
 def _said(service: str, response: Any) -> str:

@@ -18,6 +18,7 @@ from redres_ros.demo.steering import HELP, Steering
 from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import PUBLISH
+from redres_ros.signals import handled
 
 TOPIC = 'cartesian_velocity'
 
@@ -89,17 +90,15 @@ def keyboard() -> Iterator[int]:
     check_terminal()
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
-    handlers = {number: signal.signal(number, _interrupt) for number in _ENDING}
-    try:
-        tty.setcbreak(terminal)
-        changed = termios.tcgetattr(terminal)
-        changed[6][termios.VSUSP] = b'\0'
-        termios.tcsetattr(terminal, termios.TCSANOW, changed)
-        yield terminal
-    finally:
-        termios.tcsetattr(terminal, termios.TCSAFLUSH, before)
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+    with handled(_interrupt, *_ENDING):
+        try:
+            tty.setcbreak(terminal)
+            changed = termios.tcgetattr(terminal)
+            changed[6][termios.VSUSP] = b'\0'
+            termios.tcsetattr(terminal, termios.TCSANOW, changed)
+            yield terminal
+        finally:
+            termios.tcsetattr(terminal, termios.TCSAFLUSH, before)
 
 
 def _interrupt(*_: object) -> None:

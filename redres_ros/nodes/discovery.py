@@ -9,6 +9,10 @@ from pathlib import Path
 
 from rclpy.utilities import get_rmw_implementation_identifier
 
+from redres_ros.errors import RangeError
+
+HIGHEST_DOMAIN = 232  # the last one whose ports exist
+
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
@@ -46,7 +50,12 @@ def prepare() -> None:
 
 @contextmanager
 def joined_domain(domain: int | None) -> Iterator[None]:
-    """Set the environment to a ROS domain on this host; None leaves it as the user has it."""
+    """Set the environment to a ROS domain on this host; None leaves it as the user has it.
+
+    Raises RangeError for a domain that there is not.
+    """
+    if domain is not None and not 0 <= domain <= HIGHEST_DOMAIN:
+        raise RangeError('ROS domain', domain, 0, HIGHEST_DOMAIN)
     kept = dict(os.environ)
     if domain is not None:
         for name in CHOICES:

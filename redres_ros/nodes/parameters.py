@@ -1,7 +1,8 @@
 """Dataclass fields as ROS parameters: name, default, description and range are the field's."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rcl_interfaces.msg import (
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 P = TypeVar('P', bound='DataclassInstance')
+
+_ALIKE = 0.8  # of two names, 1 for equal ones
 
 
 class ParameterError(RedresError):
@@ -106,6 +109,23 @@ def on_live_change(
     node.add_pre_set_parameters_callback(lambda changed: [_as_declared(node, p) for p in changed])
     node.add_on_set_parameters_callback(before)
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
+
+
+def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
+    """Names that were set from outside and that no node has, with the names that they resemble.
+
+    ROS passes over names that nobody declares. One that is like none of ours is meant for others.
+
+    Args:
+        nodes: All of a process; what its command line sets goes to every one of them.
+    """
+    known = {name for node in nodes for name in node.get_parameters_by_prefix('')}
+    given = {name for node in nodes for name in node._parameter_overrides}
+    found = {}
+    for name in sorted(given - known):
+        for nearest in get_close_matches(name, known, 1, _ALIKE):
+            found[name] = nearest
+    return found
 
 
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,6 +17,7 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, choose_arm, choose_tip
 from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.choice import ALLOWED, names_an_arm
+from redres_ros.signals import handled
 
 TOPIC = 'topic'  # in place of an arm's name: the URDF that somebody publishes
 DESCRIPTION = 'robot_description'
@@ -145,7 +144,8 @@ def await_description(node: Node) -> str:
     executor.add_node(node)
     told_at = time.monotonic()
     try:
-        with _signals_raised():
+        # before the loop of the node looks at them
+        with handled(signal.default_int_handler, signal.SIGINT, signal.SIGTERM):
             while not heard:
                 executor.spin_once(timeout_sec=_GLANCE)
                 if time.monotonic() - told_at > _PATIENCE:
@@ -157,16 +157,3 @@ def await_description(node: Node) -> str:
         node.destroy_subscription(subscription)
     text: str = heard[-1].data
     return text
-
-
-@contextmanager
-def _signals_raised() -> Iterator[None]:
-    """Have SIGINT and SIGTERM raise KeyboardInterrupt, before a node's own loop looks at them."""
-    handlers = {}
-    for number in (signal.SIGINT, signal.SIGTERM):
-        handlers[number] = signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)

@@ -23,13 +23,12 @@ from rclpy.task import Future
 
 from redres_ros.errors import RedresError
 from redres_ros.nodes import discovery
+from redres_ros.nodes.parameters import misspelt
 from redres_ros.nodes.real_time import ask_kernel
 
 N = TypeVar('N', bound=Node)
 
 RCLError = rclpy_implementation.RCLError
-
-HIGHEST_DOMAIN = 232  # the last one whose ports exist
 
 # environment variable: number of the process without which a node is not to live on
 PARENT = 'REDRES_PARENT'
@@ -127,8 +126,8 @@ def start(arguments: list[str] | None = None) -> None:
     """
     discovery.prepare()
     domain = os.environ.get('ROS_DOMAIN_ID', '')
-    if domain and not (domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN):
-        raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {HIGHEST_DOMAIN}')
+    if domain and not (domain.isdecimal() and int(domain) <= discovery.HIGHEST_DOMAIN):
+        raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {discovery.HIGHEST_DOMAIN}')
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
@@ -203,7 +202,9 @@ def run_nodes(
     _end_with_parent(stopped)
     try:
         start(arguments)
-        _spin([_made(make) for make in makes], stopped, one_thread)
+        nodes = [_made(make) for make in makes]
+        _tell_misspelt(nodes)
+        _spin(nodes, stopped, one_thread)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
     except (RedresError, RCLError, ParameterException) as error:
@@ -216,6 +217,13 @@ def run_nodes(
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _tell_misspelt(nodes: list[Node]) -> None:
+    """Say, in one line, which parameters were set that no node has."""
+    meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
+    if meant:
+        nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
 
 
 def _end_with_parent(stopped: threading.Event) -> None:

@@ -1,6 +1,8 @@
 """What a person sees in the terminal: progress bars and tables."""
 
+import math
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -13,6 +15,8 @@ from rich.text import Text
 from redres_ros.simulation.recording import Recording
 
 _WIDE = 200  # columns, where the output is no terminal and nothing has to be broken
+
+_DRAWN_EVERY = 0.1  # [s]
 
 _PEAKS = {  # of the norms that are shown, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',
@@ -81,6 +85,9 @@ def print_tables(*tables: Table) -> None:
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A bar on standard error, if that is a terminal; yields a function that is told the share
     done, 0 to 1.
+
+    It is drawn when that function is called. A thread that draws it would be in the way of
+    processes that copy this one.
     """
     console = Console(stderr=True)
     parts = (
@@ -89,10 +96,25 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         TextColumn('{task.percentage:3.0f} %'),
         TimeElapsedColumn(),
     )
-    bar = Progress(*parts, transient=True, console=console, disable=not console.is_terminal)
+    bar = Progress(
+        *parts,
+        transient=True,
+        console=console,
+        disable=not console.is_terminal,
+        auto_refresh=False,
+    )
+    task = bar.add_task(label, total=1.0)
+    drawn_at = -math.inf
+
+    def tell(share: float) -> None:
+        nonlocal drawn_at
+        now = time.monotonic()
+        if now - drawn_at >= _DRAWN_EVERY or share >= 1.0:
+            drawn_at = now
+            bar.update(task, completed=share, refresh=True)
+
     with bar:
-        task = bar.add_task(label, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        yield tell
 
 
 def peaks(recordings: Mapping[str, Recording]) -> Table:
