@@ -14,6 +14,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from redres_ros.share import share_path
+
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'redres.launch.py'
 OURS = {'sim', 'controller', 'planner'}
@@ -78,7 +80,7 @@ def test_by_default_the_fake_arm_its_controller_the_planner_and_the_frames_are_s
     assert nodes.keys() == OURS | {'robot_state_publisher'}
     for name in OURS:
         file, values = nodes[name].parameters
-        assert Path(file) == ROOT / 'config' / 'redres.yaml'
+        assert file == str(share_path('config/redres.yaml'))
         assert values == {'use_sim_time': False}  # what the file says is not hidden
 
 
