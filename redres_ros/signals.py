@@ -1,6 +1,7 @@
 """Signals of the operating system, handled in another way for a while."""
 
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -22,3 +23,26 @@ def handled(handler: Handler, *numbers: signal.Signals) -> Iterator[None]:
     finally:
         for number, usual in before.items():
             signal.signal(number, usual)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Have Ctrl-C end what is in the block, even if the block swallows it, as callbacks from C do.
+
+    Raises KeyboardInterrupt at the latest when the block is left. Handlers of others than Python's
+    own, and threads, which get no signals, are left alone.
+    """
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    interrupts: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        signal.default_int_handler(number, frame)
+
+    with handled(note, signal.SIGINT):
+        yield
+    if interrupts:
+        raise KeyboardInterrupt

@@ -2,8 +2,10 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from numba.core import caching
 from redres_ros.kernels.cache import ROOM, stamp
 from redres_ros.kernels.closed_form import closed_form
 from redres_ros.kernels.compiled import compiled, direct, vector
+from redres_ros.signals import handled, interruptible
 
 
 def halved(x: float) -> float:
@@ -41,6 +44,20 @@ def test_another_type_of_argument_compiles_nothing():
     """What has not been compiled when the module is loaded is refused, not compiled in a tick."""
     with pytest.raises(TypeError, match='No matching definition'):
         closed_form(*(np.zeros((3, 7), np.float32),) * 8)
+
+
+def test_ctrl_c_that_gets_lost_while_compiling_comes_at_the_end():
+    swallowing = suppress(KeyboardInterrupt)  # as ctypes does with what a callback raises
+    with pytest.raises(KeyboardInterrupt), interruptible(), swallowing:
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_handler_of_somebody_else_is_asked_once():
+    asked = []
+    with handled(lambda number, _: asked.append(number), signal.SIGINT), interruptible():
+        signal.raise_signal(signal.SIGINT)
+    assert asked == [signal.SIGINT]
 
 
 KERNEL = """
@@ -81,6 +98,7 @@ def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(
     (tmp_path / 'redres_ros' / '__init__.py').touch()
     for name in ('__init__', 'cache', 'compiled', 'arithmetic'):
         shutil.copy(ROOM / f'{name}.py', room)
+    shutil.copy(ROOM.parent / 'signals.py', room.parent)
     (room / 'square.py').write_text(KERNEL)
     assert ask(tmp_path) == '12.0 1'
     assert ask(tmp_path) == '12.0 0'

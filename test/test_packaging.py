@@ -137,6 +137,10 @@ def test_pip_installs_every_robot_description(pip_prefix):
     assert {path.name for path in (site_packages(pip_prefix) / robots).glob('*.urdf')} == wanted
 
 
+def test_pip_tells_type_checkers_that_the_package_has_types(pip_prefix):
+    assert (site_packages(pip_prefix) / 'redres_ros' / 'py.typed').is_file()
+
+
 def test_pip_puts_only_names_that_begin_with_redres_into_the_shared_bin(pip_prefix):
     assert {path.name for path in (pip_prefix / 'bin').iterdir()} == {
         'redres',

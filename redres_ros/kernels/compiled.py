@@ -9,6 +9,7 @@ import numba
 from numba import types
 
 from redres_ros.kernels import cache
+from redres_ros.signals import interruptible
 
 cache.enter()
 
@@ -25,15 +26,20 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
         # As in numpy, 1/0 is infinite.
         if not signatures:
             return numba.njit(error_model='numpy')(function)
-        try:
-            made = numba.njit(list(signatures), cache=True, error_model='numpy')(function)
-        except RuntimeError:  # numba found no folder for its cache
-            made = numba.njit(list(signatures), error_model='numpy')(function)
+        with interruptible():  # LLVM calls back into Python, where an interrupt would get lost
+            made = _made(function, list(signatures))
         if not made.stats.cache_hits:
             _tell()
         return made
 
     return decorate
+
+
+def _made(function: Callable[..., Any], signatures: list[Any]) -> Any:
+    try:
+        return numba.njit(signatures, cache=True, error_model='numpy')(function)
+    except RuntimeError:  # numba found no folder for its cache
+        return numba.njit(signatures, error_model='numpy')(function)
 
 
 def direct(function: Any) -> Any:

@@ -46,6 +46,8 @@ def run_node(name: str, arguments: list[str]) -> int:
         return status
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # who read our help, as `| head` does, has gone
+        return 1
     except (OSError, ImportError) as error:
         print(f'redres_{name}: {" ".join(str(error).split())}', file=sys.stderr)
         return 1
