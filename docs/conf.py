@@ -20,6 +20,7 @@ extensions = [
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
     'sphinx_copybutton',
+    'extension.long_names',
     'extension.tables',
 ]
 exclude_patterns = ['Thumbs.db', '.DS_Store']

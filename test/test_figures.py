@@ -34,6 +34,9 @@ WITH_UNITS = (
 )
 
 
+PAGE = Path(__file__).parents[1] / 'docs' / 'the_paper.md'
+
+
 def shortened(task: WaypointTask) -> WaypointTask:
     """Half of the first segment, so that a run takes a second instead of nine."""
     return replace(
@@ -287,3 +290,9 @@ def test_the_choice_of_the_environment_is_respected(runs, monkeypatch):
     monkeypatch.setenv('MUJOCO_GL', 'disable')
     with pytest.raises(RenderError, match=r'\(disable: [^;]*\);'):
         render(find_arm('lwr4_paper'), film(runs))
+
+
+def test_the_page_of_the_paper_shows_every_figure_once() -> None:
+    shown = re.findall(r'\]\((paper/figure_(\d+)\.webp)\)', PAGE.read_text(encoding='utf-8'))
+    assert [int(number) for _, number in shown] == sorted(FIGURES)
+    assert all((PAGE.parent / file).is_file() for file, _ in shown)
