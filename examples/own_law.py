@@ -2,6 +2,7 @@
 
 This one lets the arm move with its wrist rather than with its shoulder: the first joints weigh
 more. Run it with: python examples/own_law.py
+As a plugin: redres simulate --plugin examples/own_law.py --law wrist_first
 """
 
 from dataclasses import dataclass
@@ -27,11 +28,11 @@ class WristFirst(Law):
         return np.diag(self.ratio ** -places.astype(float))
 
 
-task = load_task('rectangle')
-model = RobotModel.named(task.robot)
-
-for law in (make_law('minimum_velocity'), WristFirst(ratio=3.0)):
-    controller = Controller(model, law, T=0.002)
-    recording = run(controller, task)
-    shoulder = abs(recording['dq1']).max()
-    print(f'{type(law).__name__:<16} fastest motion of the first joint {shoulder:.3f} rad/s')
+if __name__ == '__main__':  # and not where it is loaded as a plugin
+    task = load_task('rectangle')
+    model = RobotModel.named(task.robot)
+    for law in (make_law('minimum_velocity'), WristFirst(ratio=3.0)):
+        controller = Controller(model, law, T=0.002)
+        recording = run(controller, task)
+        shoulder = abs(recording['dq1']).max()
+        print(f'{type(law).__name__:<16} fastest motion of the first joint {shoulder:.3f} rad/s')

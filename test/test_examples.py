@@ -106,8 +106,8 @@ def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
     assert numbers(change)[0] < 3.0
 
 
-def test_the_plugin_defines_and_does_nothing_else() -> None:
-    assert not run('plugin')  # test_plugins uses it
+def test_a_preference_is_defined_and_nothing_else_is_done() -> None:
+    assert not run('own_preference')  # test_plugins uses it
 
 
 def test_every_example_has_a_test() -> None:

@@ -199,7 +199,7 @@ def add_watching_time(parser: argparse.ArgumentParser) -> None:
 
 
 def check_duration(duration: float | None) -> None:
-    """Refuse a time [s] that nobody waits for; None is one that is left open."""
+    """Refuse a time [s] that nobody waits for, by RangeError; None is one that is left open."""
     if duration is not None and not 0.0 <= duration <= _LONGEST:
         raise RangeError('duration', duration, 0.0, _LONGEST, 's')
 

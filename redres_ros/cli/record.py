@@ -24,7 +24,10 @@ def add(commands: Any) -> None:
 
 
 def check_recording(path: Path) -> None:
-    """Refuse a file that is no MCAP by its name, or cannot be written."""
+    """Refuse a file that is no MCAP by its name, or cannot be written.
+
+    Raises OptionError or FileError.
+    """
     if path.suffix != SUFFIX:
         raise OptionError(f'the recording {path}; expected a name that ends in {SUFFIX}')
     check_writable(path)

@@ -34,7 +34,7 @@ class CycleCounts:
 
 
 def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int]) -> CycleCounts:
-    """Count them.
+    """How many states were answered in time, late, or not at all.
 
     Args:
         entries: of the robot's tape.

@@ -84,7 +84,7 @@ class Remote:
         return _said(service, self._call(service, Trigger.Request()))
 
     def hold(self, held: bool) -> str:
-        """Have the controller hold the arm, or follow again. Raises CallError."""
+        """What the controller says to holding the arm, or following again. Raises CallError."""
         service = 'controller/hold'
         return _said(service, self._call(service, SetBool.Request(data=held)))
 

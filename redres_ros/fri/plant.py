@@ -63,7 +63,7 @@ class IdealPlant:
 
 @dataclass(frozen=True)
 class MujocoSettings:
-    """The simulated arm below the level of the reference."""
+    """The simulated arm below the level of the reference. Raises RangeError for a wrong figure."""
 
     plant_step: float = param(
         0.0005, 'simulation step, of which the cycle must be a whole multiple [s]', 1e-5, 0.01

@@ -104,7 +104,8 @@ def keeps_boxes(
     figures: np.ndarray,
 ) -> bool:
     """Whether a velocity is in the box that `fill_boxes` would give; the arguments are its."""
-    # The loop is that of `fill_boxes`. One function for both would take 5 % more of every tick.
+    # The loop is that of `fill_boxes`. One function for both would take 5 % more of every tick, and
+    # so would one for the part that they share.
     for i in range(len(q)):
         lower = -np.inf
         upper = np.inf

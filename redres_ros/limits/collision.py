@@ -23,6 +23,10 @@ class CollisionLimit(RowLimit):
     Jacobians of these points. The nearer they are, the slower they may approach; at d_s not at all,
     and below it they go apart. Bodies are capsules around the arm's links; `scale` acts on the
     speed.
+
+    Raises:
+        ArrayError: An arm with several tips, balls of the wrong shape, or a clearance that is not
+            below the influence.
     """
 
     order = 0

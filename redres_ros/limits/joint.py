@@ -101,6 +101,9 @@ class PositionLimit(_Braking):
 
     Args:
         margin: [rad].
+
+    Raises:
+        ArrayError: The margin leaves nothing of a joint's range.
     """
 
     order = 2

@@ -12,7 +12,11 @@ from redres_ros.limits.limit import ReferenceState, RowLimit
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimit(RowLimit):
-    """-tau_max <= M (dq - dq_prev) / T + n <= tau_max, Eq. (6) with Eq. (13)."""
+    """-tau_max <= M (dq - dq_prev) / T + n <= tau_max, Eq. (6) with Eq. (13).
+
+    Raises:
+        ArrayError: A joint has no effort limit above zero.
+    """
 
     order = 1
     scaled_by = 'torque_scale'

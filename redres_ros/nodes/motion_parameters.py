@@ -29,7 +29,11 @@ class NoneError(RedresError):
 
 @dataclass(frozen=True)
 class MotionSettings:
-    """What the gains belong to."""
+    """What the gains belong to.
+
+    Raises:
+        NoneError: The word for none stands beside names.
+    """
 
     law: str = param(
         'minimum_acceleration', 'redundancy resolution law', choices=Names(LAWS), live=True

@@ -108,7 +108,10 @@ PLANAR = Benchmark(
 
 
 def run(benchmark: Benchmark) -> Saturated:
-    """The motion under a law of ours, within the same limits."""
+    """The motion under a law of ours, within the same limits.
+
+    Raises DivergedError where it does not get to its end.
+    """
     model = RobotModel.named(benchmark.robot)
     model.dq_max = np.array(benchmark.velocity)
     A = np.array(benchmark.acceleration)
