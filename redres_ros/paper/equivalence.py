@@ -153,10 +153,11 @@ class Convergence:
     """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and
     |dq_k - dq(t_k)|.
 
-    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s]. A law holds
-    dq_k from t_k to t_{k+1}, so that up to T ddq of dq_errors is but a shift in time; where gravity
-    enters the null space at the start, the first tick alone makes dq_errors exactly proportional to
-    T, and q_errors say more.
+    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s].
+
+    A law holds dq_k from t_k to t_{k+1}, so up to T ddq of dq_errors is only a shift in time. Where
+    gravity enters the null space at the start, the first tick alone makes dq_errors exactly
+    proportional to T. Then q_errors say more.
     """
 
     periods: np.ndarray

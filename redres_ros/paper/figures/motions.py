@@ -79,7 +79,7 @@ def _draw(heading: str, recording: Recording, model: RobotModel, task: WaypointT
 def _draw_pictures(
     place: SubFigure, recording: Recording, model: RobotModel, task: WaypointTask
 ) -> None:
-    """(b): the arm at instants of the motion; where nothing can be rendered, why."""
+    """(b): pictures of the arm along its way, or the reason why there are none."""
     ticks = np.linspace(0, len(recording.data) - 1, PICTURES[0] * PICTURES[1]).round().astype(int)
     place.suptitle('(b) the arm on its way', fontsize='large')
     try:

@@ -153,7 +153,7 @@ class Runs:
 
     @cached_property
     def experiment_within_limits(self) -> Experiment:
-        """Law (2) with the limits of the joints on, which the paper has not."""
+        """Law (2) within the limits of the joints. Not in the paper."""
         return self._try(self._law('minimum_velocity', limits=JOINT_LIMITS), seed=1)
 
     @cached_property
@@ -307,6 +307,6 @@ class Runs:
 
 
 def names_of_runs() -> list[str]:
-    """Everything that is run once and kept; the longest ones, which stand last, first."""
+    """What is run once and kept, the longest runs first. They stand last in the class."""
     kept = [name for name, value in vars(Runs).items() if isinstance(value, cached_property)]
     return kept[::-1]
