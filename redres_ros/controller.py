@@ -12,9 +12,9 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError
-from redres_ros.kernels.closed_form import are_usable, integrate
+from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import LAWS, Law
-from redres_ros.motion import STANDING, Blend, LawMotion, check_task
+from redres_ros.motion import STANDING, LawMotion, Motion, advanced, after, check_task
 from redres_ros.parameter import Parameter, check_value, found, several
 from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
@@ -194,7 +194,7 @@ class Controller:
         """Forget the last command: the next update starts at the measured position, at rest."""
         self._q_ref: np.ndarray | None = None
         self._dq_prev = np.zeros(self.model.n)
-        self._blend = Blend(STANDING, STANDING, np.zeros(self.model.n), 1.0)
+        self._motion: Motion = STANDING
         self._begun = self._asked
         self._is_open = bool(self._asked.preferences or self._asked.lower_tasks)
 
@@ -236,35 +236,37 @@ class Controller:
         """
         if missed and not (isinstance(missed, Integral) and 0 < missed <= MOST_MISSED):
             raise RangeError('missed', missed, 0, MOST_MISSED, 'a whole number of cycles')
-        q = as_vector(q, self.model.n, 'q')
+        q = as_vector(q, self.model.n, 'q').copy()  # the command's state keeps it
         dx = as_vector(dx, self.m, 'dx')
         if not are_usable(q, dx, DX_LIMIT):
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
-        q = self.nearest_turn(q)
+        if self._turning.size:
+            q = self.nearest_turn(q)
         start = self._integrated(q, missed)
         resolver = self._resolver.advanced(self.T, self.switch_time)
         state = RobotState(self.model, q, self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
-        blend = self._blend.advanced(
-            begun if self._moving else STANDING, self._dq_prev, self.T, self.switch_time
-        )
-        answer, after = blend.answer(state, self.task, dx, self.T)
+        motion = self._motion
+        wanted = begun if self._moving else STANDING
+        if motion is not wanted:
+            motion = advanced(motion, wanted, self._dq_prev, self.T, self.switch_time)
+        answer = motion.answer(state, self.task, dx, self.T)
         reference = state if start is q else RobotState(self.model, start, self._dq_prev)
         if not resolver.allows(answer, reference, self.T):
             if start is not q:
                 # Where limits act, joints are fast, and the arm is behind: a Jacobian from where it
                 # is would turn the path aside, by up to a millimetre.
-                answer, after = blend.answer(reference, self.task, dx, self.T)
+                answer = motion.answer(reference, self.task, dx, self.T)
             answer = resolver.resolve(answer, reference, self.T)
         dq = answer.dq
         q_ref = np.empty(self.model.n)
         if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
-            self._refuse(dq, dx, blend, state)
+            self._refuse(dq, dx, motion, state)
         self._q_ref = q_ref
         self._dq_prev = dq
-        self._blend = after
+        self._motion = motion if motion is wanted else after(motion, answer)
         self._resolver = resolver
         self._begun = begun
         self._is_open = False
@@ -301,14 +303,16 @@ class Controller:
             return self._q_ref + self.T * missed * self._dq_prev
         return self._q_ref
 
-    def _refuse(self, dq: np.ndarray, dx: np.ndarray, blend: Blend, state: RobotState) -> NoReturn:
+    def _refuse(
+        self, dq: np.ndarray, dx: np.ndarray, motion: Motion, state: RobotState
+    ) -> NoReturn:
         """Raise DivergedError for a speed beyond any arm.
 
         Where dx alone would not ask for it, from rest, the memory does, and is forgotten.
         """
         speed = float(np.linalg.norm(dq))
         at_rest = state.with_velocity(np.zeros(self.model.n))
-        from_rest, _ = blend.answer(at_rest, self.task, dx, self.T)
+        from_rest = motion.answer(at_rest, self.task, dx, self.T)
         reason = 'dx'
         if np.linalg.norm(from_rest.dq) <= SPEED_LIMIT:
             reason = 'its own motion'

@@ -25,8 +25,9 @@ class Proposal:
 
     dq: (n,) [rad/s]. J: (m, n), of the first task. executed: (m,), the part of dx that dq is meant
     to execute. lost: (m,), the part that a singularity does not let through; None if there is none.
-    W: the metric. lower: J of the lower tasks, whose velocities are those that dq executes. s: the
-    share of it that limits allow. limiting: 'joint: limit' that acts most, or ''.
+    W: the metric. lower: the lower tasks in order. s: the share of it that limits allow. limiting:
+    'joint: limit' that acts most, or ''. dq_old: of a blend, (n,) [rad/s], what the old motion
+    would do; else None.
     """
 
     dq: np.ndarray
@@ -34,9 +35,10 @@ class Proposal:
     executed: np.ndarray
     lost: np.ndarray | None
     W: Weight
-    lower: Sequence[np.ndarray] = ()
+    lower: Sequence[Level] = ()
     s: float = 1.0
     limiting: str = ''
+    dq_old: np.ndarray | None = None
 
 
 class Motion(Protocol):
@@ -89,12 +91,12 @@ class LawMotion:
             b = self.law.bias_with(state, T, self._preferred(state))
         else:
             b = self.law.bias(state, T)
-        lower: Sequence[np.ndarray] = ()
+        lower: Sequence[Level] = ()
         if self.lower_tasks:
             levels = [scaled(J, dx, scale)]
             levels += [_level(task, state) for task in self.lower_tasks]
             dq, damped = resolve_in_order(levels, b, W)
-            lower = [J for J, _ in levels[1:]]
+            lower = levels[1:]
         elif scale is None:
             dq, damped = resolve_one(J, dx, b, W)
         else:
@@ -165,63 +167,72 @@ class Blend:
 
     dq_old: (n,) [rad/s], the last velocity the *old motion* would have commanded. It must not see
     the blended velocity, or its self-motion would shrink every cycle. The new motion sees the
-    blended one, which is what it takes over. share: of the switch time that is over; at 1 only the
-    new motion acts.
+    blended one, which is what it takes over. share: of the switch time that is over.
     """
 
     old: Motion
     new: Motion
     dq_old: np.ndarray
-    share: float
+    share: float = 0.0
 
-    def advanced(
-        self, wanted: Motion, dq_prev: np.ndarray, T: float, switch_time: float
-    ) -> 'Blend':
-        """One cycle on, towards the wanted motion.
-
-        Standing still, and moving again, begin at once, from the present velocity. Any other change
-        waits for the end of the blend under way.
-
-        Args:
-            wanted: Where to go.
-            dq_prev: (n,) [rad/s] the last command.
-            T: Sampling time [s].
-            switch_time: Time that a blend takes [s].
-        """
-        over = self.share >= 1.0
-        blend = self
-        if wanted is not self.new and wanted != self.new:
-            if over:
-                blend = Blend(self.new, wanted, dq_prev, 0.0)
-            elif STANDING in (wanted, self.new):
-                blend = Blend(Coasting(dq_prev), wanted, dq_prev, 0.0)
-        elif over:
-            return self
-        step = T / switch_time if switch_time > 0.0 else 1.0
-        return replace(blend, share=min(blend.share + step, 1.0))
-
-    def answer(
-        self, state: RobotState, task: Task, dx: np.ndarray, T: float
-    ) -> tuple[Proposal, 'Blend']:
-        """dq = (1 - s) dq_old + s dq_new, and the blend after this tick.
+    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
+        """dq = (1 - s) dq_old + s dq_new.
 
         Where both execute the task, J dq = dx, so does every mixture.
         """
-        if self.share >= 1.0:
-            return self.new.answer(state, task, dx, T), self
         new = self.new.answer(state, task, dx, T)
         old = self.old.answer(state.with_velocity(self.dq_old), task, dx, T)
         s, _ = quintic(self.share)
-        dq = (1.0 - s) * old.dq + s * new.dq
-        mixed = Proposal(
-            dq,
+        return Proposal(
+            (1.0 - s) * old.dq + s * new.dq,
             new.J,
             (1.0 - s) * old.executed + s * new.executed,
             _mixed_loss(old.lost, new.lost, s),
             new.W,
             new.lower,
+            dq_old=old.dq,
         )
-        return mixed, replace(self, dq_old=old.dq)
+
+
+def advanced(
+    motion: Motion, wanted: Motion, dq_prev: np.ndarray, T: float, switch_time: float
+) -> Motion:
+    """One cycle on, from the motion in force towards the wanted one.
+
+    Standing still, and moving again, begin at once, from the present velocity. Any other change
+    waits for the end of the blend under way.
+
+    Args:
+        motion: The one in force, which may be a blend.
+        wanted: Where to go.
+        dq_prev: (n,) [rad/s] the last command.
+        T: Sampling time [s].
+        switch_time: Time that a blend takes [s].
+    """
+    if isinstance(motion, Blend):
+        blend = motion
+        if wanted != blend.new and STANDING in (wanted, blend.new):
+            blend = Blend(Coasting(dq_prev), wanted, dq_prev)
+    elif motion == wanted:
+        return wanted
+    else:
+        blend = Blend(motion, wanted, dq_prev)
+    step = T / switch_time if switch_time > 0.0 else 1.0
+    if blend.share + step >= 1.0:
+        return blend.new
+    return replace(blend, share=blend.share + step)
+
+
+def after(motion: Motion, answer: Proposal) -> Motion:
+    """The motion once its answer has been carried out: a blend remembers what the old one wanted.
+
+    Args:
+        motion: The one in force.
+        answer: Its answer.
+    """
+    if isinstance(motion, Blend) and answer.dq_old is not None:
+        return replace(motion, dq_old=answer.dq_old)
+    return motion
 
 
 def _level(task: Task, state: RobotState) -> Level:

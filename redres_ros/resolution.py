@@ -16,16 +16,14 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.closed_form import (
-    FACTOR,
-    IDENTITY,
     INDEFINITE,
     NOT_FINITE,
     SINGULAR_RATIO,
     SOLVED,
-    SQUARE,
-    WEIGHT,
     closed_form,
+    closed_form_in_order,
 )
+from redres_ros.kernels.factors import FACTOR, IDENTITY, SQUARE, WEIGHT
 
 # [rad/s] beyond which a direction of a lower task counts as lost; several times what arms can do
 FASTEST = 100.0
@@ -34,7 +32,6 @@ DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
-_ONE_TASK = np.zeros(0, np.int64)
 
 
 class Factor:
@@ -48,7 +45,11 @@ class Factor:
 
     def __init__(self, F: np.ndarray) -> None:
         self.F = F
-        self.shape = F.shape
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n, n)."""
+        return self.F.shape
 
     def solve_transposed(self, B: np.ndarray) -> np.ndarray:
         """F'^-1 B for B (n, k)."""
@@ -139,10 +140,8 @@ def resolve_in_order(
     Raises:
         ArrayError: as for `resolve`.
     """
-    J = np.concatenate([J for J, _ in levels])
-    dx = np.concatenate([dx for _, dx in levels])
-    exact = _resolve_exactly(J, dx, b, W, _rows_of(*[len(dx) for _, dx in levels]))
-    if exact is not None and exact.dot(exact) <= FASTEST**2:
+    exact = _resolve_all_exactly(levels, b, W)
+    if exact is not None:
         return exact, False
     dq, damped = resolve_one(*levels[0], b, W)
     Z = np.eye(len(b))  # (n, k) null space of the tasks so far
@@ -179,8 +178,8 @@ def resolve_one(
     Raises:
         ArrayError: as for `resolve`.
     """
-    exact = _resolve_exactly(J, dx, b, W, _ONE_TASK, size)
-    if exact is not None and (fastest == math.inf or exact.dot(exact) <= fastest**2):
+    exact = _resolve_exactly(J, dx, b, W, size, fastest)
+    if exact is not None:
         return exact, False
     dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size, fastest)
     if not math.isfinite(sum(dq.tolist())):
@@ -189,28 +188,57 @@ def resolve_one(
 
 
 def _resolve_exactly(
-    J: np.ndarray,
-    dx: np.ndarray,
-    b: np.ndarray,
-    W: Weight,
-    tasks: np.ndarray,
-    size: float = 0.0,
+    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight, size: float, fastest: float
 ) -> np.ndarray | None:
     """dq (n,) by the closed form; None where a direction may have to be damped."""
     dq = np.empty(len(b))
     array, form = as_array(W)
     try:
-        outcome = closed_form(J, dx, b, array, form, tasks, size, dq)
+        outcome = closed_form(J, dx, b, array, form, size, fastest, dq)
     except TypeError:  # not of float64
         arrays = [np.asarray(given, np.float64) for given in (J, dx, b, array)]
-        outcome = closed_form(*arrays, form, tasks, size, dq)
+        outcome = closed_form(*arrays, form, size, fastest, dq)
+    return _answer(outcome, dq, J, dx, b, W)
+
+
+def _resolve_all_exactly(levels: Sequence[Level], b: np.ndarray, W: Weight) -> np.ndarray | None:
+    """dq (n,) that executes all tasks; None where that may not be possible."""
+    J, dx = levels[0]
+    J_lower, dx_lower, lower_tasks = _stacked(levels[1:], len(b))
+    dq = np.empty(len(b))
+    array, form = as_array(W)
+    try:
+        outcome = closed_form_in_order(
+            J, dx, J_lower, dx_lower, lower_tasks, b, array, form, FASTEST, dq
+        )
+    except TypeError:  # not of float64
+        given = [np.asarray(given, np.float64) for given in (J, dx, J_lower, dx_lower)]
+        more = [np.asarray(given, np.float64) for given in (b, array)]
+        outcome = closed_form_in_order(*given, lower_tasks, *more, form, FASTEST, dq)
+    return _answer(outcome, dq, J, dx, b, W)
+
+
+def _answer(
+    outcome: int, dq: np.ndarray, J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight
+) -> np.ndarray | None:
+    """dq if it is the answer; None where a direction may have to be damped. Raises ArrayError."""
     if outcome == SOLVED:
         return dq
     if outcome == INDEFINITE:
-        raise _indefinite(array)
+        raise _indefinite(as_array(W)[0])
     if outcome == NOT_FINITE:
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return None
+
+
+def _stacked(levels: Sequence[Level], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """J and dx of several tasks, one below the other, and the number of rows of each."""
+    if len(levels) == 1:  # nothing to copy
+        J, dx = levels[0]
+        return J, dx, _rows_of(len(dx))
+    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)])
+    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)])
+    return J, dx, _rows_of(*[len(dx) for _, dx in levels])
 
 
 @lru_cache

@@ -104,7 +104,7 @@ class Limited:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
         bounds = self._limits.at(start, T)
         levels = [scaled(answer.J, answer.executed, self._scale)]
-        levels += [(J, J.dot(answer.dq)) for J in answer.lower]
+        levels += [(J, J.dot(answer.dq)) for J, _ in answer.lower]
         bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows)
         if bounded.dq is answer.dq:
             return answer

@@ -1,15 +1,14 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, UnknownNameError
-from redres_ros.kernels.closed_form import free_acceleration
+from redres_ros.kernels.tick import free_motion
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.vectors import finite_vector
 
@@ -21,28 +20,6 @@ _CROSS = np.array(
         (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
 )
-
-
-if TYPE_CHECKING:
-    from functools import cached_property as evaluated_once
-else:
-
-    class evaluated_once:
-        """As functools.cached_property, without the lock that Python 3.11 takes every time."""
-
-        def __init__(self, evaluate: Callable[[Any], Any]) -> None:
-            self._evaluate = evaluate
-            self.__doc__ = evaluate.__doc__
-
-        def __set_name__(self, owner: type, name: str) -> None:
-            self._name = name
-
-        def __get__(self, instance: Any, owner: type) -> Any:
-            if instance is None:
-                return self
-            value = self._evaluate(instance)
-            instance.__dict__[self._name] = value  # which is found before this object
-            return value
 
 
 class RobotState:
@@ -57,6 +34,15 @@ class RobotState:
             tick (footnote 4).
     """
 
+    # Until a quantity is asked for. A property with such a default takes half of what a
+    # functools.cached_property takes.
+    _J: np.ndarray | None = None
+    _M: np.ndarray | None = None
+    _n: np.ndarray | None = None
+    _free_acceleration: np.ndarray | None = None
+    _joint_poses: np.ndarray | None = None
+    _tip: tuple[np.ndarray, np.ndarray] | None = None
+
     def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
         self.model = model
         self.q = q
@@ -66,46 +52,53 @@ class RobotState:
         """The same position at another last velocity (n,) [rad/s]; keeps what q alone decides."""
         state = copy(self)
         state.dq_prev = dq_prev
-        for name in ('n', 'free_acceleration'):
-            state.__dict__.pop(name, None)
+        state._n = None
+        state._free_acceleration = None
         return state
 
-    @evaluated_once
+    @property
     def J(self) -> np.ndarray:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
-        model = self.model
-        return model._jacobian(self.q, model._tip)
+        if self._J is None:
+            self._J = self.model._jacobian(self.q, self.model._tip)
+        return self._J
 
     @property
     def x(self) -> np.ndarray:
         """Tip position in the base frame, (3,) [m]."""
-        return self._tip[0]
+        return self._tip_pose[0]
 
     @property
     def R(self) -> np.ndarray:
         """Tip orientation in the base frame, (3, 3)."""
-        return self._tip[1]
+        return self._tip_pose[1]
 
-    @evaluated_once
+    @property
     def M(self) -> np.ndarray:
         """Inertia, (n, n) [kg m^2]."""
-        return self.model._inertia(self.q)
+        if self._M is None:
+            self._M = self.model._inertia(self.q)
+        return self._M
 
-    @evaluated_once
+    @property
     def n(self) -> np.ndarray:
         """Coriolis, centrifugal and gravity torque n(q, dq_prev), (n,) [Nm]."""
-        return self.model._bias_torque(self.q, self.dq_prev)
+        if self._n is None:
+            self._n = self.model._bias_torque(self.q, self.dq_prev)
+        return self._n
 
-    @evaluated_once
+    @property
     def free_acceleration(self) -> np.ndarray:
         """-M^-1 n, (n,) [rad/s^2]: how the arm would move without any torque, Eq. (6)."""
-        ddq = np.empty(self.model.n)
-        free_acceleration(self.M, self.n, ddq)  # a third less time than the articulated-body way
-        return ddq
+        if self._free_acceleration is None:
+            ddq = np.empty(self.model.n)
+            free_motion(0.0, self.dq_prev, 1.0, self.M, self.n, ddq)
+            self._free_acceleration = ddq
+        return self._free_acceleration
 
     def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and orientation (3, 3) of a frame; '' is the tip."""
-        return self.model.pose(self.q, frame) if frame else self._tip
+        return self.model.pose(self.q, frame) if frame else self._tip_pose
 
     def jacobian(self, frame: str) -> np.ndarray:
         """Jacobian (6, n) of a frame, rows as in `J`; '' is the tip."""
@@ -115,14 +108,18 @@ class RobotState:
         """dJ/dq_i of a frame's Jacobian J (6, n), (n, 6, n); '' is the tip."""
         return jacobian_derivatives(self.jacobian(frame))
 
-    @evaluated_once
+    @property
     def joint_poses(self) -> np.ndarray:
         """Poses of the base and of the frame that each joint moves, (n + 1, 4, 4)."""
-        return self.model._joint_poses(self.q)
+        if self._joint_poses is None:
+            self._joint_poses = self.model._joint_poses(self.q)
+        return self._joint_poses
 
-    @evaluated_once
-    def _tip(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.model._pose(self.q, self.model._tip)
+    @property
+    def _tip_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._tip is None:
+            self._tip = self.model._pose(self.q, self.model._tip)
+        return self._tip
 
 
 class RobotModel:
@@ -141,7 +138,11 @@ class RobotModel:
         if arm.armature:
             self._model.armature[:] = arm.armature
         self._data = self._model.createData()
+        self._placed: np.ndarray | None = (
+            None  # q of the tip's placement in the data, if they have it
+        )
         self._tip = self._frame(arm.tip_frame)
+        self._tip_placement = self._data.oMf[self._tip]  # in the data: changes with them
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.n = self._model.nv
         self.joint_names = tuple(self._model.names[1:])
@@ -247,6 +248,7 @@ class RobotModel:
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         tau = finite_vector(tau, self.n, 'tau')
+        self._placed = None
         return pin.aba(self._model, self._data, q, dq, tau)  # a copy
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -258,6 +260,7 @@ class RobotModel:
         """
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
+        self._placed = None
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
         ddx = pin.getFrameClassicalAcceleration(
             self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED
@@ -296,24 +299,32 @@ class RobotModel:
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
 
     def _pose(self, q: np.ndarray, frame: int) -> tuple[np.ndarray, np.ndarray]:
-        pin.forwardKinematics(self._model, self._data, q)
-        placement = pin.updateFramePlacement(self._model, self._data, frame)
+        if self._placed is q and frame == self._tip:
+            placement = self._tip_placement
+        else:
+            pin.forwardKinematics(self._model, self._data, q)
+            placement = pin.updateFramePlacement(self._model, self._data, frame)
+            self._placed = q if frame == self._tip else None
         H = placement.homogeneous  # (4, 4), a copy
         return H[:3, 3], H[:3, :3]
 
     def _joint_poses(self, q: np.ndarray) -> np.ndarray:
+        self._placed = None
         pin.forwardKinematics(self._model, self._data, q)
         return np.array([placement.homogeneous for placement in self._data.oMi])
 
     def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
+        self._placed = q if frame == self._tip else None
         return pin.computeFrameJacobian(  # a copy
             self._model, self._data, q, frame, pin.LOCAL_WORLD_ALIGNED
         )
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
+        self._placed = None
         return pin.crba(self._model, self._data, q)  # a copy
 
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        self._placed = None
         return pin.nonLinearEffects(self._model, self._data, q, dq)  # a copy
 
     def _reach(self) -> float:

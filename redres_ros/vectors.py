@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from redres_ros.errors import ArrayError, quoted
-from redres_ros.kernels.closed_form import are_usable
+from redres_ros.kernels.tick import are_usable
 
 _FLOAT64 = np.dtype(np.float64)
 
@@ -23,11 +23,13 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     """
     vector = as_vector(values, size, name)
     check_finite(vector, name)
-    return vector
+    return vector.copy()
 
 
 def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """As `finite_vector`, where NaN and infinity are looked for later.
+    """The values as (size,) float64: the array itself where it is one.
+
+    NaN and infinity are looked for later.
 
     Args:
         values: Anything that numpy takes for an array.
@@ -37,13 +39,11 @@ def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     Raises:
         ArrayError: Another shape, or no numbers.
     """
-    if type(values) is np.ndarray and values.dtype is _FLOAT64:
-        vector = values.copy()
-    else:
-        vector = _as_floats(values, size, name)
-    if vector.shape != (size,):
-        raise ArrayError(f'{name} has shape {vector.shape}; expected ({size},)')
-    return vector
+    if type(values) is not np.ndarray or values.dtype is not _FLOAT64:
+        values = _as_floats(values, size, name)
+    if values.shape != (size,):
+        raise ArrayError(f'{name} has shape {values.shape}; expected ({size},)')
+    return values
 
 
 def check_finite(vector: np.ndarray, name: str) -> None:

@@ -3,12 +3,13 @@
 import numpy as np
 from numba import float64
 
-from redres_ros.kernels.compiled import compiled, matrix
+from redres_ros.kernels.compiled import compiled, direct, matrix
 
 # [rad] this near to half a turn, the axis is read from the symmetric part of the matrix
 NEAR_HALF_A_TURN = 0.1
 
 
+@direct
 @compiled(float64[::1](matrix(), matrix()))
 def turn_between(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """The turn from A to B: the rotation vector of B A', (3,) [rad], in the base of both.
@@ -29,7 +30,9 @@ def turn_between(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1.0) / 2.0
     angle = np.arctan2(sine, cosine)
     if angle <= np.pi - NEAR_HALF_A_TURN:
-        return w * (angle / sine) if sine > 0.0 else w
+        if sine > 0.0:
+            w *= angle / sine
+        return w
     # The unit axis a, from (R + R')/2 = cos I + (1 - cos) a a'; w gives its sign.
     outer = ((R + R.T) / 2.0 - cosine * np.eye(3)) / (1.0 - cosine)
     column = np.argmax(np.diag(outer))

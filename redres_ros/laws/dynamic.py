@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from redres_ros.kernels.tick import free_motion
 from redres_ros.laws.law import Law
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
@@ -32,7 +33,9 @@ class _TorqueLaw(Law):
     """
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.going_on(state, T, state.free_acceleration)  # lambda dq_{k-1} - T M^-1 n
+        b = np.empty(len(state.q))
+        free_motion(self.forgetting(T), state.dq_prev, T, state.M, state.n, b)
+        return b
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 
 from redres_ros.errors import RangeError
-from redres_ros.kernels.closed_form import go_on
 from redres_ros.parameter import check_parameters, param
 from redres_ros.resolution import Weight
 from redres_ros.robot_model import RobotState
@@ -49,21 +48,6 @@ class Law(ABC):
         if ddq_N is None or not self.remembers:
             return b
         return b + T * ddq_N
-
-    def going_on(self, state: RobotState, T: float, ddq: np.ndarray) -> np.ndarray:
-        """lambda dq_{k-1} + T ddq, (n,) [rad/s]: the last velocity, damped, and accelerated for one
-        tick.
-
-        It is what numpy would give, in a third of the time.
-
-        Args:
-            state: The state of the tick.
-            T: Sampling time [s].
-            ddq: (n,) [rad/s^2].
-        """
-        b = np.empty(len(ddq))
-        go_on(self.forgetting(T), state.dq_prev, T, ddq, b)
-        return b
 
     def weight(self, state: RobotState) -> Weight:
         """W, symmetric positive definite, (n, n), or its Factor; None for the identity."""

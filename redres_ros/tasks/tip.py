@@ -103,7 +103,7 @@ class Pose(FrameTask):
 
     def row_scale(self, model: RobotModel) -> np.ndarray:
         """1 / reach for the linear rows: a turn of the stretched arm then counts alike in both."""
-        return np.repeat((1.0 / model.reach, 1.0), 3)
+        return _pose_scale(model.reach)
 
 
 @dataclass(frozen=True)
@@ -154,6 +154,13 @@ class Axis(FrameTask):
 def _check_direction(name: str, values: tuple[float, ...]) -> None:
     if values and not any(values):
         raise ArrayError(f'{name} is {values}; expected values that are not all zero')
+
+
+@lru_cache(maxsize=64)
+def _pose_scale(reach: float) -> np.ndarray:
+    scale = np.repeat((1.0 / reach, 1.0), 3)
+    scale.flags.writeable = False  # every tick shares it
+    return scale
 
 
 @lru_cache(maxsize=64)  # a target is looked up in every tick
