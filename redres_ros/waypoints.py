@@ -55,6 +55,23 @@ class WaypointTask:
         """Number of segments, one less than the waypoints."""
         return len(self.waypoints) - 1
 
+    def aside(self, x: np.ndarray, segment: np.ndarray) -> np.ndarray:
+        """Distances of positions from the straight lines of their segments, (N,) [m].
+
+        Args:
+            x: (N, 3) [m].
+            segment: (N,) number of each one's segment. Segment 0 leads to x_0 from anywhere, so it
+                has no line: its distances are 0.
+        """
+        ends = np.maximum(segment.astype(int), 1)
+        start = self.waypoints[ends - 1]
+        way = self.waypoints[ends] - start
+        since = x - start
+        length = np.einsum('ni,ni->n', way, way)  # squared
+        share = np.einsum('ni,ni->n', since, way) / np.where(length > 0.0, length, 1.0)
+        distance = np.linalg.norm(since - share[:, None] * way, axis=1)
+        return np.where(segment > 0, distance, 0.0)
+
 
 def load_task(name_or_path: str) -> WaypointTask:
     """The task of that name in config/tasks, or of that YAML file. Raises FileError,

@@ -24,8 +24,11 @@ SHORT = replace(
 )
 
 
-def controller(law: str, damping: float = 5.0, switch_time: float = 0.2) -> Controller:
-    return Controller(RobotModel(ARM), make_law(law, damping=damping), T, switch_time=switch_time)
+def controller(
+    law: str, damping: float = 5.0, switch_time: float = 0.2, limits: tuple[str, ...] = ()
+) -> Controller:
+    made = make_law(law, damping=damping)
+    return Controller(RobotModel(ARM), made, T, switch_time=switch_time, limits=limits)
 
 
 def short(client: Client) -> Experiment:
@@ -50,6 +53,15 @@ def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert stopped.stop_reason.startswith('protective stop')
     assert 7.0 < stopped.recording['t'][-1] < 9.0
     assert stopped.stop_reason in stopped.recording.ending
+
+
+def test_within_limits_the_same_law_finishes_half_a_millimetre_beside_its_path_at_most():
+    limits = ('position', 'velocity', 'acceleration')
+    recording = experiment(controller('minimum_velocity', limits=limits), TASK, ARM).recording
+    assert recording.finished
+    assert recording['task_scaling'].min() < 0.5
+    aside = TASK.aside(recording.vectors('x'), recording['segment'])
+    assert aside.max() < 0.5e-3
 
 
 def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):

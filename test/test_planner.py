@@ -389,3 +389,13 @@ def test_the_last_point_must_be_reached_all_the_same(square):
     beside = square.waypoints[-1] + (0.0, 0.0, -0.02)
     lost = np.array((0.0, 0.0, 0.2))
     assert not planner.reference(beside, 9.0, lost=lost).finished
+
+
+def test_a_position_is_aside_of_the_line_of_its_segment_alone(square):
+    start, end = square.waypoints[:2]
+    across = np.array((0.0, 0.0, 0.003))
+    on_the_way = start + np.array((0.2, 0.7, 1.1))[:, None] * (end - start)
+    segments = np.array((1.0, 1.0, 1.0))
+    assert square.aside(on_the_way, segments) == pytest.approx(np.zeros(3), abs=1e-15)
+    assert square.aside(on_the_way + across, segments) == pytest.approx(np.full(3, 0.003))
+    assert (square.aside(on_the_way + across, np.zeros(3)) == 0.0).all()  # before x_0: no line

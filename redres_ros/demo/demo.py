@@ -281,7 +281,7 @@ class Demo:
         if len(recording.data):
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
-            motion = MotionFigures.of(recording, error)
+            motion = MotionFigures.of(recording, self.task, error)
             period = np.inf if self.options.lockstep else self._T
             # The first process has the robot in it.
             cycles = count_cycles(read_tape(tapes[0]), period, (stamps[0], stamps[-1]))

@@ -12,6 +12,7 @@ from redres_ros.demo.cycles import CycleCounts
 from redres_ros.errors import FileError
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import facts
+from redres_ros.waypoints import WaypointTask
 
 MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
 STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still
@@ -49,7 +50,8 @@ class MotionFigures:
     Attributes:
         seconds: How long it took.
         segments: How many the task has been on.
-        error: Of the task [m].
+        error: Of the task, also where the arm is only behind on its way [m].
+        aside: Distance from the straight way from point to point [m].
         final_error: The same when the run ended [m].
         acceleration: Norm over the joints [rad/s^2].
         velocity: Norm over the joints [rad/s].
@@ -62,6 +64,7 @@ class MotionFigures:
     seconds: float
     segments: int
     error: tuple[float, float]
+    aside: tuple[float, float]
     final_error: float
     acceleration: tuple[float, float]
     velocity: tuple[float, float]
@@ -71,21 +74,25 @@ class MotionFigures:
     still: float
 
     @classmethod
-    def of(cls, recording: Recording, final_error: float) -> 'MotionFigures':
+    def of(cls, recording: Recording, task: WaypointTask, final_error: float) -> 'MotionFigures':
         """The figures of a recording.
 
         Args:
             recording: Of at least one tick.
+            task: What was asked for.
             final_error: Distance from the last point at the end [m].
         """
         t = recording['t']
         moves = recording['joint_velocity_norm'] > STILL
         dq = recording.vectors('dq1')  # (N, n)
         steps = np.abs(np.diff(dq, axis=0, prepend=0.0))  # from rest
+        aside = task.aside(recording.vectors('x'), recording['segment'])
+        farthest = int(np.argmax(aside))
         return cls(
             seconds=float(t[-1]),
             segments=int(recording['segment'].max()),
             error=recording.peak('task_error'),
+            aside=(float(aside[farthest]), float(t[farthest])),
             final_error=final_error,
             acceleration=recording.peak('joint_acceleration_norm'),
             velocity=recording.peak('joint_velocity_norm'),
@@ -177,11 +184,13 @@ class Outcome:
 
 
 def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
-    error, at = motion.error
+    aside, aside_at = motion.aside
+    error, error_at = motion.error
     rows: list[tuple[str, ...]] = [
         ('motion',),
         ('parts of the task begun', f'{motion.segments} in {motion.seconds:.3f} s'),
-        ('farthest off the way', f'{1e3 * error:.3f} mm at {at:.3f} s'),
+        ('farthest off the way', f'{1e3 * aside:.3f} mm at {aside_at:.3f} s'),
+        ('largest error', f'{1e3 * error:.3f} mm at {error_at:.3f} s, on the way or off it'),
         ('at the end', f'{1e3 * motion.final_error:.3f} mm from the last point'),
     ]
     for name, unit in (('acceleration', 'rad/s²'), ('velocity', 'rad/s'), ('torque', 'Nm')):

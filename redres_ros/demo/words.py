@@ -45,7 +45,7 @@ def after(outcome: Outcome) -> str:
         return ''
     acceleration, at = outcome.motion.acceleration
     return (
-        f'The arm came through, at most {1e3 * outcome.motion.error[0]:.1f} mm off its way, and '
+        f'The arm came through, at most {1e3 * outcome.motion.aside[0]:.1f} mm off its way, and '
         f'its joints accelerated most at {at:.1f} s, by {acceleration:.1f} rad/s². '
         'See what the choice is worth: redres demo --law minimum_velocity --limits none takes '
         'the least velocity in every cycle, and is stopped.'

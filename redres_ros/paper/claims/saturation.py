@@ -13,8 +13,9 @@ def lwr(runs: Runs) -> Finding:
     return _beside(
         LWR,
         runs.saturated_lwr,
-        'every tick has the largest share that the limits allow; 4.64 s takes joints that '
-        'accelerate 1.6 times as fast',
+        'their program gives 4.639 s and 0.0012 rad here too, and accelerates joint 6 by 664 '
+        'deg/s^2 where 300 are allowed, for 0.18 s after the corner (as their own plot shows): it '
+        'does not check its last resort, when no scaling is found',
     )
 
 
