@@ -21,7 +21,7 @@ from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.intra_process import IntraProcess
 from redres_ros.nodes.qos import NEWEST, PUBLISH
-from redres_ros.nodes.runtime import Spinner
+from redres_ros.nodes.runtime import Arrival, Spinner
 
 pytestmark = pytest.mark.slow
 
@@ -123,7 +123,7 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
 ) -> None:
     node = rclpy.create_node('node')
     stopped = threading.Event()
-    event = threading.Event()
+    event = Arrival()
     spinner = Spinner([node], stopped)
     assert not spinner.wait(event, 0.05)
     node.create_timer(0.05, event.set)

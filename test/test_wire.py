@@ -12,7 +12,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from redres_ros.nodes.conversions import to_joint_state, to_twist
-from redres_ros.nodes.wire import EncodingError, JointStateReader, read_twist
+from redres_ros.nodes.wire import (
+    EncodingError,
+    JointStateReader,
+    JointStateWriter,
+    TwistWriter,
+    read_twist,
+)
 
 NAMES = tuple(f'joint_{i}' for i in range(7))
 Q = np.linspace(-1.0, 1.0, 7)
@@ -125,3 +131,24 @@ def test_random_bytes_are_refused_or_read_and_nothing_else():
         for read in (reader.read, read_twist):
             with suppress(EncodingError):
                 read(bytes(data[: rng.randrange(len(data) + 1)]))
+
+
+def test_states_and_twists_are_written_as_rclpy_writes_them():
+    rng = random.Random(2)
+    numbers = np.random.default_rng(2)
+    for _ in range(100):
+        n = rng.randrange(10)
+        names = [random_text(rng) for _ in range(n)]
+        frame = random_text(rng)
+        states = JointStateWriter(names)
+        twists = TwistWriter(frame)
+        for _ in range(3):
+            stamped = rng.randrange(2**31 * 10**9)
+            q, dq = numbers.normal(size=(2, n))
+            dx = numbers.normal(size=rng.choice((3, 6)))
+            state = to_joint_state(stamped, names, q, dq)
+            written = states.written(stamped, q, dq)
+            assert deserialize_message(written, JointState) == state
+            assert len(written) == len(serialize_message(state))
+            twist = twists.written(stamped, dx)
+            assert deserialize_message(twist, TwistStamped) == to_twist(stamped, frame, dx)

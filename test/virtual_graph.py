@@ -16,6 +16,7 @@ from unittest import mock
 
 import rclpy
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
 
 from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
@@ -126,7 +127,8 @@ class _Wired(Node):
     graph: Graph
 
     def create_publisher(self, msg_type: Any, topic: str, qos: Any, **options: Any) -> Any:
-        return _Wire(self.graph, topic, getattr(getattr(qos, 'durability', 0), 'value', 0) == 1)
+        latched = getattr(getattr(qos, 'durability', 0), 'value', 0) == 1
+        return _Wire(self.graph, msg_type, topic, latched)
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[[Any], None], *rest: Any, **options: Any
@@ -151,13 +153,16 @@ class _Wired(Node):
 class _Wire:
     """In the place of a publisher."""
 
-    def __init__(self, graph: Graph, topic: str, latched: bool) -> None:
+    def __init__(self, graph: Graph, kind: type, topic: str, latched: bool) -> None:
         self._graph = graph
+        self._kind = kind
         self._topic = topic
         self._latched = latched
 
     def publish(self, message: Any) -> None:
-        """Over the wires."""
+        """Over the wires; one that is serialised already as what it is."""
+        if isinstance(message, bytes):
+            message = deserialize_message(message, self._kind)
         self._graph.publish(self._topic, message, latched=self._latched)
 
     def get_subscription_count(self) -> int:
@@ -262,6 +267,4 @@ def _as_yaml(value: Any) -> str:
 
 def _copied(message: Any) -> Any:
     """A message of its own, as after a way through DDS."""
-    from rclpy.serialization import deserialize_message, serialize_message
-
     return deserialize_message(serialize_message(message), type(message))

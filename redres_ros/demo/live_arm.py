@@ -17,12 +17,11 @@ from std_msgs.msg import String
 from redres_ros.demo.judge import Cycle, Figures, read_cycle
 from redres_ros.demo.sampling import Sample, Sampler
 from redres_ros.demo.settings import credible, judge_of, model_of
-from redres_ros.demo.tape import STAMP_END, stamp_of
 from redres_ros.errors import RedresError
 from redres_ros.nodes.conversions import JointOrder
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
-from redres_ros.nodes.wire import EncodingError, deserialised
+from redres_ros.nodes.wire import STAMP_END, EncodingError, deserialised, stamp_of
 
 STATES = 'joint_states'
 COMMANDS = 'joint_command'

@@ -8,8 +8,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from redres_ros.demo.replay import MOVING
-from redres_ros.demo.tape import stamp_of
 from redres_ros.nodes.qos import LATCHED, NEWEST
+from redres_ros.nodes.wire import stamp_of
 
 SESSION = 'sim/session_state'
 REASON = 'sim/stop_reason'

@@ -120,6 +120,14 @@ class Log:
                 changes.append((seconds, self.law_at(before), self.law_at(after)))
         return tuple(changes)
 
+    def scaling_at(self, stamp: int) -> float:
+        """The share of the task velocity that the limits allowed; it is told when it changes."""
+        return _latest(self.scalings, self._scaling_stamps, stamp) if self.scalings else 1.0
+
+    @cached_property
+    def _scaling_stamps(self) -> list[int]:
+        return sorted(self.scalings)
+
     @cached_property
     def _law_stamps(self) -> list[int]:
         return sorted(self.laws)
@@ -211,7 +219,7 @@ def replay(
                 elapsed,
                 J,
                 make_law(log.law_at(stamp)).weight(state),
-                s=log.scalings.get(stamp, 1.0),
+                s=log.scaling_at(stamp),
                 limiting='',
                 lost=np.zeros(len(J)),
             )

@@ -16,6 +16,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, Int32, String
 from visualization_msgs.msg import MarkerArray
 
+from redres_ros.nodes.wire import stamp_of
+
 # What a run is judged by.
 JUDGED: dict[str, type] = {
     'joint_states': JointState,
@@ -53,10 +55,6 @@ TOPICS: dict[str, type] = {
 
 _NAMES = tuple(TOPICS)
 _WITH_STAMP = {topic for topic, kind in JUDGED.items() if hasattr(kind, 'header')}
-# Of a serialised message with a header: 4 bytes say how it is encoded, then come the seconds and
-# nanoseconds of its stamp.
-_STAMP = struct.Struct('<4xiI')
-STAMP_END = _STAMP.size  # [bytes]
 _HEAD = struct.Struct('<qB?I')  # time [ns], number of the topic, heard, length [bytes]
 _BUFFER = 16384  # [bytes] it is written in small pieces, so that no cycle has much to write
 
@@ -112,12 +110,6 @@ class Tape:
     def close(self) -> None:
         """Write what is left."""
         self._file.close()
-
-
-def stamp_of(data: bytes) -> int:
-    """Stamp [ns] of a serialised message that has a header."""
-    seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds) * 10**9 + int(nanoseconds)
 
 
 def read_tape(path: Path) -> Iterator[Entry]:

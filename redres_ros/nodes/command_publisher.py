@@ -7,8 +7,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from redres_ros.command import Command
-from redres_ros.nodes.conversions import JointMessage
 from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.wire import JointStateWriter
 
 
 class CommandPublisher:
@@ -21,7 +21,7 @@ class CommandPublisher:
     """
 
     def __init__(self, node: Node, names: Sequence[str], forward: bool) -> None:
-        self._message = JointMessage(names)
+        self._writer = JointStateWriter(names)
         self._publisher = node.create_publisher(JointState, 'joint_command', PUBLISH)
         self._forward_publisher = None
         if forward:
@@ -36,6 +36,6 @@ class CommandPublisher:
             stamp: Of the state [ns].
             command: Its answer.
         """
-        self._publisher.publish(self._message.filled(stamp, command.q_ref, command.dq))
+        self._publisher.publish(self._writer.written(stamp, command.q_ref, command.dq))
         if self._forward_publisher:
             self._forward_publisher.publish(Float64MultiArray(data=command.q_ref.tolist()))

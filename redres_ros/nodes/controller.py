@@ -92,7 +92,7 @@ class ControllerNode(ManagedNode):
         self._states = JointStateReader()
         self._joints = JointOrder(model.joint_names, self.get_logger().info)
         self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
-        self._telemetry = MotionTelemetry(self, frame)
+        self._telemetry = MotionTelemetry(self, frame, T)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
         self._diagnostics = Diagnostics(self, robot.name, self._health)
@@ -154,7 +154,7 @@ class ControllerNode(ManagedNode):
 
     def _publish(self, answer: Reply) -> None:
         # The planner is to know of another scaling before the state after this one.
-        self._telemetry.publish_change(answer.scaling)
+        self._telemetry.publish_scaling(answer.scaling)
         self._commands.publish(answer.stamp, answer.command)
         self._telemetry.publish(answer, self._controller.law)
         if answer.restarted:

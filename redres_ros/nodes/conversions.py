@@ -9,7 +9,6 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
-from redres_ros.fri.robot_clock import NANOSECONDS
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.wire import JointSample
 from redres_ros.robot_model import RobotModel, quaternion
@@ -111,33 +110,6 @@ def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarr
     )
     message.header.stamp = to_time(stamp)
     return message
-
-
-class JointMessage:
-    """One JointState that is filled again for every command: making a new one takes ten times as
-    long.
-
-    Publishing serialises it, so it may be filled anew as soon as that is done.
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self.message = to_joint_state(0, names, *np.zeros((2, len(names))))
-        self._q = np.frombuffer(self.message.position)
-        self._dq = np.frombuffer(self.message.velocity)
-
-    def filled(self, stamp: int, q: np.ndarray, dq: np.ndarray) -> JointState:
-        """The message with these values.
-
-        Args:
-            stamp: [ns].
-            q: Positions, (n,) [rad].
-            dq: Velocities, (n,) [rad/s].
-        """
-        self._q[:] = q
-        self._dq[:] = dq
-        time = self.message.header.stamp
-        time.sec, time.nanosec = divmod(stamp, NANOSECONDS)
-        return self.message
 
 
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:

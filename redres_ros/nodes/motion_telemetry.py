@@ -13,6 +13,8 @@ from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import Telemetry
 
 _SCALING = 'task_scaling'
+_FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING}
+_REMINDER = 0.02  # [s] after which an unchanged scaling is told again, as a word may be lost
 
 
 class MotionTelemetry:
@@ -21,21 +23,30 @@ class MotionTelemetry:
     Args:
         node: Publishes.
         frame: Which the tip's pose is in.
+        T: The controller's cycle [s].
     """
 
-    def __init__(self, node: Node, frame: str) -> None:
-        numbers = dict.fromkeys((*FIGURES, 'lost_velocity'), Float64)
+    def __init__(self, node: Node, frame: str, T: float) -> None:
+        numbers = dict.fromkeys((*_FIGURES, 'lost_velocity'), Float64)
         words = {'limiting': String, 'law': String}
         self._telemetry = Telemetry(node, {'tip_pose': PoseStamped, **numbers, **words})
+        # By itself: the planner always listens to it.
+        self._scaling_telemetry = Telemetry(node, {_SCALING: Float64})
         self._frame = frame
         self._scaling = 0.0  # published last
-        self._is_published = False  # whether that was for this tick
+        self._unsaid = 0  # ticks since then
+        self._unsaid_most = max(round(_REMINDER / T), 1)
 
-    def publish_change(self, scaling: float) -> None:
-        """Publish the share of the task that is executed if it is another one than before."""
-        if scaling != self._scaling:
-            self._publish_scaling(scaling)
-            self._is_published = True
+    def publish_scaling(self, scaling: float) -> None:
+        """Publish the share of the task that is executed: a change at once, and now and then again.
+
+        The planner listens, so every message of these would wake it up.
+        """
+        self._unsaid += 1
+        if scaling != self._scaling or self._unsaid >= self._unsaid_most:
+            self._scaling = scaling
+            self._unsaid = 0
+            self._scaling_telemetry.publish(_SCALING, lambda: scaling)
 
     def publish(self, answer: Reply, law: Law) -> None:
         """Publish all that is listened to.
@@ -44,22 +55,14 @@ class MotionTelemetry:
             answer: Of this tick.
             law: In force.
         """
-        if not self._is_published:
-            self._publish_scaling(answer.scaling)
-        self._is_published = False
         if not self._telemetry.heard:
             return
         publish = self._telemetry.publish
         command = answer.command
         state = command.state
         publish('tip_pose', lambda: to_pose(answer.stamp, self._frame, state.x, state.R))
-        for name, figure in FIGURES.items():
-            if name != _SCALING:
-                publish(name, partial(figure, command))
+        for name, figure in _FIGURES.items():
+            publish(name, partial(figure, command))
         publish('lost_velocity', lambda: norm(command.lost))
         publish('limiting', lambda: command.limiting)
         publish('law', lambda: law_name(law))
-
-    def _publish_scaling(self, scaling: float) -> None:
-        self._scaling = scaling
-        self._telemetry.publish(_SCALING, lambda: scaling)

@@ -14,7 +14,7 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.conversions import JointOrder, from_pose, to_pose, to_twist
+from redres_ros.nodes.conversions import JointOrder, from_pose, to_pose
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
@@ -24,7 +24,7 @@ from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.nodes.wire import JointSample, JointStateReader
+from redres_ros.nodes.wire import JointSample, JointStateReader, TwistWriter
 from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference
@@ -63,6 +63,7 @@ class PlannerNode(ManagedNode):
         self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
         self._frame = self._settings.base_frame or self._model.base_frame
         self._states = JointStateReader()
+        self._twists = TwistWriter(self._frame)
         self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
         T = 1.0 / self._settings.rate
         pacing = Pacing(T, self._settings.lockstep)
@@ -126,7 +127,7 @@ class PlannerNode(ManagedNode):
             self._publish(step, R)
 
     def _publish(self, step: Step, R: np.ndarray) -> None:
-        self._twist_publisher.publish(to_twist(step.stamp, self._frame, step.dx))
+        self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
         reference = step.reference
         if reference is not None and self._telemetry.heard:
             self._publish_telemetry(step.stamp, reference, R)

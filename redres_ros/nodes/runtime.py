@@ -35,11 +35,29 @@ PARENT = 'REDRES_PARENT'
 
 _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
-_GLANCE = 0.0005  # [s] between looks at an event that a callback may set
 
 
 class StartError(RedresError):
     """ROS cannot be started as the environment asks for."""
+
+
+class Arrival(threading.Event):
+    """An event that ends a wait in the thread of the executor as soon as it is set."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._future = Future()
+
+    def future(self) -> Future:
+        """Is done when the event is set next."""
+        self._future = Future()
+        return self._future
+
+    def set(self) -> None:
+        """Note that it has come."""
+        super().set()
+        if not self._future.done():
+            self._future.set_result(None)
 
 
 class Waiting(Protocol):
@@ -48,7 +66,7 @@ class Waiting(Protocol):
     def sleep(self, seconds: float) -> None:
         """Wait for that long."""
 
-    def wait(self, event: threading.Event, seconds: float) -> bool:
+    def wait(self, event: Arrival, seconds: float) -> bool:
         """Wait until the event is set.
 
         Args:
@@ -98,7 +116,7 @@ class Spinner:
         """Answer callbacks for that long; for a loop in the thread of the executor."""
         self._executor.spin_until_future_complete(self._never, timeout_sec=max(seconds, 0.0))
 
-    def wait(self, event: threading.Event, seconds: float) -> bool:
+    def wait(self, event: Arrival, seconds: float) -> bool:
         """Answer callbacks until the event is set.
 
         Args:
@@ -108,9 +126,8 @@ class Spinner:
         Returns:
             Whether it is set.
         """
-        until = time.monotonic() + seconds
-        while not event.is_set() and time.monotonic() < until and not self._stopped.is_set():
-            self.sleep(min(until - time.monotonic(), _GLANCE))
+        if not event.is_set():
+            self._executor.spin_until_future_complete(event.future(), timeout_sec=seconds)
         return event.is_set()
 
     def close(self) -> None:

@@ -23,17 +23,16 @@ from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
 from redres_ros.fri.robot import FriRobot
 from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
-from redres_ros.nodes.conversions import to_joint_state, to_wrench
+from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
-from redres_ros.nodes.runtime import Waiting, run_nodes
+from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
-from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.nodes.wire import EncodingError, JointStateReader
+from redres_ros.nodes.wire import EncodingError, JointStateReader, JointStateWriter, stamp_of
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -97,7 +96,7 @@ class SimNode(ManagedNode):
         # Not the node's clock: with use_sim_time that stands at 0 until somebody publishes /clock.
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
-        self._under_way: Channel[JointState] = Channel(f'{seed} states', faults.states)
+        self._under_way: Channel[bytes] = Channel(f'{seed} states', faults.states)
         self._inbox = Inbox(
             self._plant.joint_names,
             self._robot_clock,
@@ -107,8 +106,9 @@ class SimNode(ManagedNode):
             timed=not self._settings.lockstep,
         )
         self._commands = JointStateReader()
-        self._asked = JointState()  # the newest state that got out
-        self._arrival = threading.Event()
+        self._writer = JointStateWriter(self._plant.joint_names)
+        self._asked = self._writer.written(0, self._robot.q, self._robot.dq)  # newest that got out
+        self._arrival = Arrival()  # of a command
         self._client_lives = False
         self._cycles_waited = 0
         self._reset_wanted = False
@@ -179,12 +179,12 @@ class SimNode(ManagedNode):
     def _publish_state(self) -> None:
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
-        state = to_joint_state(stamp, self._plant.joint_names, self._robot.q, self._robot.dq)
+        state = self._writer.written(stamp, self._robot.q, self._robot.dq)
         self._arrival.clear()
         self._under_way.send(state, tick)
         for arriving in self._under_way.receive(tick) if self.active else ():
             self._states.publish(arriving)
-            self._asked = max(self._asked, arriving, key=_stamp)
+            self._asked = max(self._asked, arriving, key=stamp_of)
         tip = self._description.arm.tip_frame
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
@@ -212,7 +212,7 @@ class SimNode(ManagedNode):
     @property
     def _unanswered(self) -> bool:
         """Whether a state that got out, not lost or delayed by a fault, has no answer."""
-        return self._inbox.newest < _stamp(self._asked)
+        return self._inbox.newest < stamp_of(self._asked)
 
     def _on_command(self, message: JointState | bytes) -> None:
         if not self.active:
@@ -285,10 +285,6 @@ class SimNode(ManagedNode):
             connection = f'connection {session.quality.name}: {session.at_fault}'
             return Health(WARN, self._refusals.reasons or connection, figures)
         return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
-
-
-def _stamp(state: JointState) -> int:
-    return to_nanoseconds(state.header.stamp)
 
 
 def main(arguments: list[str] | None = None) -> int:
