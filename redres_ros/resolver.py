@@ -4,11 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from redres_ros.motion import Proposal, scaled
 from redres_ros.parameter import several
 from redres_ros.planner import quintic
+from redres_ros.reach import Reach
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
 
@@ -77,10 +76,11 @@ class Limited:
 
     Args:
         limits: What is kept.
-        scale: (m,) makes rows of the first task comparable; None where they are.
+        task: The first one.
+        model: The arm.
     """
 
-    def __init__(self, limits: 'Limits', scale: np.ndarray | None) -> None:
+    def __init__(self, limits: 'Limits', task: Task, model: RobotModel) -> None:
         # compiled: loaded only where limits are wanted
         from redres_ros.bounded import bound
         from redres_ros.limits import limit_name
@@ -89,8 +89,12 @@ class Limited:
         self._bound = bound
         self._limit_name = limit_name
         self._limits = limits
-        self._scale = scale
-        self.bounds_acceleration = any(isinstance(limit, AccelerationLimit) for limit in limits)
+        self._scale = task.row_scale(model)
+        self._reach: Reach | None = None
+        for limit in limits:
+            if isinstance(limit, AccelerationLimit):
+                self._reach = Reach(task, model, limit.A)
+        self.bounds_acceleration = self._reach is not None
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
@@ -102,10 +106,15 @@ class Limited:
 
     def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
+        lower = [(J, J.dot(answer.dq)) for J, _ in answer.lower]
+        end = self._reach and self._reach.end(answer, start)
+        if self._reach and end:
+            answer = self._reach.slowed(answer, end)
+            levels = self._reach.levels(answer, end)
+        else:
+            levels = [scaled(answer.J, answer.executed, self._scale)]
         bounds = self._limits.at(start, T)
-        levels = [scaled(answer.J, answer.executed, self._scale)]
-        levels += [(J, J.dot(answer.dq)) for J, _ in answer.lower]
-        bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows)
+        bounded = self._bound(answer.dq, answer.W, levels + lower, bounds.box, bounds.rows)
         if bounded.dq is answer.dq:
             return answer
         acting = bounds.limiting(bounded)
@@ -113,7 +122,10 @@ class Limited:
         if acting is not None:
             limit, index = acting
             limiting = f'{limit.place(start, index)}: {self._limit_name(limit)}'
-        return replace(answer, dq=bounded.dq, s=bounded.s, limiting=limiting)
+        lost = answer.lost
+        if self._reach and end:
+            lost = self._reach.lost(answer, bounded.dq, end)
+        return replace(answer, dq=bounded.dq, s=bounded.s, limiting=limiting, lost=lost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,4 +190,4 @@ def make_resolver(
     made = make_limits(
         limits, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=gains
     )
-    return Limited(made, task.row_scale(model))
+    return Limited(made, task, model)

@@ -22,6 +22,7 @@ LAYERS = (
     {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},
     {'motion', 'plugins', 'command'},
+    {'reach'},
     {'resolver'},
     {'controller', 'fri'},
     {'following', 'task_run'},

@@ -212,27 +212,66 @@ def tangent(arm: str) -> np.ndarray:
     return np.linalg.svd(J)[0][:, 0]
 
 
+def arc(arm: str, width: float) -> tuple[np.ndarray, Path]:
+    """Joint positions (n,) from which an arc [m] goes out to the end of the reach and back."""
+    q, outward = stretched(arm)
+    x_far, _ = model_of(arm).tip(q)
+    way = width * tangent(arm)
+    bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 400)[-1].q_ref
+    x, _ = model_of(arm).tip(bent)
+    depth = float((x_far - x) @ outward)
+
+    def path(share: float) -> tuple[np.ndarray, np.ndarray]:
+        height = depth * (1.0 - (2.0 * share - 1.0) ** 2)
+        slope = -4.0 * depth * (2.0 * share - 1.0)
+        return x + share * way + height * outward, way + slope * outward
+
+    return bent, path
+
+
 @pytest.mark.slow
 @EVERY_STRETCHED
 @pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
 def test_through_it(arm, law):
     """An arc that touches the end of the reach from within, and goes on on the other side."""
-    q, outward = stretched(arm)
-    x_far, _ = model_of(arm).tip(q)
-    way = 0.05 * tangent(arm)
-    bent = driven(arm, law, q, [-SPEED * outward] * 400)[-1].q_ref
-    x, _ = model_of(arm).tip(bent)
-    depth = float((x_far - x) @ outward)
-
-    def arc(share: float) -> tuple[np.ndarray, np.ndarray]:
-        height = depth * (1.0 - (2.0 * share - 1.0) ** 2)
-        slope = -4.0 * depth * (2.0 * share - 1.0)
-        return x + share * way + height * outward, way + slope * outward
-
-    found = followed(arm, law, bent, arc, 6.0)
+    bent, path = arc(arm, 0.05)
+    found = followed(arm, law, bent, path, 6.0)
     check(arm, [command for command, _, _ in found])
     assert len(found) * T < 8.0
     assert max(error for _, _, error in found) < 1.5e-3
+
+
+@EVERY_STRETCHED
+def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm):
+    """The middle of an arc of 20 cm is 5 mm and more out of reach; it crept there for ever."""
+    bent, path = arc(arm, 0.2)
+    found = followed(arm, 'minimum_velocity', bent, path, 5.0)
+    commands = [command for command, _, _ in found]
+    check(arm, commands)
+    assert still(commands) <= 2
+    assert len(found) * T < 1.05 * 5.0
+    assert max(np.linalg.norm(command.lost) for command in commands) > 0.01  # and that is told
+    for command, dx, _ in found[-len(found) // 4 :]:
+        assert command.J @ command.dq == pytest.approx(dx, abs=1e-9)
+    _, _, error = found[-1]
+    assert error < 1e-4
+
+
+@EVERY_STRETCHED
+def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
+    """Far faster towards the end than it could stop: what is too much is left, and no other way."""
+    q, outward = stretched(arm)
+    model = model_of(arm)
+    bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 100)[-1].q_ref
+    sideways = SPEED * tangent(arm)
+    commands = driven(arm, 'minimum_velocity', bent, [SPEED * outward + sideways] * 200)
+    check(arm, commands)
+    last = commands[-1]
+    assert last.s == 1.0
+    assert last.J @ last.dq @ sideways == pytest.approx(sideways @ sideways, rel=0.1)
+    x, _ = model.tip(last.q_ref)
+    x_far, _ = model.tip(q)
+    assert np.linalg.norm(x) <= np.linalg.norm(x_far) + 1e-6
 
 
 @pytest.mark.slow
