@@ -14,8 +14,8 @@ from redres_ros.nodes.telemetry import Telemetry
 
 _SCALING = 'task_scaling'
 _FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING}
-# [s] after which an unchanged scaling is told again; the planner waits for 0.1 s, and nine of ten may
-# be lost
+# [s] after which an unchanged scaling is told again; the planner waits for 0.1 s, and nine of ten
+# may be lost
 _REMINDER = 0.008
 
 
