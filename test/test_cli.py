@@ -148,6 +148,10 @@ REFUSED = [
     (('--limit-scale', 'nan', '--limits', 'velocity'), 'scale is nan; allowed: '),
     (('--limit-scale', '0.5'), '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
     (('--torque-scale', 'nan'), '--torque-scale nan acts on limits; in use: none'),
+    (
+        ('--torque-scale', '0.5', '--limits', 'velocity'),
+        '--torque-scale 0.5 acts on the limit torque; in use: velocity, see --limits',
+    ),
     (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: elbow_height, "),
     (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, as '),
     (('--prefer', 'posture=-1'), 'gain is -1.0; allowed: 0 to '),

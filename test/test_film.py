@@ -97,6 +97,7 @@ def test_a_page_replays_the_motion_without_asking_anybody(
         (['--video', 'film.avi'], 'expected a name that ends in .mp4, .webp, .gif'),
         (['--video', '/dev/null/film.mp4'], 'cannot write /dev/null/film.mp4'),
         (['--save-page', '/dev/null/page.html'], 'cannot write /dev/null/page.html'),
+        (['--save-page', 'page.txt'], 'expected a name that ends in .html'),
         (['--mcap', 'run.bag'], 'expected a name that ends in .mcap'),
     ],
 )

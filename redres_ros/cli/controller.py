@@ -9,6 +9,8 @@ from redres_ros.cli.parser import NONE, OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from redres_ros.cli.task import WantedMotion
     from redres_ros.controller import Controller
     from redres_ros.laws import Law
@@ -91,10 +93,11 @@ def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limi
     """
     names = limit_names(options)
     if not names:
-        _check_scales(options)
+        _check_scales(options, {})
         return ()
-    from redres_ros.limits import make_limits
+    from redres_ros.limits import LIMITS, make_limits
 
+    _check_scales(options, {name: LIMITS[name] for name in names if name in LIMITS})
     gains = {
         gain.key: value for gain, value in given_gains(options).items() if gain.kind == 'limit'
     }
@@ -109,12 +112,15 @@ def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limi
     )
 
 
-def _check_scales(options: argparse.Namespace) -> None:
-    """Refuse a scale where no limits are in use."""
-    scales = {'--limit-scale': options.limit_scale, '--torque-scale': options.torque_scale}
-    for option, scale in scales.items():
-        if scale != 1.0:
-            raise OptionError(f'{option} {scale:g} acts on limits; in use: none, see --limits')
+def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]]') -> None:
+    """Refuse a scale of limits that are not in use."""
+    for name in ('limit_scale', 'torque_scale'):
+        scale = getattr(options, name)
+        if scale != 1.0 and all(limit.scaled_by != name for limit in limits.values()):
+            option = name.replace('_', '-')
+            of = 'the limit torque' if name == 'torque_scale' and limits else 'limits'
+            used = ', '.join(limits) or NONE
+            raise OptionError(f'--{option} {scale:g} acts on {of}; in use: {used}, see --limits')
 
 
 def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':

@@ -5,15 +5,20 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from redres_ros.cli.files import check_writable
+from redres_ros.cli.files import prepare
+from redres_ros.cli.parser import OptionError
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.outcome import Outcome
 
+_PAGE = '.html'
+
 
 def check_files(options: argparse.Namespace) -> None:
-    """Refuse files that could not be written at the end, or whose libraries are missing."""
+    """Make the folders of files; refuse those that could not be written at the end, or whose
+    libraries are missing.
+    """
     if options.mcap:
         from redres_ros.cli.record import check_recording
 
@@ -24,9 +29,11 @@ def check_files(options: argparse.Namespace) -> None:
 
         check_film(options.video)
         import_module('imageio_ffmpeg' if options.video.suffix == '.mp4' else 'PIL')
-    for path in filter(None, (options.video, options.save_page)):
-        check_writable(path)
+        prepare(options.video)
     if options.save_page:
+        if options.save_page.suffix != _PAGE:
+            raise OptionError(f'the page {options.save_page}; expected a name that ends in {_PAGE}')
+        prepare(options.save_page)
         import_module('viser')
 
 

@@ -28,6 +28,12 @@ def made(directory: Path, *names: str) -> Path:
     return directory
 
 
+def prepare(path: Path) -> None:
+    """Make the folder of a file. Raises FileError where the file could not be written."""
+    check_writable(path)
+    made(path.parent)
+
+
 def check_writable(path: Path) -> None:
     """Raise FileError where a file cannot be written; does not write it."""
     try:

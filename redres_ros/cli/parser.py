@@ -16,7 +16,13 @@ class OptionError(RedresError):
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows the defaults that say something."""
+    """Shows the defaults that say something, and leaves gains out of the usage: they fill a screen
+    below it.
+    """
+
+    def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
+        shown = [each for each in actions if '.' not in ''.join(each.option_strings)]
+        return super()._format_usage(usage, shown, groups, prefix)
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         if action.default in (None, False, '', ()):

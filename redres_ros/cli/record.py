@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.files import check_writable
+from redres_ros.cli.files import prepare
 from redres_ros.cli.options import add_domain, add_watching_time, check_duration
 from redres_ros.cli.parser import OptionError
 
@@ -24,13 +24,14 @@ def add(commands: Any) -> None:
 
 
 def check_recording(path: Path) -> None:
-    """Refuse a file that is no MCAP by its name, or cannot be written.
+    """Make the folder of a recording; refuse a file that is no MCAP by its name, or cannot be
+    written.
 
     Raises OptionError or FileError.
     """
     if path.suffix != SUFFIX:
         raise OptionError(f'the recording {path}; expected a name that ends in {SUFFIX}')
-    check_writable(path)
+    prepare(path)
 
 
 def _record(options: argparse.Namespace) -> int:
