@@ -18,6 +18,8 @@ _PAGE = '.html'
 def check_files(options: argparse.Namespace) -> None:
     """Make the folders of files; refuse those that could not be written at the end, or whose
     libraries are missing.
+
+    Raises OptionError, FileError or FilmError.
     """
     if options.mcap:
         from redres_ros.cli.record import check_recording
