@@ -1,4 +1,13 @@
-"""Fixtures that several test files share."""
+"""Fixtures that several test files share, and what spares time."""
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+# Several processes share the processors. numpy's threads would compete with them.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
 import pytest
@@ -10,6 +19,33 @@ def pytest_configure(config: pytest.Config) -> None:
     """Have the limits compiled before tests that wait for a node, and by one process alone."""
     if not hasattr(config, 'workerinput'):
         import redres_ros.limits  # noqa: F401
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Whether all tests of a file are left out anyway: then what they import need not be loaded."""
+    if not collection_path.name.startswith('test_') or collection_path.suffix != '.py':
+        return None
+    marks = re.findall(r'mark\.(\w+)', collection_path.read_text(encoding='utf-8'))
+    if config.option.markexpr == 'realtime' and 'realtime' not in marks:
+        return True
+    text = collection_path.read_text(encoding='utf-8')
+    if config.option.markexpr == 'not slow' and '\npytestmark = pytest.mark.slow\n' in text:
+        return True
+    return None
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
+    """Lines are counted in quick tests only. Counting them takes half as long again."""
+    plugin = item.config.pluginmanager.getplugin('_cov')
+    counting = getattr(plugin, 'cov_controller', None)
+    if counting is None or not item.get_closest_marker('slow'):
+        return (yield)
+    counting.pause()
+    try:
+        return (yield)
+    finally:
+        counting.resume()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,15 +1,13 @@
 """bound(): the box always, then rows, the largest share of the task, the law."""
 
-import os
-
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 from scipy.optimize import linprog, nnls
 
 from redres_ros.bounded import Bounded, bound
 from redres_ros.resolution import Factor, resolve
 
-NIGHTLY = bool(os.environ.get('REDRES_NIGHTLY'))
 MANY = 100_000 if NIGHTLY else 300
 EXACT = 1e-9  # what is asked of shares and optimality residuals; rounding leaves 1e-12
 PRECISE = {'primal_feasibility_tolerance': 1e-10, 'dual_feasibility_tolerance': 1e-10}

@@ -1,10 +1,10 @@
 """The controller within limits: what it keeps, what it tells, and that nothing makes it jump."""
 
-import os
 from itertools import combinations
 
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 
 from redres_ros import LAWS, Command, Controller, RobotModel, WaypointTask, load_task, make_law
 from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownNameError
@@ -17,7 +17,6 @@ BOX = ('position', 'velocity', 'acceleration')
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 FAST = np.array((0.0, -3.0, 0.0))  # [m/s], beyond what the joints can do
 ROUNDING = 1e-9  # of an acceleration, a difference of velocities divided by T
-NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 COMBINATIONS = [names for count in range(1, 6) for names in combinations(LIMITS, count)]
 EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 

@@ -17,6 +17,8 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from nightly import NIGHTLY
+
 from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
@@ -28,6 +30,8 @@ from redres_ros.waypoints import load_task
 pytestmark = pytest.mark.slow
 
 JOINTS = slice(1, 8)  # columns q1..q7
+PERIOD = 0.004  # [s] of a run in lock-step: in so many cycles all that matters there can happen
+IN_LOCKSTEP = ('--lockstep', '--rate', f'{1.0 / PERIOD:g}')
 
 
 def command(out: Path) -> list[str]:
@@ -84,7 +88,7 @@ def lockstep(tmp_path_factory: pytest.TempPathFactory, short_task: str) -> Path:
     """A run in lock-step with an ideal arm."""
     out = tmp_path_factory.mktemp('lockstep')
     to_mcap = ('--mcap', str(out / 'run.mcap'))
-    done = demo(out, '--lockstep', '--plant', 'ideal', '--task', short_task, *to_mcap)
+    done = demo(out, *IN_LOCKSTEP, '--plant', 'ideal', '--task', short_task, *to_mcap)
     assert done.returncode == 0, done.stdout + done.stderr
     return out
 
@@ -93,7 +97,7 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
     lockstep: Path, short_task: str
 ) -> None:
     controller = Controller(
-        RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), 0.002, switch_time=0.2
+        RobotModel.named('lwr4_paper'), make_law('minimum_acceleration'), PERIOD, switch_time=0.2
     )
     expected = run(controller, load_task(short_task), delay=1).data
     got = motion(lockstep)
@@ -103,7 +107,7 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
 
 def test_lockstep_answers_every_state_and_records_every_answer(lockstep: Path) -> None:
     rows = motion(lockstep)
-    np.testing.assert_allclose(rows[:, 0], 0.002 * np.arange(len(rows)), atol=1e-9)
+    np.testing.assert_allclose(rows[:, 0], PERIOD * np.arange(len(rows)), atol=1e-9)
     cycles = summary(lockstep)['cycles']
     assert cycles == {
         'in_time': len(rows),
@@ -134,23 +138,16 @@ def test_the_messages_of_a_run_are_in_its_file(lockstep: Path) -> None:
     assert parameters['/controller']['ros__parameters']['law'] == 'minimum_acceleration'
 
 
-def test_lockstep_with_physics_is_the_same_to_the_last_bit_every_time(
+def test_lockstep_with_physics_is_the_same_to_the_last_bit_in_three_processes_and_in_one(
     tmp_path: Path, short_task: str
 ) -> None:
-    for name in ('first', 'second'):
-        done = demo(tmp_path / name, '--lockstep', '--task', short_task)
+    """And so every time: nothing depends on who runs when."""
+    for name, options in (('three', ()), ('one', ('--composed',))):
+        done = demo(tmp_path / name, *IN_LOCKSTEP, '--task', short_task, *options)
         assert done.returncode == 0, done.stdout + done.stderr
-    np.testing.assert_array_equal(motion(tmp_path / 'first'), motion(tmp_path / 'second'))
-
-
-def test_composed_in_one_process_the_nodes_do_the_same_and_no_row_is_lost(
-    tmp_path: Path, lockstep: Path, short_task: str
-) -> None:
-    done = demo(tmp_path, '--lockstep', '--plant', 'ideal', '--task', short_task, '--composed')
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / 'composed.log').exists()
-    assert not (tmp_path / 'controller.log').exists()
-    np.testing.assert_array_equal(motion(tmp_path)[:, JOINTS], motion(lockstep)[:, JOINTS])
+    assert (tmp_path / 'one' / 'composed.log').exists()
+    assert not (tmp_path / 'one' / 'controller.log').exists()
+    np.testing.assert_array_equal(motion(tmp_path / 'three'), motion(tmp_path / 'one'))
 
 
 @pytest.fixture(scope='module')
@@ -210,9 +207,9 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
     )
 
 
-@pytest.mark.realtime
 def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
-    done = demo(tmp_path, '--law', 'minimum_velocity', '--limits', 'none')
+    options = ('--law', 'minimum_velocity', '--limits', 'none')
+    done = demo(tmp_path, '--lockstep', '--composed', *options)
     assert done.returncode == 1, done.stdout + done.stderr
     assert 'protective stop' in summary(tmp_path)['stop_reason']
     assert summary(tmp_path)['task'] == 'NOT finished'
@@ -221,7 +218,7 @@ def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
 
 @pytest.mark.realtime
 def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(tmp_path: Path) -> None:
-    duration = 600 if os.environ.get('REDRES_NIGHTLY') == '1' else 12
+    duration = 600 if NIGHTLY else 8
     done = demo(tmp_path, '--duration', str(duration), timeout=duration + 120)
     assert done.returncode == 0, done.stdout + done.stderr
     endurance = summary(tmp_path)['endurance']

@@ -60,11 +60,22 @@ def runs() -> Runs:
     return runs
 
 
+class Drawn(dict[int, Figure]):
+    """The figures, each drawn when a test first asks for it."""
+
+    def __init__(self, runs: Runs) -> None:
+        self._runs = runs
+
+    def __missing__(self, number: int) -> Figure:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(motions, 'render', grey_pictures)
+            self[number] = FIGURES[number](self._runs)
+        return self[number]
+
+
 @pytest.fixture(scope='module')
-def figures(runs: Runs) -> dict[int, Figure]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motions, 'render', grey_pictures)
-        return {number: draw(runs) for number, draw in FIGURES.items()}
+def figures(runs: Runs) -> Drawn:
+    return Drawn(runs)
 
 
 def plots(figure: Figure) -> list[Axes]:

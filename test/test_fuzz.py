@@ -6,7 +6,6 @@ own. Some hundreds in all; with REDRES_NIGHTLY=1 ten thousand.
 """
 
 import math
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +22,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from graph_helpers import NAMES, PERIOD, START, Witness, await_that, graph, log_lines
+from nightly import NIGHTLY
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -39,7 +39,7 @@ from redres_ros.robots.joint_limits import JointLimits
 
 pytestmark = pytest.mark.slow
 
-CASES = 10_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 1000
+CASES = 10_000 if NIGHTLY else 1000
 FIRST = 10**18  # [ns] stamp of the first state
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 

@@ -2,7 +2,6 @@
 preferences are switched: some thousands, and a hundred thousand with REDRES_NIGHTLY=1.
 """
 
-import os
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from nightly import NIGHTLY
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
@@ -27,7 +27,7 @@ from redres_ros.tasks import TASKS
 
 pytestmark = pytest.mark.slow
 
-MESSAGES = 100_000 if os.environ.get('REDRES_NIGHTLY') == '1' else 3000
+MESSAGES = 100_000 if NIGHTLY else 3000
 RATE = 100.0  # [Hz]
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 ODD = (np.nan, np.inf, -np.inf, 1e300, -1e-300, 0.0)

@@ -24,6 +24,7 @@ import yaml
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import PATIENCE, START, Probe, Witness, await_that, graph, log_lines, nodes
+from nightly import NIGHTLY
 from std_msgs.msg import String
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
@@ -34,7 +35,6 @@ from redres_ros.robots.joint_limits import JointLimits
 
 pytestmark = pytest.mark.realtime
 
-NIGHTLY = os.environ.get('REDRES_NIGHTLY') == '1'
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
