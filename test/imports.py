@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,11 +56,14 @@ def imports_of(path: Path) -> Iterator[Import]:
             yield from (Import(file, name, node not in inside) for name in modules)
 
 
-IMPORTS = [found for path in sorted(PACKAGE.rglob('*.py')) for found in imports_of(path)]
+@cache
+def imports() -> tuple[Import, ...]:
+    """All of them. Reading them takes a second, which only who asks should pay."""
+    return tuple(found for path in sorted(PACKAGE.rglob('*.py')) for found in imports_of(path))
 
 
 def files_with(library: str) -> set[str]:
-    return {found.file for found in IMPORTS if re.fullmatch(library, found.library)}
+    return {found.file for found in imports() if re.fullmatch(library, found.library)}
 
 
 def room(name: str) -> str:

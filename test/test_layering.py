@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from imports import IMPORTS, PACKAGE, ROS, WITH_ROS, Import, files_with, room
+from imports import PACKAGE, ROS, WITH_ROS, Import, files_with, imports, room
 
 import redres_ros
 
@@ -44,7 +44,7 @@ def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
     """Pairs (importing file, room imported) within the package, for files in that room or in all of
     them.
     """
-    for file, module, _ in IMPORTS:
+    for file, module, _ in imports():
         if module.startswith('redres_ros.') and file != '__init__.py' and where in ('', room(file)):
             yield file, room(module)
 
@@ -53,8 +53,8 @@ def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
 
 
 def test_all_files_were_read():
-    assert len({found.file for found in IMPORTS}) > 20
-    assert Import('controller.py', 'numpy', True) in IMPORTS
+    assert len({found.file for found in imports()}) > 20
+    assert Import('controller.py', 'numpy', True) in imports()
 
 
 # What others' inverse kinematics cost must not depend on our wrappers, so the peers have the two
@@ -81,7 +81,7 @@ def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
 
 def test_what_is_not_required_is_imported_when_it_is_asked_for():
     others = ('embodik', 'pink', 'mink')
-    assert not any(found.on_loading for found in IMPORTS if found.library in others)
+    assert not any(found.on_loading for found in imports() if found.library in others)
     assert {other: files_with(other) for other in others} == {other: {PEERS} for other in others}
 
 
@@ -91,7 +91,7 @@ def test_only_the_page_imports_viser():
 
 def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():
     loading = {
-        found.file for found in IMPORTS if found.on_loading and re.fullmatch(ROS, found.library)
+        found.file for found in imports() if found.on_loading and re.fullmatch(ROS, found.library)
     }
     assert {room(file) for file in loading} == WITH_ROS
 
@@ -104,14 +104,14 @@ FORMULAS = ('closed_form', 'factors')
 
 
 def test_resolution_needs_nothing_but_numpy_and_lapack_and_the_compiled_formula():
-    modules = {found.module for found in IMPORTS if found.file == 'resolution.py'}
+    modules = {found.module for found in imports() if found.file == 'resolution.py'}
     needed = {'numpy', 'scipy.linalg.blas', 'scipy.linalg.lapack'}
     own = {'redres_ros.errors', *(f'redres_ros.kernels.{name}' for name in FORMULAS)}
     assert modules - needed - own <= {'math', 'itertools', 'functools', 'collections.abc'}
 
 
 def test_compiled_formulas_need_nothing_but_numpy_and_numba():
-    formulas = [found for found in IMPORTS if room(found.file) == 'kernels']
+    formulas = [found for found in imports() if room(found.file) == 'kernels']
     formulas = [found for found in formulas if Path(found.file).stem not in ('compiled', 'cache')]
     assert {room(found.module) for found in formulas} <= {'typing', 'numpy', 'numba', 'kernels'}
 
@@ -121,13 +121,15 @@ def test_everything_compiled_is_in_one_room():
     assert {room(file) for file in files_with('numba')} == {'kernels'}
     assert {
         room(found.file)
-        for found in IMPORTS
+        for found in imports()
         if found.module == 'redres_ros.kernels.compiled' and room(found.file) != 'kernels'
     } == set()
 
 
 def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():
-    loading = {found.module for found in IMPORTS if room(found.file) == 'cli' and found.on_loading}
+    loading = {
+        found.module for found in imports() if room(found.file) == 'cli' and found.on_loading
+    }
     own = {module for module in loading if module.startswith('redres_ros')}
     assert {module for module in own if room(module) != 'cli'} == {'redres_ros.errors'}
     assert all(module.partition('.')[0] in sys.stdlib_module_names for module in loading - own)

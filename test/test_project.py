@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import yaml
-from imports import IMPORTS, ROS
+from imports import ROS, imports
 
 ROOT = Path(__file__).resolve().parents[1]
 SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
@@ -70,6 +70,6 @@ def test_the_container_for_developers_installs_what_the_tests_need() -> None:
 
 def test_every_ros_package_that_is_imported_is_a_dependency_of_the_package() -> None:
     named = {e.text for e in ElementTree.parse(ROOT / 'package.xml').getroot()}
-    imported = {found.library for found in IMPORTS if re.fullmatch(ROS, found.library)}
+    imported = {found.library for found in imports() if re.fullmatch(ROS, found.library)}
     assert 'sensor_msgs' in imported
     assert sorted(imported - named) == []
