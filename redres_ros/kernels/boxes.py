@@ -114,7 +114,7 @@ def keeps_boxes(
             least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
-            elif kinds[k] == POSITION and (least > upper or most < lower):
+            elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
                 room = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
                 lower, upper = saved(lower, upper, room, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
@@ -164,7 +164,7 @@ def fill_boxes(
                 meet = False
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
-            elif kinds[k] == POSITION and (least > upper or most < lower):
+            elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
                 room = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
                 lower, upper = saved(lower, upper, room, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
