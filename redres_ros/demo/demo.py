@@ -121,8 +121,10 @@ class Demo:
 
     @contextmanager
     def _processes(self) -> Iterator[None]:
-        """The sim ends first: to be left alone by the controller would be a fault of its
-        connection.
+        """The nodes and what shows them, as processes while the block runs.
+
+        They end in the order in which they were started, the sim first: to be left alone by the
+        controller would be a fault of its connection.
         """
         parameters = self._parameters()
         if self.options.composed:
@@ -202,9 +204,7 @@ class Demo:
         return onlooker.word(SESSION) in COMMANDING
 
     def _run_task(self, onlooker: Onlooker, progress: Callable[[float], None]) -> None:
-        """Until the task is finished, the robot is stopped, or the task should have been finished
-        long ago.
-        """
+        """Run the task until it is finished, the robot is stopped, or it took far too long."""
         self._start_task(onlooker)
         switches = sorted(self.options.switches, key=lambda pair: pair[1])
         nominal = self.task.segments * self.task.segment_time
@@ -221,7 +221,7 @@ class Demo:
         time.sleep(SETTLING)
 
     def _start_task(self, onlooker: Onlooker) -> None:
-        """Until the planner has begun, or the robot is stopped."""
+        """Wait until the planner has begun, or the robot is stopped."""
         before = onlooker.began
         until = time.monotonic() + START_PATIENCE
         call(onlooker, Trigger, 'planner/start', Trigger.Request())
@@ -232,7 +232,7 @@ class Demo:
             time.sleep(_LOOK)
 
     def _repeat(self, onlooker: Onlooker, progress: Callable[[float], None]) -> Endurance:
-        """The task again and again, from wherever the last round ended."""
+        """Repeat the task, each round from where the last one ended."""
         before = {node.name: node.memory for node in self._nodes}
         duration = self.options.duration
         begun = onlooker.first_began
@@ -248,7 +248,7 @@ class Demo:
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, onlooker: Onlooker) -> None:
-        """As long as somebody looks, or until Ctrl-C, which is the end here."""
+        """Keep the nodes as long as somebody looks, or until Ctrl-C, an ordinary end here."""
         try:
             while any(view.status is None for view in self._views):
                 self._check(onlooker)

@@ -133,7 +133,7 @@ class Outcome:
 
     @property
     def ending(self) -> str:
-        """In a word or two."""
+        """How it ended, in a word or two."""
         if self.interrupted:
             return 'interrupted'
         if self.stop_reason or not self.recording.finished:

@@ -75,4 +75,4 @@ class Sampler:
 
 
 def _never(message: Any) -> None:
-    """Is not called: nobody spins the node."""
+    """Never called, because nobody spins the node."""

@@ -44,7 +44,7 @@ def remove_dead(names: Iterable[str]) -> list[str]:
 
 
 def _all_in_use() -> set[str]:
-    """What any process uses that may be looked at."""
+    """What all processes use that we may look into."""
     in_use: set[str] = set()
     for entry in Path('/proc').iterdir():
         if entry.name.isdecimal():

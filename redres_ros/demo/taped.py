@@ -61,7 +61,7 @@ class _TapedPublisher:
         self._has_listeners = True
 
     def publish(self, message: Any) -> None:
-        """As ever."""
+        """Write the message down; send it where somebody listens beside the tape."""
         self._tape.write(self._topic, message, heard=False)
         if self._has_listeners:
             self._publisher.publish(message)

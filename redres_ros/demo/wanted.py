@@ -11,7 +11,7 @@ from redres_ros.errors import RedresError
 
 
 class DemoError(RedresError):
-    """A run that came to nothing."""
+    """A run that could not begin, or failed on the way."""
 
 
 @dataclass(frozen=True)

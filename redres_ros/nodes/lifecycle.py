@@ -53,13 +53,13 @@ class ManagedNode(LifecycleNode):
             self.trigger_activate()
 
     def _begin(self) -> None:
-        """Act, from now on."""
+        """Begin to act."""
 
     def _end(self) -> None:
-        """Act no more."""
+        """Stop acting."""
 
     def _forget(self) -> None:
-        """Be as if just made."""
+        """Become as when just made."""
 
     @property
     def life(self) -> str:
@@ -72,19 +72,19 @@ class ManagedNode(LifecycleNode):
         return _DONE
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Act."""
+        """Begin to act."""
         self._begin()
         self.active = True
         return _DONE
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Act no more."""
+        """Stop acting."""
         self.active = False
         self._end()
         return _DONE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything, and listen no more."""
+        """Forget everything, and stop listening."""
         self.configured = False
         self._forget()
         return _DONE

@@ -29,7 +29,7 @@ class NoneError(RedresError):
 
 @dataclass(frozen=True)
 class MotionSettings:
-    """What the gains belong to.
+    """Which law, limits, preferences and tasks are in use.
 
     Raises:
         NoneError: The word for none stands beside names.

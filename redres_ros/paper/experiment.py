@@ -111,7 +111,7 @@ class _Run:
         return len(self._recorder) * self._client.T
 
     def _follow(self) -> Recording:
-        """Until the task is finished, the robot has stopped, or too much time is over."""
+        """Run until the task is finished, the robot has stopped, or it took too long."""
         rows: list[list[float]] = []
         n = self._client.model.n
         T = self._client.T

@@ -61,7 +61,7 @@ class Benchmark:
 
 @dataclass(frozen=True)
 class Saturated:
-    """What came of it."""
+    """What came of a motion."""
 
     seconds: float
     astray: float  # mean angle between the tip's velocity and the way to the corner [rad]

@@ -68,7 +68,7 @@ class Recorder:
         return len(self._rows)
 
     def add(self, q: np.ndarray) -> None:
-        """Take joint positions q (n,) [rad] down."""
+        """Write joint positions q (n,) [rad] down."""
         row = q.copy()
         if self._late and self._last is not None:
             late = self._random.random(len(q)) < self._late

@@ -99,7 +99,7 @@ def open_server(port: int, label: str) -> viser.ViserServer:
 
 
 def close_server(server: viser.ViserServer) -> None:
-    """Stop it without a word."""
+    """Stop the server; viser would print a line."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 

@@ -90,7 +90,7 @@ class Page:
                 self._ways[way].add(figures.time, place)
 
     def _forget(self) -> None:
-        """What was plotted and traced: whoever comes next must not see a leap over the gap."""
+        """Forget what was plotted and traced, so that nobody sees a leap over the gap."""
         for trail in (self._figures, *self._ways.values()):
             trail.clear()
 

@@ -1,4 +1,4 @@
-"""The newest of something that goes on."""
+"""The newest values of something that changes, and when it had them."""
 
 from collections import deque
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Trail:
-    """The newest of something, with the instants at which they were.
+    """The newest values of something, each with its instant.
 
     Args:
         span: How long they are kept [s].

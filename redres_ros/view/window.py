@@ -17,7 +17,7 @@ class WindowNode(Spectator):
     """Shows the arm of the graph in its domain and namespace."""
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Until the event is set or the window is closed.
+        """Show the arm until the event is set or the window is closed.
 
         Args:
             stopped: Ends it.
