@@ -13,6 +13,7 @@ import pytest
 from numba import float64
 from numba.core import caching
 
+from redres_ros.kernels import cache
 from redres_ros.kernels.cache import ROOM, stamp
 from redres_ros.kernels.closed_form import closed_form
 from redres_ros.kernels.compiled import compiled, direct, vector
@@ -32,6 +33,10 @@ def test_where_no_folder_for_the_cache_can_be_written_it_is_compiled_all_the_sam
 
 def first(x: np.ndarray) -> float:
     return x[0]
+
+
+def test_names_that_older_versions_of_numba_call_private_are_found():
+    assert cache._place('CacheLocator') is caching._CacheLocator
 
 
 def test_a_function_called_directly_gives_the_same():

@@ -27,6 +27,11 @@ def stamp(folder: Path = ROOM) -> str:
     return found.hexdigest()
 
 
+def _place(name: str) -> Any:
+    """numba's class of that name, which older versions, as that of Ubuntu 24.04, call private."""
+    return getattr(caching, name, None) or getattr(caching, f'_{name}')
+
+
 class _OfTheRoom(caching._CacheLocator):
     """A place for what is compiled in this room, and for nothing else."""
 
@@ -44,15 +49,15 @@ class _OfTheRoom(caching._CacheLocator):
         return 'kernel'
 
 
-class _WhereTheUserSays(_OfTheRoom, caching.UserProvidedCacheLocator):
+class _WhereTheUserSays(_OfTheRoom, _place('UserProvidedCacheLocator')):  # type: ignore[misc]
     pass
 
 
-class _BesideTheSource(_OfTheRoom, caching.InTreeCacheLocator):
+class _BesideTheSource(_OfTheRoom, _place('InTreeCacheLocator')):  # type: ignore[misc]
     pass
 
 
-class _InTheHome(_OfTheRoom, caching.UserWideCacheLocator):
+class _InTheHome(_OfTheRoom, _place('UserWideCacheLocator')):  # type: ignore[misc]
     pass
 
 
