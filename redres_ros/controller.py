@@ -30,6 +30,7 @@ DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would 
 MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
+_SCALING_RATE = Parameter('at which the share of the task velocity rises again [1/s]', 0.0, 1e3)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 TURN = 2.0 * np.pi  # [rad]
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
@@ -51,6 +52,7 @@ class Controller:
         limit_scale: float = 1.0,
         torque_scale: float = 1.0,
         limit_gains: Mapping[str, Any] = MappingProxyType({}),
+        task_scaling_rate: float = 0.0,
         preferences: Iterable[str | Preference] = (),
         secondary_tasks: Iterable[str | Task] = (),
     ) -> None:
@@ -68,6 +70,9 @@ class Controller:
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
             limit_gains: Gains of limits given by name, as {'position.margin': 0.02}.
+            task_scaling_rate: Once limits have left only a share of the task velocity, it rises
+                again at this rate [1/s]: a lower speed leaves the spare joints to the law, which
+                calms them. 0: the largest share in every tick.
             preferences: Names in PREFERENCES, or preferences; they add up.
             secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
                 stands for holding the value of the start of the motion.
@@ -82,6 +87,7 @@ class Controller:
         for name, value, parameter in (
             ('T', T, _SAMPLING_TIME),
             ('switch_time', switch_time, _SWITCH_TIME),
+            ('task_scaling_rate', task_scaling_rate, _SCALING_RATE),
             ('integrate_from', integrate_from, _INTEGRATE_FROM),
         ):
             check_value(name, value, parameter)
@@ -92,6 +98,7 @@ class Controller:
         self.task = _task(task)
         self.m = self.task.size
         self.switch_time = switch_time
+        self.task_scaling_rate = task_scaling_rate
         self._integrate_from = integrate_from
         self._turning = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
         self._nothing_lost = np.zeros(self.m)
@@ -194,6 +201,7 @@ class Controller:
         """Forget the last command: the next update starts at the measured position, at rest."""
         self._q_ref: np.ndarray | None = None
         self._dq_prev = np.zeros(self.model.n)
+        self._pace = 1.0  # the share of the task velocity that is asked for
         self._motion: Motion = STANDING
         self._begun = self._asked
         self._is_open = bool(self._asked.preferences or self._asked.lower_tasks)
@@ -244,6 +252,8 @@ class Controller:
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
         if self._turning.size:
             q = self.nearest_turn(q)
+        if self._pace < 1.0:
+            dx = self._pace * dx
         start = self._integrated(q, missed)
         resolver = self._resolver.advanced(self.T, self.switch_time)
         state = RobotState(self.model, q, self._dq_prev)
@@ -270,6 +280,9 @@ class Controller:
         self._resolver = resolver
         self._begun = begun
         self._is_open = False
+        s = answer.s
+        if self.task_scaling_rate > 0.0 or self._pace < 1.0:
+            s = self._paced(s)
         lost = self._nothing_lost if answer.lost is None else answer.lost
         return Command._make(  # in half the time of calling the class
             (
@@ -279,11 +292,18 @@ class Controller:
                 self.T,
                 answer.J,
                 answer.W,
-                answer.s,
+                s,
                 answer.limiting,
                 lost,
             )
         )
+
+    def _paced(self, s: float) -> float:
+        """The share of the whole task velocity, where s is that of what was asked for."""
+        s *= self._pace
+        rise = self.task_scaling_rate * self.T if self.task_scaling_rate > 0.0 else 1.0
+        self._pace = min(s + rise, 1.0)
+        return s
 
     def _go_over_to(self, **changes: Any) -> None:
         """Ask for other preferences or lower tasks, unless they are in force; they must fit."""

@@ -76,6 +76,7 @@ def make_controller(
         limits=find_limits(options, motion.model),
         limit_scale=options.limit_scale,
         torque_scale=options.torque_scale,
+        task_scaling_rate=options.task_scaling_rate,
         preferences=find_preferences(options),
         secondary_tasks=find_secondary_tasks(options),
     )
@@ -203,6 +204,7 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     told['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
     told['limit_scale'] = options.limit_scale
     told['torque_scale'] = options.torque_scale
+    told['task_scaling_rate'] = options.task_scaling_rate
     if options.tip:
         told['tip_frame'] = options.tip
     if options.elbow:

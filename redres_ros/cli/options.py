@@ -138,6 +138,14 @@ def _add_limits(group: Any, default: str) -> None:
         metavar='X',
         help='share of the torque limits that may be used',
     )
+    group.add_argument(
+        '--task-scaling-rate',
+        type=float,
+        default=0.0,
+        metavar='X',
+        help='rate at which the share of the task velocity rises again after limits have lowered '
+        'it [1/s], which calms the spare joints; 0: the largest share in every tick',
+    )
 
 
 def _add_gains(parser: Parser, words: Sequence[str]) -> None:

@@ -50,6 +50,14 @@ class ControllerParameters(ListenerParameters):
         10.0,
         live=True,
     )
+    task_scaling_rate: float = param(
+        0.0,
+        'rate at which the share of the task velocity rises again after limits have lowered it; '
+        '0: the largest share in every tick [1/s]',
+        0.0,
+        1000.0,
+        live=True,
+    )
     integrate_from: str = param(
         'command', 'what a reference is integrated from', choices=INTEGRATE_FROM
     )
@@ -81,6 +89,7 @@ class ControllerNode(ManagedNode):
             task=robot.task_space,
             switch_time=settings.switch_time,
             integrate_from=settings.integrate_from,
+            task_scaling_rate=settings.task_scaling_rate,
             limits=wanted.limits,
             preferences=wanted.preferences,
             secondary_tasks=wanted.secondary_tasks,
@@ -196,6 +205,8 @@ class ControllerNode(ManagedNode):
         self._motion.apply(changes, self._controller)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
+        if 'task_scaling_rate' in changes:
+            self._controller.task_scaling_rate = changes['task_scaling_rate']
         self._following.settings = _changed(self._following.settings, changes)
 
     def _health(self) -> Health:
