@@ -350,3 +350,13 @@ def test_a_lower_task_that_conflicts_with_the_first_does_not_make_the_loop_diver
     recording = run(Controller(MODEL, law, 0.002, secondary_tasks=('orientation',)), TASK)
     assert recording.finished
     assert recording['joint_velocity_norm'].max() < 150.0
+
+
+def test_where_tasks_conflict_least_torque_diverges_and_says_so_and_limits_carry_it_through():
+    options = {'secondary_tasks': ('orientation',)}
+    alone = run(Controller(MODEL, make_law('minimum_torque'), 0.008, **options), TASK)
+    assert 'diverged at 4.5' in alone.ending  # where the conflict begins
+    limited = Controller(MODEL, make_law('minimum_torque'), 0.008, limits=BOX, **options)
+    recording = run(limited, TASK)
+    assert recording.finished
+    assert recording['task_error'].max() < 5e-3  # at this period

@@ -13,6 +13,7 @@ from redres_ros import LAWS, Controller, Law, RobotState, make_law, resolve
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import law_name
 from redres_ros.parameter import parameters
+from redres_ros.resolution import project
 
 T = 0.001  # [s]
 DX = np.array((0.2, -0.1, 0.3))  # [m/s]
@@ -421,3 +422,20 @@ def test_free_motion_never_turns_back_within_the_allowed_damping(name, damping, 
 def test_free_motion_turns_back_beyond_the_allowed_damping(name, states):
     steps = np.diff(free_motion(name, 1.2 / T, states[0], 5), axis=0) * np.sign(states[0].dq_prev)
     assert (steps[1] < 0.0).all()
+
+
+def test_one_tick_of_least_torque_makes_its_own_fast_motion_faster(states):
+    """With one task, so it is the law's memory that diverges: n grows with the square of dq."""
+
+    def growth(name: str) -> list[float]:
+        law = make_law(name)
+        found = []
+        for state in states[:30]:
+            motion = project(state.J, state.dq_prev, law.weight(state))
+            fast = state.with_velocity(1000.0 * motion / np.linalg.norm(motion))
+            going_on = project(fast.J, law.bias(fast, 0.002), law.weight(fast))
+            found.append(float(np.linalg.norm(going_on)) / 1000.0)
+        return found
+
+    assert max(growth('minimum_torque')) > 2.0
+    assert growth('minimum_acceleration') == pytest.approx([0.98] * 30)
