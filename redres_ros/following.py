@@ -3,7 +3,7 @@ velocities and their age, an arm that does not follow.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,69 +12,12 @@ from redres_ros.command import Command
 from redres_ros.controller import Controller
 from redres_ros.cycles import NANOSECONDS, ClockError, Cycles
 from redres_ros.errors import RedresError
-from redres_ros.parameter import check_parameters, param
+from redres_ros.following_settings import FollowingSettings
 from redres_ros.playout import Playout, PlayoutSettings
-
-# What a robot does in a cycle without a command: go on as before, or stay at the last command.
-BRIDGING = ('extrapolate', 'hold')
-
-# Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
-COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
+from redres_ros.robot_session import RobotSession
 
 _LITTLE = 0.05  # share of a task velocity with which a task hardly goes on
 _LONG = 1.0  # [s] after which that is told
-_SESSION_PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may take 3 s
-
-
-@dataclass(frozen=True)
-class FollowingSettings:
-    """When the controller follows, waits, stands still, or begins anew."""
-
-    command_timeout: float = param(
-        0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True
-    )
-    max_linear: float = param(
-        2.0, 'largest task velocity; a faster one is refused [m/s]', 0.001, 100.0, live=True
-    )
-    max_angular: float = param(
-        6.0,
-        'the same for the angular task velocity [rad/s]',
-        0.001,
-        100.0,
-        live=True,
-    )
-    twist_patience: float = param(
-        0.0,
-        'how long a state waits for its cartesian_velocity, for a robot that waits for its answer; '
-        '0 for any other [s]',
-        0.0,
-        60.0,
-    )
-    restart_after: int = param(
-        5,
-        'cycles without a state after which the controller starts anew from the measurement',
-        0,
-        1000,
-    )
-    bridging: str = param(
-        'extrapolate',
-        'what the robot does in a cycle without a command: extrapolate the last ones, as FRI and '
-        'libfranka do, or hold the last one, as ros2_control does',
-        choices=BRIDGING,
-    )
-    following_tolerance: float = param(
-        0.1,
-        'lag of a joint at which the arm counts as stopped, and the controller '
-        'starts anew from the measurement [rad]',
-        0.001,
-        10.0,
-    )
-    lockstep: bool = param(
-        False, 'answer a state only together with the cartesian_velocity of the same stamp'
-    )
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
 
 
 class LeapError(RedresError):
@@ -140,7 +83,7 @@ class Following:
         self._controller = controller
         self._cycles = Cycles(round(NANOSECONDS * controller.T))
         self._slowdown = _Slowdown()
-        self._session = _Session(self.settings.lockstep)
+        self._session = RobotSession(self.settings.lockstep)
         self._twist_arrival = _TwistArrival()
         self._expecting = self.settings.lockstep  # that task velocities go on to come
         self._waiting: _State | None = None
@@ -385,29 +328,3 @@ class _Slowdown:
         if self._ticks * T < _LONG:
             return ''
         return f'the limits leave {self._share:.1%} of the task velocity ({self._limiting})'
-
-
-class _Session:
-    """What the robot says of its session. In lock-step the first answer begins command mode, so the
-    tick in which the news of that arrives must not matter.
-    """
-
-    def __init__(self, lockstep: bool) -> None:
-        self._commanding = True
-        self._undecided = lockstep  # until command mode has begun
-        self._spoken = False
-        self._silent_until = 0  # stamp [ns] until which a new robot may say it
-
-    def enter(self, word: str) -> None:
-        self._spoken = True
-        self._silent_until = 0
-        self._undecided = self._undecided and word not in COMMANDING
-        self._commanding = word in COMMANDING or self._undecided
-
-    def begin(self, stamp: int) -> None:
-        """Another robot: what was said of the last one does not hold."""
-        if self._spoken:
-            self._silent_until = stamp + _SESSION_PATIENCE
-
-    def commanding_at(self, stamp: int) -> bool:
-        return self._commanding and stamp >= self._silent_until

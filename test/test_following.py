@@ -7,14 +7,8 @@ import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.cycles import ClockError
-from redres_ros.following import (
-    Following,
-    FollowingSettings,
-    LeapError,
-    Reply,
-    TwistAgeError,
-    TwistSpeedError,
-)
+from redres_ros.following import Following, LeapError, Reply, TwistAgeError, TwistSpeedError
+from redres_ros.following_settings import FollowingSettings
 from redres_ros.planner import quintic
 from redres_ros.playout import PlayoutSettings
 from redres_ros.robots import find_arm

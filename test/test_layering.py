@@ -17,7 +17,7 @@ LAYERS = (
     {'kernels'},
     {'text_file'},
     {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles'},
-    {'vectors'},
+    {'vectors', 'following_settings', 'robot_session'},
     {'resolution', 'robot_model', 'waypoints'},
     {'bounded', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},

@@ -20,12 +20,12 @@ from redres_ros.demo.processes import NodeProcess, remember_files
 from redres_ros.demo.replay import FINISHED, read_log, replay
 from redres_ros.demo.tape import TOPICS, read_tape
 from redres_ros.demo.wanted import DemoError, DemoOptions, Ending
-from redres_ros.following import COMMANDING
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
 from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
+from redres_ros.robot_session import COMMANDING
 from redres_ros.signals import handled
 from redres_ros.simulation.closed_loop import PATIENCE
 from redres_ros.waypoints import WaypointTask

@@ -13,7 +13,8 @@ from std_srvs.srv import SetBool
 
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
-from redres_ros.following import Following, FollowingSettings, Reply
+from redres_ros.following import Following, Reply
+from redres_ros.following_settings import FollowingSettings
 from redres_ros.laws import law_name
 from redres_ros.nodes.command_publisher import CommandPublisher
 from redres_ros.nodes.conversions import (
