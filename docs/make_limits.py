@@ -5,11 +5,10 @@ Run it with: python docs/make_limits.py
 
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from redres_ros import Controller, RobotModel, load_task, make_law, run
-from redres_ros.simulation.recording import Recording
+from redres_ros.simulation.shares import acceleration_share
 
 T = 0.002  # sampling time [s]
 LIMITS = ('position', 'velocity', 'acceleration')
@@ -29,7 +28,7 @@ def main() -> None:
     for label, (law, limits, color) in RUNS.items():
         recording = run(Controller(model, make_law(law), T, limits=limits), task)
         t = recording['t']
-        shares.plot(t, share_of_acceleration(recording, model), color=color, label=label)
+        shares.plot(t, acceleration_share(recording, model), color=color, label=label)
         scaling.plot(t, recording['task_scaling'], color=color)
     shares.axhline(1.0, color='tab:red', ls='--', lw=1.0, label='limit')
     shares.set_yscale('log')
@@ -41,13 +40,6 @@ def main() -> None:
     for ax in (shares, scaling):
         ax.grid(alpha=0.3)
     figure.savefig(Path(__file__).with_name('limits.png'), dpi=110)
-
-
-def share_of_acceleration(recording: Recording, model: RobotModel) -> np.ndarray:
-    """The acceleration of the joint that is nearest to its limit, or beyond, (ticks,)."""
-    dq = recording.vectors('dq1')  # (ticks, n)
-    ddq = np.diff(dq, axis=0, prepend=np.zeros((1, dq.shape[1]))) / T
-    return np.abs(ddq / model.arm.acceleration_limit).max(axis=1)
 
 
 if __name__ == '__main__':

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
@@ -18,6 +17,7 @@ from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
+from redres_ros.simulation.shares import acceleration_share
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / 'README.md', ROOT / 'docs' / 'choosing_a_law.md')
@@ -234,12 +234,6 @@ def draw_rectangle_dampings(results: Results) -> Figure:
     ax.set_ylabel(r'$\Vert\ddot q\Vert$ [rad/s$^2$]')
     ax.set_title('minimum_acceleration on the rectangle')
     return _finished(figure, ax)
-
-
-def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Acceleration of the joint that is nearest to its limit, or beyond, as a share, (ticks,)."""
-    ddq = np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T  # (ticks, n)
-    return np.abs(ddq / model.arm.acceleration_limit).max(axis=1)
 
 
 def _finished(figure: Figure, *axes: object) -> Figure:

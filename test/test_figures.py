@@ -18,11 +18,12 @@ from redres_ros.paper.equivalence import PERIODS, Convergence
 from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.figures import FIGURES, Runs, draw_all, motions
 from redres_ros.paper.figures.differences import difference
-from redres_ros.paper.figures.limits import acceleration_share, torque_share
+from redres_ros.paper.figures.limits import torque_share
 from redres_ros.paper.figures.norms import torque_norm
 from redres_ros.paper.figures.runs import TORQUE_SCALE, names_of_runs
 from redres_ros.paper.savgol import MeasuredMotion
 from redres_ros.robots import Arm, find_arm
+from redres_ros.simulation.shares import acceleration_share
 from redres_ros.waypoints import WaypointTask
 
 pytestmark = pytest.mark.slow

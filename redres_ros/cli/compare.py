@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
 _PICTURE = 'comparison.png'
+_SHARES = 'limits.png'
 
 
 @dataclass(frozen=True)
@@ -71,14 +72,16 @@ def _compare(options: argparse.Namespace) -> int:
     from redres_ros.cli.task import find_motion
     from redres_ros.simulation.comparison import draw, tables
     from redres_ros.simulation.parallel import in_parallel
+    from redres_ros.simulation.plots import save
     from redres_ros.simulation.report import print_tables, progress_bar
+    from redres_ros.simulation.shares import draw_shares
 
     motion = find_motion(options)
     contenders = _contenders(options)
     check_gains(options, in_use(options, *(each.name for each in contenders.values())))
     for contender in contenders.values():
         make_controller(options, motion, contender.law, options.period)
-    out = made(options.out, _PICTURE, *(each.file_name for each in contenders.values()))
+    out = made(options.out, _PICTURE, _SHARES, *(each.file_name for each in contenders.values()))
     with progress_bar(f'{len(contenders)} laws') as progress:
         results = in_parallel(_run, list(contenders.values()), progress)
     recordings: dict[str, Recording] = {}
@@ -89,8 +92,9 @@ def _compare(options: argparse.Namespace) -> int:
         efforts[label] = effort
     title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
     draw(recordings, title, out / _PICTURE)
+    save(draw_shares(recordings, motion.model, options.limit_scale, title), out / _SHARES)
     print_tables(*tables(efforts, title))
-    print(f'plot {out}/{_PICTURE}, every tick in {out}/*.csv')
+    print(f'plots {out}/{_PICTURE} and {_SHARES}, every tick in {out}/*.csv')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1

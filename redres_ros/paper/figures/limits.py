@@ -11,6 +11,7 @@ from redres_ros.paper.figures.naming import law, title
 from redres_ros.paper.figures.runs import EXPERIMENT_T, TORQUE_SCALE, Runs
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
+from redres_ros.simulation.shares import acceleration_share
 
 _LEAST = 1e-3  # of the logarithmic axis
 _LAW = law('minimum_velocity', '2', EXPERIMENT_T)
@@ -50,18 +51,8 @@ def figure_18(runs: Runs) -> Figure:
     return figure
 
 
-def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Acceleration of the joint that is nearest to its limit, or beyond, as a share, (ticks,).
-
-    Args:
-        recording: Of commands.
-        model: The arm, with its limits.
-    """
-    return np.abs(_accelerations(recording) / model.arm.acceleration_limit).max(axis=1)
-
-
 def torque_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """The same of the torque of Eq. (6), (ticks,).
+    """Torque of Eq. (6) of the joint that is nearest to its limit, or beyond, as a share, (ticks,).
 
     Args:
         recording: Of commands.

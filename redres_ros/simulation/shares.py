@@ -1,0 +1,73 @@
+"""How much of the limits of their joints motions use, and what the limits leave of the task."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.recording import Recording
+
+_HIGHEST = 3.0  # share that is shown
+_ABOVE = 1.1  # of the highest curve, or of the limit, the axis ends
+
+
+def velocity_share(recording: Recording, model: RobotModel) -> np.ndarray:
+    """Velocity of the joint that is nearest to its limit, or beyond, as a share, (ticks,).
+
+    Args:
+        recording: Of commands.
+        model: The arm, with its limits.
+    """
+    velocity: np.ndarray = np.abs(recording.vectors('dq1')) / JointLimits.of(model.arm).velocity
+    return velocity.max(axis=1)
+
+
+def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
+    """The same of the acceleration (dq_k - dq_{k-1}) / T, Eq. (13), (ticks,).
+
+    Args:
+        recording: Of commands.
+        model: The arm, with its limits.
+    """
+    ddq = np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T  # (ticks, n)
+    share: np.ndarray = np.abs(ddq) / JointLimits.of(model.arm).acceleration
+    return share.max(axis=1)
+
+
+def draw_shares(
+    recordings: Mapping[str, Recording], model: RobotModel, allowed: float, title: str
+) -> Figure:
+    """Velocity and acceleration as shares of the limits, and the task scaling, over time.
+
+    Args:
+        recordings: By law.
+        model: The arm, with its limits.
+        allowed: Share of them that the motions may use, `limit_scale`.
+        title: Says what was compared.
+    """
+    figure = Figure(figsize=(11.0, 8.0), layout='constrained')
+    figure.suptitle(title)
+    velocity, acceleration, scaling = figure.subplots(3, 1, sharex=True)
+    for name, recording in recordings.items():
+        t = recording['t']
+        shown = name.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$')
+        velocity.plot(t, velocity_share(recording, model), lw=1.2, label=shown)
+        acceleration.plot(t, acceleration_share(recording, model), lw=1.2)
+        scaling.plot(t, recording['task_scaling'], lw=1.2)
+    for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):
+        ax.axhline(allowed, color='tab:red', ls='--', lw=1.0, label='allowed')
+        highest = max(float(np.max(line.get_ydata())) for line in ax.get_lines())
+        ax.set_ylim(0.0, min(_ABOVE * highest, _HIGHEST))
+        note = f'\n(up to {highest:.3g})' if highest > _HIGHEST else ''
+        ax.set_ylabel(f"largest {quantity}\n[share of a joint's limit]{note}", fontsize='small')
+    scaling.set_ylim(0.0, 1.05)
+    scaling.set_ylabel('task scaling $s$:\nshare of the task velocity', fontsize='small')
+    scaling.set_xlabel('time [s]')
+    for ax in (velocity, acceleration, scaling):
+        ax.grid(alpha=0.3)
+        ax.set_xmargin(0.01)
+    lines = velocity.get_legend_handles_labels()
+    figure.legend(*lines, loc='outside lower center', fontsize='small', ncols=2)
+    return figure
