@@ -131,7 +131,7 @@ def test_a_closed_loop_runs_it_like_a_controller(name, task):
 def flattened(state: RobotState) -> RobotState:
     """The same state of an arm whose tip cannot move."""
     flat = state.with_velocity(state.dq_prev)
-    flat.J = np.zeros((6, 7))
+    flat._J = np.zeros((6, 7))
     return flat
 
 
