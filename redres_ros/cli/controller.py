@@ -114,7 +114,7 @@ def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limi
 
 
 def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]]') -> None:
-    """Refuse a scale of limits that are not in use."""
+    """Refuse a scale or a rate of limits that are not in use."""
     for name in ('limit_scale', 'torque_scale'):
         scale = getattr(options, name)
         if scale != 1.0 and all(limit.scaled_by != name for limit in limits.values()):
@@ -122,6 +122,9 @@ def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]
             of = 'the limit torque' if name == 'torque_scale' and limits else 'limits'
             used = ', '.join(limits) or NONE
             raise OptionError(f'--{option} {scale:g} acts on {of}; in use: {used}, see --limits')
+    rate = options.task_scaling_rate
+    if rate != 0.0 and not limits:
+        raise OptionError(f'--task-scaling-rate {rate:g} acts on limits; in use: {NONE}')
 
 
 def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
