@@ -1,5 +1,9 @@
 """`redres compare`: peaks and integrals of laws side by side."""
 
+import os
+import re
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -211,3 +215,25 @@ def test_what_a_piece_of_work_refuses_is_refused(
     monkeypatch.setattr('os.sched_getaffinity', lambda process: processors)
     with pytest.raises(RedresError, match='number is -1; allowed: 0 to 10'):
         in_parallel(square, [1, -1, 2], lambda share: None)
+
+
+ALONE = """
+import os
+from redres_ros.cli import main
+
+os.register_at_fork(before=lambda: print(os.listdir('/proc/self/task'), flush=True))
+main('compare --laws minimum_velocity,minimum_torque --period 0.02 --out {out}'.split())
+"""
+
+
+@pytest.mark.slow
+def test_a_process_that_copies_itself_has_no_other_thread(tmp_path: Path) -> None:
+    """Which might hold a lock that the copy waits for; Python 3.12 warns of that."""
+    environment = {key: value for key, value in os.environ.items() if key != 'OPENBLAS_NUM_THREADS'}
+    program = ALONE.format(out=tmp_path)
+    done = subprocess.run(
+        [sys.executable, '-c', program], env=environment, capture_output=True, text=True, check=True
+    )
+    threads = re.findall(r'^\[.*\]$', done.stdout, re.MULTILINE)
+    assert threads or len(os.sched_getaffinity(0)) == 1
+    assert all(',' not in found for found in threads)
