@@ -23,6 +23,7 @@ UDP = 'bare UDP echo'
 GRAPHS = {  # what runs together; the last process of each has the robot in it
     'bare echo node': ('bench.echo', 'sim'),
     'controller, standing still': ('controller', 'sim'),
+    'planner, messages alone': ('planner', 'bench.courier', 'sim'),
     'planner, controller': ('planner', 'controller', 'sim'),
     'the same in one process': ('composed',),
 }
