@@ -72,6 +72,7 @@ def bound(
     tasks: Sequence[TaskRows],
     box: Box,
     rows: Sequence[Rows] = (),
+    held: np.ndarray | None = None,
 ) -> Bounded:
     """The optimum under limits; dq_free itself, the same array, where that keeps them.
 
@@ -82,6 +83,8 @@ def bound(
             directions that dq_free does not execute.
         box: (lower, upper), both (n,) [rad/s], with lower <= upper.
         rows: (C, low, high) of each group of other limits, in order of priority.
+        held: (n + 1,) of int64, what the search of the tick before left behind, at first zeros. It
+            shortens this one, and is overwritten. None: there was none.
 
     Returns:
         The velocity, always finite and in the box, and what gave way for it. Where the input is not
@@ -93,8 +96,10 @@ def bound(
     J, dx, sizes = _stacked_tasks(tasks, len(dq_free))
     C, low, high, groups = _stacked_rows(rows, len(dq_free))
     weight, is_factor = _weight(W)
+    if held is None:
+        held = np.zeros(len(dq_free) + 1, np.int64)
     return Bounded(
-        *cascade(dq_free, weight, is_factor, J, dx, sizes, lower, upper, C, low, high, groups)
+        *cascade(dq_free, weight, is_factor, J, dx, sizes, lower, upper, C, low, high, groups, held)
     )
 
 

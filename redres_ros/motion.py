@@ -40,6 +40,21 @@ class Proposal:
     limiting: str = ''
     dq_old: np.ndarray | None = None
 
+    def within(
+        self, dq: np.ndarray, s: float, limiting: str, lost: np.ndarray | None
+    ) -> 'Proposal':
+        """The same within limits; dataclasses.replace would take 1 us longer.
+
+        Args:
+            dq: (n,) [rad/s] what they allow.
+            s: The share of dx that it executes.
+            limiting: What acts most.
+            lost: (m,) the part of dx that cannot be executed.
+        """
+        return Proposal(
+            dq, self.J, self.executed, lost, self.W, self.lower, s, limiting, self.dq_old
+        )
+
 
 class Motion(Protocol):
     """Something that moves the arm."""

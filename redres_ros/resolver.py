@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+
 from redres_ros.motion import Proposal, scaled
 from redres_ros.parameter import several
 from redres_ros.planner import quintic
@@ -95,6 +97,8 @@ class Limited:
             if isinstance(limit, AccelerationLimit):
                 self._reach = Reach(task, model, limit.A)
         self.bounds_acceleration = self._reach is not None
+        first, *_ = limits
+        self._held = np.zeros(first.model.n + 1, np.int64)  # by the search of the last tick
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
@@ -114,7 +118,8 @@ class Limited:
         else:
             levels = [scaled(answer.J, answer.executed, self._scale)]
         bounds = self._limits.at(start, T)
-        bounded = self._bound(answer.dq, answer.W, levels + lower, bounds.box, bounds.rows)
+        levels += lower
+        bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows, self._held)
         if bounded.dq is answer.dq:
             return answer
         acting = bounds.limiting(bounded)
@@ -125,7 +130,7 @@ class Limited:
         lost = answer.lost
         if self._reach and end:
             lost = self._reach.lost(answer, bounded.dq, end)
-        return replace(answer, dq=bounded.dq, s=bounded.s, limiting=limiting, lost=lost)
+        return answer.within(bounded.dq, bounded.s, limiting, lost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +158,11 @@ class Changeover:
         old = self.old.resolve(answer, start, T)
         new = self.new.resolve(answer, start, T)
         part, _ = quintic(self.share)
-        return replace(
-            answer,
-            dq=(1.0 - part) * old.dq + part * new.dq,
-            s=(1.0 - part) * old.s + part * new.s,
-            limiting=new.limiting or old.limiting,
+        return answer.within(
+            (1.0 - part) * old.dq + part * new.dq,
+            (1.0 - part) * old.s + part * new.s,
+            new.limiting or old.limiting,
+            answer.lost,
         )
 
 

@@ -286,6 +286,24 @@ def test_beside_rows_that_can_be_kept_the_share_is_the_largest():
     assert kept > MANY / 10
 
 
+@WEIGHTS
+@STRETCHES
+def test_where_a_search_begins_has_no_say_in_where_it_ends(power, stretch):
+    random = np.random.default_rng(0)
+    for seed in range(40):
+        problem = Problem(seed, power, stretch)
+        rows = [torque_like(seed)] if seed % 2 else []
+        arguments = problem.dq_free, problem.W, [problem.task], problem.box, rows
+        expected = bound(*arguments)
+        held = random.integers(-1, 2, 8)  # the sides of the joints, and whether s is 1
+        held[-1] = random.choice((-1, 1))
+        for begun in ('anywhere', 'where the last one ended'):
+            bounded = bound(*arguments, held)
+            assert bounded.dq == pytest.approx(expected.dq, abs=EXACT), (seed, begun)
+            assert bounded.s == pytest.approx(expected.s, abs=EXACT), (seed, begun)
+            assert bounded.limiting == expected.limiting, (seed, begun)
+
+
 # --- whatever comes -------------------------------------------------------------------------------
 
 

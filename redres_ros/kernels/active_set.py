@@ -139,27 +139,31 @@ def most_wrong(search: Search, force: np.ndarray, least: float, by_index: bool) 
 
 
 @compiled()
-def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> int:
-    """Fix A z and the limits that are tight; other held limits stay held.
+def hardest_of(search: Search, force: np.ndarray, tight: float) -> int:
+    """The limit with the largest force of those that are tight, but the share's; -1 for none."""
+    marks = search.marks
+    hardest = -1
+    largest = tight
+    for k in range(marks[COUNT, 0], marks[COUNT, 1]):
+        i = marks[BEHIND, k]
+        push = force[k] * marks[SIDE, i]
+        if push > largest and i != search.n:
+            largest = push
+            hardest = i
+    return hardest
 
-    Returns:
-        The limit with the largest force of those that are tight, other than the share's; -1 for
-        none.
-    """
+
+@compiled()
+def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
+    """Fix A z and the limits that are tight; other held limits stay held."""
     marks = search.marks
     fixed = marks[COUNT, 0]
     held = marks[BEHIND, fixed : marks[COUNT, 1]].copy()
     marks[COUNT, 1] = fixed
-    hardest = -1
-    largest = 0.0
     for k in range(len(held)):
         i = held[k]
-        push = force[fixed + k] * marks[SIDE, i]
-        if push > tight:
+        if force[fixed + k] * marks[SIDE, i] > tight:
             hold(search, i, float(marks[SIDE, i]))
-            if push > largest and i != search.n:
-                largest = push
-                hardest = i
     square = 0.0
     for i in range(len(A)):
         square = max(square, dot(A[i], A[i]))
@@ -173,4 +177,3 @@ def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> in
                 marks[STATE, i] = FIXED
             else:
                 hold(search, i, float(marks[SIDE, i]))
-    return hardest

@@ -6,6 +6,7 @@ from redres_ros.kernels.arithmetic import dot
 from redres_ros.kernels.compiled import compiled
 from redres_ros.kernels.search import BEHIND, COUNT, FREE, HELD, SIDE, STATE, Q, R, Search
 
+MUCH = 0.5  # a row that keeps this share of its square is orthogonal to the others after one pass
 DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
 
 
@@ -19,13 +20,18 @@ def append(search: Search, row: np.ndarray, least: float) -> bool:
     rest = row.copy()
     for j in range(k):
         basis[R, k, j] = 0.0
-    for _ in range(2):  # Gram-Schmidt, and once more for what rounding left
+    before = dot(row, row)
+    square = before
+    for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
         for j in range(k):
             along = dot(basis[Q, j], rest)
             basis[R, k, j] += along
             for i in range(len(rest)):
                 rest[i] -= along * basis[Q, j, i]
-    length = np.sqrt(dot(rest, rest))
+        square = dot(rest, rest)
+        if square > MUCH * before:
+            break
+    length = np.sqrt(square)
     if not length > least:
         return False
     for i in range(len(rest)):

@@ -8,12 +8,12 @@ that its multipliers prove tight in every optimum.
 import numpy as np
 from numba import boolean, float64, int64
 
-from redres_ros.kernels.active_set import minimise, settle
+from redres_ros.kernels.active_set import hardest_of, minimise, settle
 from redres_ros.kernels.arithmetic import dot
 from redres_ros.kernels.compiled import compiled, matrix, several, vector
 from redres_ros.kernels.search import SIDE
 from redres_ros.kernels.slack import close_slack, open_slack
-from redres_ros.kernels.start import begin_at
+from redres_ros.kernels.start import begin_at, leave_behind
 
 
 @compiled()
@@ -70,7 +70,7 @@ def ask_for_law(
 @compiled(
     several(float64[::1], float64, float64, float64, int64, int64, boolean)(
         *(vector(), matrix(), boolean, matrix(), vector(), vector(int64)),
-        *(vector(), vector(), matrix(), vector(), vector(), vector(int64)),
+        *(vector(), vector(), matrix(), vector(), vector(), vector(int64), int64[::1]),
     )
 )
 def cascade(
@@ -86,6 +86,7 @@ def cascade(
     low: np.ndarray,
     high: np.ndarray,
     groups: np.ndarray,
+    held: np.ndarray,
 ) -> tuple[np.ndarray, float, float, float, int, int, bool]:
     """The joint velocity nearest to dq_free under limits and after tasks, in order of priority.
 
@@ -102,6 +103,8 @@ def cascade(
         low: (r,) limits of C dq.
         high: (r,)
         groups: (g,) number of rows of each group that has a priority of its own.
+        held: (n + 1,) what the last search left behind, of which this one begins; zeros at first.
+            It receives what this one leaves behind.
 
     Returns:
         dq (n,); the share of the first task; its error; the excess of the rows; the limit that
@@ -112,7 +115,7 @@ def cascade(
     d = n + 1  # z = (dq, s, slack variables of one group)
     for rows in groups:
         d = max(d, n + 1 + rows)
-    search, length = begin_at(dq_free, lower, upper, C, low, high, d)
+    search, length = begin_at(dq_free, lower, upper, C, low, high, d, held)
     z = search.z
     first_task = len(groups)
     share = first_task + 1
@@ -141,17 +144,20 @@ def cascade(
         if level == first_task:
             for i in range(len(A)):
                 error += dot(A[i], z) ** 2
+        if hardest < 0:
+            hardest = hardest_of(search, force, tight)
         if level < first_task:
             excess += close_slack(search, limit_row, length, A, n + 1)
             limit_row += len(A)
             A = np.zeros((0, d))
-        tightest = settle(search, A, force, tight)
-        if hardest < 0:
-            hardest = tightest
+        if level < law:
+            settle(search, A, force, tight)
 
+    leave_behind(search, held)
     dq = np.zeros(n)
     if not np.isfinite(dot(a, a) + dot(z, z) + error + excess):  # as the input was
         z[:] = 0.0
+        held[:] = 0
         error = np.nan
         solved = False
     for i in range(n):

@@ -1,10 +1,25 @@
-"""Where a search starts: in the box, at the point nearest to what is wanted without limits."""
+"""Where a search starts: in the box, near what is wanted without limits."""
 
 import numpy as np
 
 from redres_ros.kernels.basis import hold
 from redres_ros.kernels.compiled import compiled
-from redres_ros.kernels.search import COUNT, FIXED, FREE, LATER, LOWER, STATE, UPPER, Search
+from redres_ros.kernels.search import (
+    COUNT,
+    FIXED,
+    HELD,
+    LATER,
+    LOWER,
+    SIDE,
+    STATE,
+    UPPER,
+    Search,
+)
+
+# The last element of what a search leaves behind for the next one.
+UNKNOWN = 0  # nothing: there was none
+WHOLE = 1  # the whole task was executed
+LESS = -1  # less of it
 
 
 @compiled()
@@ -16,8 +31,13 @@ def begin_at(
     low: np.ndarray,
     high: np.ndarray,
     d: int,
+    held: np.ndarray,
 ) -> tuple[Search, np.ndarray]:
     """A search that starts at the point of the box nearest to dq_free, with a share of 1.
+
+    It holds the limits that the last search held in the end: most often it is there after one step
+    of each level. Without one, it holds those that dq_free does not keep. The start has no say in
+    where the search ends, but for rounding.
 
     Returns:
         The search, and the lengths (K,) of its rows before they became unit vectors.
@@ -47,9 +67,19 @@ def begin_at(
             marks[STATE, i] = FIXED
     marks[COUNT, 0] = marks[COUNT, 1]
     for i in range(n):
-        if z[i] != dq_free[i] and marks[STATE, i] == FREE:
-            hold(search, i, dq_free[i] - z[i])
-    hold(search, n, 1.0)
+        if marks[STATE, i] == FIXED:
+            continue
+        towards = dq_free[i] - z[i]
+        if held[n] != UNKNOWN:
+            towards = float(held[i])
+            end = upper[i] if towards > 0.0 else lower[i]
+            if towards == 0.0 or not np.isfinite(end):
+                continue
+            z[i] = end
+        if towards != 0.0:
+            hold(search, i, towards)
+    if held[n] != LESS:
+        hold(search, n, 1.0)
     for r in range(len(C)):
         i = n + 1 + r
         marks[STATE, i] = LATER
@@ -62,3 +92,13 @@ def begin_at(
         ends[LOWER, i] = low[r] / length[i]
         ends[UPPER, i] = high[r] / length[i]
     return search, length
+
+
+@compiled()
+def leave_behind(search: Search, held: np.ndarray) -> None:
+    """Write down which limits a search holds in the end: the side of each joint, and the share."""
+    for i in range(search.n):
+        held[i] = 0
+        if search.marks[STATE, i] in (HELD, FIXED):
+            held[i] = search.marks[SIDE, i]
+    held[search.n] = WHOLE if search.z[search.n] >= 1.0 else LESS

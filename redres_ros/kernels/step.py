@@ -3,6 +3,7 @@
 import numpy as np
 
 from redres_ros.kernels.arithmetic import dot
+from redres_ros.kernels.basis import MUCH
 from redres_ros.kernels.compiled import compiled
 from redres_ros.kernels.search import COUNT, Q, Search
 
@@ -19,12 +20,15 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
     largest = 0.0
     for i in range(m):
         rest[i] = a[i] - dot(A[i], search.z)
-        largest = max(largest, dot(A[i], A[i]))
+        before = dot(A[i], A[i])
+        largest = max(largest, before)
         for _ in range(2):
             for k in range(count):
                 along = dot(P[i], search.basis[Q, k])
                 for j in range(d):
                     P[i, j] -= along * search.basis[Q, k, j]
+            if dot(P[i], P[i]) > MUCH * before:
+                break
     V = np.zeros((min(m, d - count), d))  # orthonormal rows, P = B V
     B = np.zeros((m, len(V)))
     rank = 0
