@@ -284,7 +284,8 @@ class Controller:
         if self.task_scaling_rate > 0.0 or self._pace < 1.0:
             s = self._paced(s)
         lost = self._nothing_lost if answer.lost is None else answer.lost
-        return Command._make(  # in half the time of calling the class
+        return tuple.__new__(  # in half the time of calling the class
+            Command,
             (
                 dq.copy(),
                 q_ref.copy(),
@@ -295,7 +296,7 @@ class Controller:
                 s,
                 answer.limiting,
                 lost,
-            )
+            ),
         )
 
     def _paced(self, s: float) -> float:
