@@ -1,4 +1,4 @@
-"""Draws docs/priorities.png: a second task, where both are possible and where they conflict.
+"""Draws docs/priorities.png: a second task that is possible most of the time, and one that is not.
 
 Run it with: python docs/make_priorities.py
 """
@@ -15,7 +15,7 @@ from redres_ros.simulation.recording import Recording
 
 T = 0.004  # sampling time [s]
 LIMITS = ('position', 'velocity', 'acceleration')
-TASKS = {'lwr4_square': 'both are possible', 'rectangle': 'they conflict'}
+TASKS = {'lwr4_square': 'both, most of the time', 'rectangle': 'they conflict'}
 SECOND = {(): '0.6', ('orientation',): 'tab:blue'}
 
 

@@ -120,12 +120,23 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
     ax.plot(*task.waypoints.T, 's', color='tab:red', ms=4, label='points of the task')
     outwards = task.waypoints - task.waypoints.mean(axis=0)  # (N, 3)
     lengths = np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), _BESIDE)
-    for number, label in enumerate(task.waypoints + _BESIDE * outwards / lengths):
-        ax.text(*label, f'$x_{number}$', color='tab:red', ha='center', va='center')
+    places = task.waypoints + _BESIDE * outwards / lengths  # of the labels
+    for point, names in _names_by_point(task.waypoints).items():
+        style = {'color': 'tab:red', 'ha': 'center', 'va': 'center'}
+        ax.text(*places[point], ', '.join(names), **style)
     ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='way of tip and elbow')
     _scale_alike(ax)
     ax.view_init(elev=18.0, azim=-35.0)
     ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
+
+
+def _names_by_point(points: np.ndarray) -> dict[int, list[str]]:
+    """What the points (N, 3) [m] are called, by the first of those that are in one place."""
+    names: dict[int, list[str]] = {}
+    for number, point in enumerate(points):
+        first = int(np.argmin(np.linalg.norm(points - point, axis=1)))
+        names.setdefault(first, []).append(f'$x_{number}$')
+    return names
 
 
 def draw_norm(
