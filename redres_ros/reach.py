@@ -29,10 +29,6 @@ from redres_ros.resolution import Level, resolve_one
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
 
-# Directions whose singular value is below this share of the largest one are beside their end.
-# Farther off, limits make the arm slower on its path, and it may well stop in time.
-NEAR = 0.02
-
 _NOTHING = 1e-9  # of dx, is not asked for
 # of the curvature towards the end; a self-motion that bends less the other way is no way on
 _NO_WAY = 0.1
@@ -53,7 +49,7 @@ class EndOfReach(NamedTuple):
 
 
 def end_of_reach(
-    J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, ddq_max: np.ndarray
+    J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, ddq_max: np.ndarray, near: float
 ) -> EndOfReach | None:
     """The directions in which the arm would be too fast to stop at the end of its reach, or None.
 
@@ -62,13 +58,14 @@ def end_of_reach(
         dJ: (n, m, n) its derivatives by each joint.
         dx: (m,) what is asked for.
         ddq_max: (n,) [rad/s^2] the acceleration limits.
+        near: Share of the largest singular value below which a direction is beside its end.
     """
     U, s, Vt = np.linalg.svd(J)
     rho = U.T.dot(dx)  # (m,)
     most = np.full(len(rho), np.inf)
     is_asked = np.abs(rho) > _NOTHING * np.linalg.norm(dx)
     for i in range(len(s)):
-        if is_asked[i] and s[i] < NEAR * s[0]:
+        if is_asked[i] and s[i] < near * s[0]:
             H = np.einsum('c,icj->ij', np.copysign(1.0, rho[i]) * U[:, i], dJ)  # (n, n)
             most[i] = _fastest(i, (H + H.T) / 2.0, s, Vt, ddq_max)
     is_ended = np.abs(rho) > most
@@ -109,12 +106,15 @@ class Reach:
         task: The first one.
         model: The arm.
         ddq_max: (n,) [rad/s^2] the acceleration limits.
+        near: Share of the largest singular value below which a direction is beside its end. Farther
+            off, limits make the arm slower on its path, and it may well stop in time.
     """
 
-    def __init__(self, task: Task, model: RobotModel, ddq_max: np.ndarray) -> None:
+    def __init__(self, task: Task, model: RobotModel, ddq_max: np.ndarray, near: float) -> None:
         self._task = task
         self._scale = task.row_scale(model)
         self._ddq_max = ddq_max
+        self._near = near
 
     def end(self, answer: Proposal, start: RobotState) -> EndOfReach | None:
         """Where the answer goes too fast; None where it does not.
@@ -124,14 +124,14 @@ class Reach:
             start: State at the reference that is integrated.
         """
         J, dx = scaled(answer.J, _wanted(answer), self._scale)
-        if is_far(J, NEAR):
+        if is_far(J, self._near):
             return None
         dJ = self._task.derivatives(start)
         if dJ is None:
             return None
         if self._scale is not None:
             dJ = self._scale[:, None] * dJ
-        return end_of_reach(J, dJ, dx, self._ddq_max)
+        return end_of_reach(J, dJ, dx, self._ddq_max, self._near)
 
     def slowed(self, answer: Proposal, end: EndOfReach) -> Proposal:
         """The answer with the speed from which the arm can stop.

@@ -93,10 +93,12 @@ class Limited:
         self._limits = limits
         self._scale = task.row_scale(model)
         self._reach: Reach | None = None
+        self.bounds_acceleration = False
         for limit in limits:
             if isinstance(limit, AccelerationLimit):
-                self._reach = Reach(task, model, limit.A)
-        self.bounds_acceleration = self._reach is not None
+                self.bounds_acceleration = True
+                if limit.reach > 0.0:
+                    self._reach = Reach(task, model, limit.A, limit.reach)
         first, *_ = limits
         self._held = np.zeros(first.model.n + 1, np.int64)  # by the search of the last tick
 

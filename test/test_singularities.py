@@ -15,6 +15,8 @@ from redres_ros.robots import ARMS
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
 SPEED = 0.05  # [m/s]
+NO_GAINS: dict[str, float] = {}
+BRAKING = {'acceleration.reach': 0.02}
 # share of a path -> x_d (3,), and its slope by the share (3,)
 Path = Callable[[float], tuple[np.ndarray, np.ndarray]]
 EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
@@ -52,9 +54,11 @@ STRETCHING = [arm for arm in ARMS if has_stretched(arm)]
 EVERY_STRETCHED = pytest.mark.parametrize('arm', STRETCHING)
 
 
-def driven(arm: str, law: str, q: np.ndarray, ways: list[np.ndarray]) -> list[Command]:
+def driven(
+    arm: str, law: str, q: np.ndarray, ways: list[np.ndarray], gains=NO_GAINS
+) -> list[Command]:
     """Commands to an ideal arm, for one task velocity a tick."""
-    controller = Controller(model_of(arm), make_law(law), T, limits=BOX)
+    controller = Controller(model_of(arm), make_law(law), T, limits=BOX, limit_gains=gains)
     commands = []
     for dx in ways:
         command = controller.update(q, dx)
@@ -138,7 +142,14 @@ def test_in_it_a_standing_arm_does_not_drift(arm, law):
 
 
 def followed(
-    arm: str, law: str, q: np.ndarray, path: Path, duration: float, limits=BOX, ticks: int = 4000
+    arm: str,
+    law: str,
+    q: np.ndarray,
+    path: Path,
+    duration: float,
+    limits=BOX,
+    ticks: int = 4000,
+    gains=NO_GAINS,
 ) -> list[tuple[Command, np.ndarray, float]]:
     """A path by its share (0 to 1), at rest at both ends; the clock goes on by s T.
 
@@ -146,7 +157,7 @@ def followed(
         Of every tick the command, the velocity that was asked for, and the error [m].
     """
     model = model_of(arm)
-    controller = Controller(model, make_law(law), T, limits=limits)
+    controller = Controller(model, make_law(law), T, limits=limits, limit_gains=gains)
     t = 0.0
     found = []
     while t < duration and len(found) < ticks:
@@ -250,7 +261,7 @@ def test_through_it(arm, law):
 def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm):
     """The middle of an arc of 20 cm is 5 mm and more out of reach; it crept there for ever."""
     bent, path = arc(arm, 0.2)
-    found = followed(arm, 'minimum_velocity', bent, path, 5.0)
+    found = followed(arm, 'minimum_velocity', bent, path, 5.0, gains=BRAKING)
     commands = [command for command, _, _ in found]
     check(arm, commands)
     assert still(commands) <= 2
@@ -269,7 +280,8 @@ def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
     model = model_of(arm)
     bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 100)[-1].q_ref
     sideways = SPEED * tangent(arm)
-    commands = driven(arm, 'minimum_velocity', bent, [SPEED * outward + sideways] * 200)
+    ways = [SPEED * outward + sideways] * 200
+    commands = driven(arm, 'minimum_velocity', bent, ways, BRAKING)
     check(arm, commands)
     last = commands[-1]
     assert last.s == 1.0
@@ -277,6 +289,18 @@ def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
     x, _ = model.tip(last.q_ref)
     x_far, _ = model.tip(q)
     assert np.linalg.norm(x) <= np.linalg.norm(x_far) + 1e-6
+
+
+@EVERY_STRETCHED
+def test_beside_the_end_of_the_reach_the_direction_is_kept_unless_it_is_to_brake(arm):
+    """One share of the whole velocity, down to where directions are damped."""
+    q, outward = stretched(arm)
+    bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 100)[-1].q_ref
+    dx = SPEED * (outward + tangent(arm))
+    commands = driven(arm, 'minimum_velocity', bent, [dx] * 60)
+    assert 0.0 < commands[0].s < 1.0
+    for command in commands:
+        assert command.J @ command.dq == pytest.approx(command.s * dx, abs=1e-9)
 
 
 @pytest.mark.slow

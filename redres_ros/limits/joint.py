@@ -64,10 +64,23 @@ class AccelerationLimit(_Braking):
 
     Only a joint that would leave its range, because limits have become narrower while it was fast,
     brakes with more: with the arm's own acceleration, whatever the scale.
+
+    Args:
+        reach: Of the largest singular value of the task: below it the tip brakes before the end of
+            its reach (reach.py), and the share of dx that is executed is one of each direction.
     """
 
     order = 0
     kind = ACCELERATION
+
+    reach: float = param(
+        0.0,
+        'share of the largest singular value below which the tip brakes before the end of its '
+        'reach and goes on along it; 0.02 serves every arm of the table; 0: nowhere',
+        0.0,
+        0.1,
+        live=True,
+    )
 
     @property
     def figures(self) -> np.ndarray:
