@@ -24,6 +24,7 @@ from geometry_msgs.msg import TwistStamped
 from graph_helpers import NAMES, PERIOD, START, Witness, await_that, graph, log_lines
 from nightly import NIGHTLY
 from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -119,11 +120,14 @@ values = st.one_of(
 class Outlet:
     """In the place of a publisher: keeps the numbers of everything that is published."""
 
-    def __init__(self, node: Any, attribute: str) -> None:
+    def __init__(self, node: Any, attribute: str, kind: type) -> None:
         self.sent: list[tuple[int, list[float]]] = []
+        self._kind = kind
         setattr(node, attribute, self)
 
-    def publish(self, message: JointState | TwistStamped) -> None:
+    def publish(self, message: bytes | JointState | TwistStamped) -> None:
+        if isinstance(message, bytes):
+            message = deserialize_message(message, self._kind)
         if isinstance(message, JointState):
             content = [*message.position, *message.velocity]
         else:
@@ -174,7 +178,7 @@ class TestCallbacks:
     def test_whatever_the_controller_hears_its_commands_are_finite_and_it_goes_on(
         self, controller, events
     ):
-        outlet = Outlet(controller._commands, '_publisher')
+        outlet = Outlet(controller._commands, '_publisher', JointState)
         for event in events:
             match event:
                 case JointState():
@@ -199,7 +203,7 @@ class TestCallbacks:
     def test_whatever_the_planner_hears_its_task_velocities_are_finite_and_bounded(
         self, planner, events
     ):
-        outlet = Outlet(planner, '_twist_publisher')
+        outlet = Outlet(planner, '_twist_publisher', TwistStamped)
         for event in events:
             match event:
                 case JointState():
@@ -225,7 +229,7 @@ class TestCallbacks:
         )
     )
     def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
-        outlet = Outlet(sim, '_states')
+        outlet = Outlet(sim, '_states', JointState)
         robot = sim._robot
         before = robot.reference
         for event in events:

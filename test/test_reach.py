@@ -5,10 +5,11 @@ import pytest
 
 from redres_ros import RobotModel
 from redres_ros.kernels.nearness import is_far
-from redres_ros.reach import NEAR, end_of_reach
+from redres_ros.reach import end_of_reach
 from redres_ros.robots import ARMS
 
 MODEL = RobotModel.named('lwr4')
+NEAR = 0.02
 LIMIT = np.array(ARMS['lwr4'].acceleration_limit)  # [rad/s^2]
 
 
@@ -35,20 +36,20 @@ def test_a_task_is_far_only_where_all_singular_values_are():
 @pytest.mark.parametrize('angle', [0.005, 0.02, 0.05])
 def test_towards_the_end_the_joints_could_just_keep_the_speed_that_is_left(angle):
     J, dJ, outward = bent(angle)
-    end = end_of_reach(J, dJ, outward, LIMIT)
+    end = end_of_reach(J, dJ, outward, LIMIT, NEAR)
     assert end is not None
     (u,) = end.ended
     dq = np.linalg.pinv(J) @ (end.most[0] * np.sign(u @ outward) * u)
     ddq = -np.linalg.pinv(J) @ (np.einsum('icj,i->cj', dJ, dq) @ dq)  # at a constant tip speed
     share = np.abs(ddq) / LIMIT
     assert share.max() == pytest.approx(1.0, rel=0.1)
-    assert end_of_reach(J, dJ, 0.9 * end.most[0] * outward, LIMIT) is None
+    assert end_of_reach(J, dJ, 0.9 * end.most[0] * outward, LIMIT, NEAR) is None
 
 
 def test_inward_sideways_and_far_off_there_is_no_end():
     J, dJ, outward = bent(0.02)
-    assert end_of_reach(J, dJ, -outward, LIMIT) is None
+    assert end_of_reach(J, dJ, -outward, LIMIT, NEAR) is None
     sideways = np.linalg.svd(J)[0][:, 0]
-    assert end_of_reach(J, dJ, sideways, LIMIT) is None
+    assert end_of_reach(J, dJ, sideways, LIMIT, NEAR) is None
     J, dJ, outward = bent(1.0)
-    assert end_of_reach(J, dJ, outward, LIMIT) is None
+    assert end_of_reach(J, dJ, outward, LIMIT, NEAR) is None
