@@ -121,7 +121,14 @@ class TaskRun:
         """Take in what share of the task velocity the controller carries out."""
         self._pacing.hear(scaling)
 
-    def enter_state(self, stamp: int, x: np.ndarray, R: np.ndarray, now: float) -> Step | None:
+    def enter_state(
+        self,
+        stamp: int,
+        x: np.ndarray,
+        R: np.ndarray,
+        now: float,
+        lost: np.ndarray | None = None,
+    ) -> Step | None:
         """What is asked for at a state, None for nothing; the same again at the same state.
 
         Args:
@@ -129,6 +136,7 @@ class TaskRun:
             x: Tip position, (3,) [m].
             R: Tip orientation, (3, 3).
             now: Arrival of the state by a monotonic clock [s].
+            lost: The part of the last dx that a singularity did not let through, None for nothing.
 
         Raises:
             ClockError: The stamp is not that of a new cycle.
@@ -140,10 +148,12 @@ class TaskRun:
                 self._pacing.interrupt()
             self._pacing.advance(cycles)
         if is_new or self._step is None:
-            self._step = self._respond(stamp, x, R)
+            self._step = self._respond(stamp, x, R, lost)
         return self._step
 
-    def _respond(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Step | None:
+    def _respond(
+        self, stamp: int, x: np.ndarray, R: np.ndarray, lost: np.ndarray | None
+    ) -> Step | None:
         if not self._pacing.follows:
             self._interrupt()
         if not self._asks:
@@ -152,7 +162,7 @@ class TaskRun:
             return Step(stamp, np.zeros(6 if self._turns else 3), None)
         planner = self._planner_for(stamp, x, R)
         turned = R if self._turns else None
-        reference = planner.reference(x, self._pacing.t, turned, rate=self._pacing.rate)
+        reference = planner.reference(x, self._pacing.t, turned, lost=lost, rate=self._pacing.rate)
         self._x_d = reference.x_d
         self.state = RunState.FINISHED if reference.finished else RunState.MOVING
         return Step(stamp, reference.dx, reference)

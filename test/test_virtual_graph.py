@@ -1,6 +1,7 @@
 """How the arm moves when messages are late or missing: the real nodes, in virtual time."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from virtual_graph import Fault, VirtualRun, virtual_run
+
+from redres_ros.share import share_path
+from redres_ros.task_run import RunState
 
 pytestmark = pytest.mark.slow
 
@@ -119,6 +123,20 @@ def resting() -> Iterator[VirtualRun]:
         run.run(0.5)
         assert run.commanding
         yield run
+
+
+def test_a_point_out_of_reach_does_not_keep_the_task_waiting(tmp_path: Path) -> None:
+    text = share_path('config/tasks/rectangle.yaml').read_text(encoding='utf-8')
+    near = '[-0.4, -0.36, 1.16]'
+    assert near in text
+    task = tmp_path / 'far.yaml'
+    task.write_text(text.replace(near, '[-0.4, -0.46, 1.26]'), encoding='utf-8')
+    loop = {'rate': 100.0}
+    planner = {**loop, 'autostart': True, 'task': str(task)}
+    with virtual_run(sim=loop, controller=loop, planner=planner) as run:
+        run_of_task = run.nodes['planner']._run
+        assert run.run_until(lambda: run_of_task.state is RunState.FINISHED, 20.0)
+        assert run.commanding
 
 
 def test_a_start_on_a_stopped_robot_is_refused_with_the_reason_and_the_remedy(

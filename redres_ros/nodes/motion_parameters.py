@@ -21,6 +21,8 @@ NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
 _SHARED = {'damping'}  # gains that all laws have are called without the law's name
 _SCALES = {'scale'}  # of a limit, given by limit_scale and torque_scale
+# Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
+_NODES_OWN = {'acceleration.reach': 0.02}
 
 
 class NoneError(RedresError):
@@ -184,7 +186,8 @@ def all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
                     continue
                 seen.add(key)
                 upper = 1.0 / T if key in _SHARED else parameter.upper
-                yield key, field.default, replace(parameter, upper=upper, live=True)
+                default = _NODES_OWN.get(key, field.default)
+                yield key, default, replace(parameter, upper=upper, live=True)
 
 
 def _is_scale(table: Mapping[str, type], gain: str) -> bool:

@@ -14,6 +14,8 @@ from std_msgs.msg import Float64, Int32, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
+from redres_ros.laws import make_law
+from redres_ros.motion import LawMotion
 from redres_ros.nodes.conversions import JointOrder, from_pose, to_pose
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
@@ -29,7 +31,10 @@ from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
 from redres_ros.planner import Planner, Reference
 from redres_ros.task_run import RunState, Step, TaskRun, way_to
+from redres_ros.tasks import make_task
 from redres_ros.waypoints import load_task, task_for
+
+_ANY_LAW = LawMotion(make_law('minimum_velocity'))
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,11 @@ class PlannerNode(ManagedNode):
         self._twists = TwistWriter(self._frame)
         self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
         T = 1.0 / self._settings.rate
+        self._T = T
         pacing = Pacing(T, self._settings.lockstep)
         self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space)
+        self._first_task = make_task(self._robot.task_space)
+        self._asked: np.ndarray | None = None  # dx of the newest step
         self._tip: tuple[np.ndarray, np.ndarray] | None = None  # at the newest state
         self._target: tuple[np.ndarray, np.ndarray] | None = None  # instead of the task
         self._stop_reason = ''
@@ -122,9 +130,17 @@ class PlannerNode(ManagedNode):
         self._tip = (x, R)
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-        step = self._run.enter_state(stamp, x, R, time.monotonic())
+        step = self._run.enter_state(stamp, x, R, time.monotonic(), self._lost(q))
+        self._asked = None if step is None else step.dx
         if step is not None:
             self._publish(step, R)
+
+    def _lost(self, q: np.ndarray) -> np.ndarray | None:
+        """The part of the last dx that a singularity does not let through at q, as any law."""
+        if self._asked is None:
+            return None
+        state = self._model.unchecked_state(q, np.zeros(self._model.n))
+        return _ANY_LAW.answer(state, self._first_task, self._asked, self._T).lost
 
     def _publish(self, step: Step, R: np.ndarray) -> None:
         self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
