@@ -133,6 +133,10 @@ class Planner:
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
+    def is_due(self, t: float) -> bool:
+        """Whether the segment under way should be over at a time t of the task [s]."""
+        return t - self._t_segment >= self._task.segment_time - 1e-9
+
     def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
         """x_d, (3,), at the share s of the way from a point to the next, and that way, (3,)."""
         A = self._points[start]
@@ -157,9 +161,8 @@ class Planner:
     def _is_over(
         self, x: np.ndarray, t: float, R: np.ndarray | None, lost: np.ndarray | None
     ) -> bool:
-        t_s = t - self._t_segment
-        is_early = t_s < self._task.segment_time - 1e-9
-        if t_s <= 0.0 or (self._task.switching == 'at_rest' and is_early):
+        is_early = not self.is_due(t)
+        if t <= self._t_segment or (self._task.switching == 'at_rest' and is_early):
             return False
         end = self._index + 1
         errors = [self._points[end] - x]

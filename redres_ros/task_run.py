@@ -121,6 +121,11 @@ class TaskRun:
         """Take in what share of the task velocity the controller carries out."""
         self._pacing.hear(scaling)
 
+    @property
+    def is_due(self) -> bool:
+        """Whether the segment under way should be over: what is lost matters only then."""
+        return self._planner is not None and self._planner.is_due(self._pacing.t)
+
     def enter_state(
         self,
         stamp: int,

@@ -130,7 +130,8 @@ class PlannerNode(ManagedNode):
         self._tip = (x, R)
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-        step = self._run.enter_state(stamp, x, R, time.monotonic(), self._lost(q))
+        lost = self._lost(q) if self._run.is_due else None
+        step = self._run.enter_state(stamp, x, R, time.monotonic(), lost)
         self._asked = None if step is None else step.dx
         if step is not None:
             self._publish(step, R)
