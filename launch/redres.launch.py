@@ -2,6 +2,7 @@
 all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 """
 
+from pathlib import Path
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
@@ -11,6 +12,7 @@ from launch_ros.actions import Node
 
 from redres_ros.robots import choose_arm
 from redres_ros.share import share_path
+from redres_ros.yaml_file import read_yaml
 
 # name: (default, description); an empty default leaves what params_file says
 ARGUMENTS = {
@@ -21,7 +23,7 @@ ARGUMENTS = {
     'namespace': ('', 'puts the robot under this name'),
     'params_file': ('', 'parameters of all nodes; empty: config/redres.yaml of this package'),
     'use_sim_time': ('false', 'take the time of the nodes from /clock'),
-    'sim': ('true', 'start the fake arm; false: joint_states come from a robot'),
+    'sim': ('true', 'start the fake arm; false: states, URDF and frames come from a robot'),
     'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
     'rviz': ('false', 'show the arm, its traces and the points of the task in RViz'),
 }
@@ -46,7 +48,8 @@ def start_nodes(context: LaunchContext) -> list[Node]:
         'planner': _is_true(given['planner']),
     }
     nodes = [_of_ours(name, given) for name, start in wanted.items() if start]
-    if given['robot'] != 'topic':  # then somebody publishes the description, and the frames too
+    # The driver of a robot publishes its frames itself.
+    if wanted['sim'] and given['robot'] != 'topic':
         nodes.append(_state_publisher(given))
     if _is_true(given['rviz']):
         nodes.append(_rviz(given))
@@ -55,16 +58,19 @@ def start_nodes(context: LaunchContext) -> list[Node]:
 
 def _of_ours(name: str, given: dict[str, str]) -> Node:
     """A node of this package; when one of them ends, so do the others."""
-    file = given['params_file'] or str(share_path('config/redres.yaml'))
     return Node(
         package='redres_ros',
         executable=name,
         name=name,
         namespace=given['namespace'],
-        parameters=[file, _parameters(name, given)],
+        parameters=[_file(given), _parameters(name, given)],
         output='screen',
         on_exit=Shutdown(reason=f'{name} ended'),
     )
+
+
+def _file(given: dict[str, str]) -> str:
+    return given['params_file'] or str(share_path('config/redres.yaml'))
 
 
 def _parameters(name: str, given: dict[str, str]) -> dict[str, Any]:
@@ -80,7 +86,7 @@ def _parameters(name: str, given: dict[str, str]) -> dict[str, Any]:
 
 def _state_publisher(given: dict[str, str]) -> Node:
     """Publishes the frames of the arm's links."""
-    description = choose_arm(given['robot'] or DEFAULT_ROBOT).description()
+    description = choose_arm(given['robot'] or _robot_in(_file(given))).description()
     return Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
@@ -92,6 +98,15 @@ def _state_publisher(given: dict[str, str]) -> Node:
             }
         ],
     )
+
+
+def _robot_in(file: str) -> str:
+    """The arm that a file of parameters names for all nodes, or for the fake arm."""
+    sections = read_yaml(Path(file))
+    robot = DEFAULT_ROBOT
+    for key in ('/**', 'sim', '/**/sim'):
+        robot = sections.get(key, {}).get('ros__parameters', {}).get('robot', robot)
+    return robot
 
 
 def _rviz(given: dict[str, str]) -> Node:

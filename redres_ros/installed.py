@@ -17,7 +17,7 @@ def installed(kind: str) -> dict[str, Any]:
     is left out with a warning, so that a stranger's fault does not stop an arm that needs it not.
 
     Args:
-        kind: laws, preferences, tasks or limits.
+        kind: Laws, preferences, tasks or limits.
     """
     if not _any_declared():
         return {}

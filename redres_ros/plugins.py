@@ -68,7 +68,7 @@ def _execute(file: Path) -> ModuleType:
     sys.modules[name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever a stranger's file does
+    except (Exception, SystemExit) as error:  # whatever a stranger's file does
         del sys.modules[name]
         raise PluginError(f'{file} cannot be loaded: {type(error).__name__}: {error}') from error
     return module

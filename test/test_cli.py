@@ -187,6 +187,13 @@ def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, ca
     assert captured.err.count('\n') == 1
 
 
+def test_an_empty_value_is_blamed_on_its_own_option(capsys):
+    with pytest.raises(SystemExit, match='2'):
+        main(['simulate', '--law', ''])
+    said = 'redres simulate: argument --law: got nothing; expected a name'
+    assert capsys.readouterr().err.startswith(said)
+
+
 def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
     joint = '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/></joint>'
     links = '<link name="a"/><link name="b"/>'

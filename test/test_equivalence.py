@@ -10,7 +10,7 @@ import pytest
 from redres_ros import RobotModel, WaypointTask
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.paper import equivalence
-from redres_ros.paper.continuous import DivergenceError, integrate
+from redres_ros.paper.continuous import LostMotionError, integrate
 from redres_ros.paper.equivalence import (
     ZERO,
     Convergence,
@@ -179,7 +179,7 @@ def test_the_continuous_motion_does_not_depend_on_when_it_is_looked_at(task, mod
 
 def test_a_point_out_of_reach_has_no_continuous_motion(side, model):
     far = replace(side, waypoints=np.array((side.waypoints[0], (-1.5, 0.36, 0.01))))
-    with pytest.raises(DivergenceError, match=r'no continuous motion beyond 1\.4'):
+    with pytest.raises(LostMotionError, match=r'no continuous motion beyond 1\.4'):
         integrate(make_scheme('minimum_acceleration'), model, far, np.array((3.0,)))
 
 

@@ -103,9 +103,17 @@ def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
     assert ElementTree.fromstring(description).get('name') == 'fr3'
 
 
+def test_the_frames_are_those_of_the_arm_in_the_file_of_parameters(launch_file, tmp_path):
+    file = tmp_path / 'mine.yaml'
+    file.write_text('/**:\n  ros__parameters:\n    robot: fr3\n')
+    publisher = started(launch_file, params_file=str(file))['robot_state_publisher']
+    description = publisher.parameters[0]['robot_description']
+    assert ElementTree.fromstring(description).get('name') == 'fr3'
+
+
 def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
     nodes = started(launch_file, sim='false', planner='false', rviz='true')
-    assert nodes.keys() == {'controller', 'robot_state_publisher', 'rviz2'}
+    assert nodes.keys() == {'controller', 'rviz2'}  # the driver publishes the frames
     assert started(launch_file, robot='topic', sim='false').keys() == {'controller', 'planner'}
     with pytest.raises(ValueError, match="got 'no'; allowed: true or false"):
         started(launch_file, sim='no')

@@ -64,6 +64,7 @@ def test_a_law_of_ones_own_is_a_choice_of_every_command(capsys: pytest.CaptureFi
     ('text', 'reason'),
     [
         ('1 / 0', 'cannot be loaded: ZeroDivisionError'),
+        ('raise SystemExit', 'cannot be loaded: SystemExit'),
         ('import no_such_package', 'cannot be loaded: ModuleNotFoundError'),
         ('x = 1', 'defines no law, preference, task or limit'),
         (

@@ -77,13 +77,13 @@ def measure_loop(
     """Measure everything at every rate, again and again.
 
     Args:
-        rates: states per second [Hz].
-        duration: for which each is measured at each rate, in all repetitions together [s].
-        out: directory for what the nodes print.
-        progress: is told the share done.
+        rates: States per second [Hz].
+        duration: For which each is measured at each rate, in all repetitions together [s].
+        out: Directory for what the nodes print.
+        progress: Is told the share done.
 
     Raises:
-        BenchError, GraphError: a node does not run or does not answer.
+        BenchError, GraphError: A node does not run or does not answer.
     """
     steps = [(rate, name) for _ in range(REPETITIONS) for rate in rates for name in (UDP, *GRAPHS)]
     parts: dict[tuple[float, str], list[RoundTrips]] = {step: [] for step in steps}

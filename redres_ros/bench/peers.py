@@ -48,8 +48,8 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
     without, as a law of the paper is.
 
     Args:
-        arm: that all of them get.
-        T: length of a tick [s].
+        arm: That all of them get.
+        T: Length of a tick [s].
     """
     missing = missing_peers()
     made: dict[str, Peer] = {}

@@ -12,7 +12,7 @@ class ProcessorMeter:
     """Share of a core that processes take, from the moment when it is made.
 
     Args:
-        processes: their numbers by name.
+        processes: Their numbers by name.
     """
 
     def __init__(self, processes: Mapping[str, int]) -> None:

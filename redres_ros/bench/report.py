@@ -36,7 +36,7 @@ def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
         path: Of the file.
 
     Raises:
-        FileError: it cannot be written.
+        FileError: It cannot be written.
     """
     content = _finite({'machine': machine(), **results})
     try:

@@ -39,10 +39,10 @@ class RoundTrips:
         """From the instants at which states went out and were answered.
 
         Args:
-            period: at which states should go out [s].
-            sent: instants in their order [s].
-            answered: of the same states [s]; infinite where no answer came.
-            processors: share of a core by name.
+            period: At which states should go out [s].
+            sent: Instants in their order [s].
+            answered: Of the same states [s]; infinite where no answer came.
+            processors: Share of a core by name.
         """
         due = round((sent[-1] - sent[0]) / period) + 1 if len(sent) else 0
         latencies = np.array(answered) - np.array(sent)
@@ -59,10 +59,10 @@ class RoundTrips:
         """From a tape of the robot.
 
         Args:
-            period: at which states should go out [s].
-            entries: the states that it published and the commands that it heard.
-            window: the instants between which states count [s], by the monotonic clock.
-            processors: share of a core by name.
+            period: At which states should go out [s].
+            entries: The states that it published and the commands that it heard.
+            window: The instants between which states count [s], by the monotonic clock.
+            processors: Share of a core by name.
         """
         sent: dict[int, float] = {}
         answered: dict[int, float] = {}

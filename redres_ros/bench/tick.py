@@ -113,8 +113,8 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
     """Time everything in turn.
 
     Args:
-        rounds: blocks of calls of each.
-        progress: is told the share done.
+        rounds: Blocks of calls of each.
+        progress: Is told the share done.
     """
     model = RobotModel.named(load_task('rectangle').robot)
     stretch = recorded(model)

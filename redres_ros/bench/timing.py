@@ -59,9 +59,9 @@ def measure(
     left them. A first round is not counted.
 
     Args:
-        calls: by name. Each gets the number of its turn, 0, 1, 2, ..., to pick its input by.
-        rounds: blocks of each call.
-        progress: is told the share done.
+        calls: By name. Each gets the number of its turn, 0, 1, 2, ..., to pick its input by.
+        rounds: Blocks of each call.
+        progress: Is told the share done.
     """
     samples: dict[K, list[int]] = {name: [] for name in calls}
     order = list(calls.items())

@@ -24,8 +24,8 @@ def measure_udp(period: float, duration: float) -> RoundTrips:
     """Datagrams of the size of a state to an echo and back.
 
     Args:
-        period: from one datagram to the next [s].
-        duration: of the measurement [s].
+        period: From one datagram to the next [s].
+        duration: Of the measurement [s].
     """
     count = max(round(duration / period), 1)
     answered = [float('inf')] * count

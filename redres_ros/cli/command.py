@@ -145,6 +145,7 @@ def make_parser() -> Parser:
     commands = parser.add_subparsers(
         dest='command', required=True, metavar='COMMAND', title='commands'
     )
+    commands.type = str  # the words after a command are not its business, not even an empty one
     for group in _GROUPS:
         group.add(commands)
     for subparser in commands.choices.values():

@@ -81,7 +81,7 @@ def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     """The motion; and what another law would do with an ideal arm, unless the task was repeated."""
     from redres_ros.controller import Controller
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import Remarks, draw_motion
+    from redres_ros.simulation.plots import Remarks, draw_motion, in_symbols
 
     beside = {}
     if not outcome.endurance:
@@ -93,7 +93,7 @@ def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
         outcome.recording,
         demo.model,
         demo.task,
-        demo.title.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$').replace('λ', '$\\lambda$'),
+        in_symbols(demo.title),
         path,
         Remarks(beside, outcome.stop_reason, outcome.switches),
     )

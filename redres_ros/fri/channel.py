@@ -13,12 +13,12 @@ class Link:
     """What happens to messages on their way; nothing by default.
 
     Attributes:
-        delay: of every message [cycles].
-        delay_spread: up to so many more, evenly distributed [cycles]. No message overtakes another.
-        loss: share of messages that are lost on an average.
-        loss_burst: how many are lost in a row each time.
-        duplication: share of messages that arrive twice.
-        reordering: chance of a message to arrive with the next one, but after it.
+        delay: Of every message [cycles].
+        delay_spread: Up to so many more, evenly distributed [cycles]. No message overtakes another.
+        loss: Share of messages that are lost on an average.
+        loss_burst: How many are lost in a row each time.
+        duplication: Share of messages that arrive twice.
+        reordering: Chance of a message to arrive with the next one, but after it.
     """
 
     delay: int = 0
@@ -37,8 +37,8 @@ class Channel(Generic[M]):
     others.
 
     Args:
-        seed: of what happens.
-        link: what happens.
+        seed: Of what happens.
+        link: What happens.
     """
 
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
@@ -53,8 +53,8 @@ class Channel(Generic[M]):
         """Put a message in.
 
         Args:
-            message: given out as it is.
-            tick: the present one.
+            message: Given out as it is.
+            tick: The present one.
         """
         losing, doubling, overtaking, spread = (self._random.random() for _ in range(4))
         if self._is_lost(losing):

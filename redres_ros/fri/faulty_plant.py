@@ -29,12 +29,12 @@ class FaultyPlant:
     jumps there.
 
     Args:
-        plant: the arm.
-        faults: from the first cycle on.
-        seed: of the noise.
+        plant: The arm.
+        faults: From the first cycle on.
+        seed: Of the noise.
 
     Raises:
-        RangeError: for a frozen joint that the arm does not have.
+        RangeError: For a frozen joint that the arm does not have.
     """
 
     def __init__(self, plant: PushablePlant, faults: Faults | None = None, seed: int = 0) -> None:

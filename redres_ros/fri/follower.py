@@ -16,9 +16,9 @@ class Follower:
     limits are kept too, from wherever the arm stands.
 
     Args:
-        limits: of the joints.
-        period: the cycle [s].
-        q: where the arm stands still, (n,) [rad].
+        limits: Of the joints.
+        period: The cycle [s].
+        q: Where the arm stands still, (n,) [rad].
     """
 
     def __init__(self, limits: JointLimits, period: float, q: np.ndarray) -> None:
@@ -50,8 +50,8 @@ class Follower:
         """Move on to a command.
 
         Args:
-            command: where to, (n,) [rad].
-            step: how far that is beyond the command before, (n,) [rad].
+            command: Where to, (n,) [rad].
+            step: How far that is beyond the command before, (n,) [rad].
         """
         change = CATCH_UP * self._max_change  # (n,)
         # A lag d is closed at sqrt(a d), a braking curve at half of the acceleration a that the

@@ -54,10 +54,10 @@ class Guard:
     excess accumulates. Every comparison asks whether a value is allowed, so NaN is not.
 
     Args:
-        limits: of the joints.
-        period: the cycle [s].
-        settings: how the limits are applied.
-        names: what each cause of a stop is called.
+        limits: Of the joints.
+        period: The cycle [s].
+        settings: How the limits are applied.
+        names: What each cause of a stop is called.
     """
 
     def __init__(
@@ -95,8 +95,8 @@ class Guard:
         """Why the arm must stop at a command; empty if it need not.
 
         Args:
-            position: the command, (n,) [rad].
-            velocity: from the command before, (n,) [rad/s].
+            position: The command, (n,) [rad].
+            velocity: From the command before, (n,) [rad/s].
         """
         change = velocity - self._velocities[0]  # (n,)
         acceleration = (velocity - self._velocities[-1]) / self.period  # (n,)

@@ -34,17 +34,17 @@ class Inbox:
     Whoever receives calls `put`, in any thread; the robot's loop calls `take`.
 
     Args:
-        joint_names: joints of the arm, in the order of every array.
-        clock: whose stamps the states have.
-        session: counts what is refused.
-        link: what the transport does to answers.
-        seed: of the link's chance.
-        timed: whether latencies are measured. In lock-step they mean nothing.
+        joint_names: Joints of the arm, in the order of every array.
+        clock: Whose stamps the states have.
+        session: Counts what is refused.
+        link: What the transport does to answers.
+        seed: Of the link's chance.
+        timed: Whether latencies are measured. In lock-step they mean nothing.
 
     Attributes:
-        publishers: how many there are in the graph. While more than one of them answers, nobody's
+        publishers: How many there are in the graph. While more than one of them answers, nobody's
             answers are taken. One that was killed stays in the graph for some 20 s, but is silent.
-        newest: stamp [ns] of the state that was answered last.
+        newest: Stamp [ns] of the state that was answered last.
     """
 
     def __init__(
@@ -81,9 +81,9 @@ class Inbox:
         """Note what a client has sent.
 
         Args:
-            stamp: that of the state which it answers [ns].
-            names: its joints, in any order.
-            positions: their commanded positions, not kept by the caller [rad].
+            stamp: That of the state which it answers [ns].
+            names: Its joints, in any order.
+            positions: Their commanded positions, not kept by the caller [rad].
         """
         again = stamp <= self.newest
         self.newest = stamp
@@ -95,7 +95,7 @@ class Inbox:
         A second answer to the same state counts as none.
 
         Args:
-            tick: the present one, whose state is not out yet.
+            tick: The present one, whose state is not out yet.
 
         Returns:
             Answers to earlier ticks, each to a later one than the answer before.

@@ -19,12 +19,12 @@ class IdealPlant:
     """An arm that is exactly where its reference says, one cycle later: the paper's assumption.
 
     Args:
-        joint_names: in the order of every array.
-        period: the cycle [s].
-        q0: where it stands at first, (n,) [rad].
+        joint_names: In the order of every array.
+        period: The cycle [s].
+        q0: Where it stands at first, (n,) [rad].
 
     Raises:
-        ArrayError: for a start of another length, or one that is not finite.
+        ArrayError: For a start of another length, or one that is not finite.
     """
 
     def __init__(self, joint_names: Sequence[str], period: float, q0: np.ndarray) -> None:
@@ -105,17 +105,17 @@ class MujocoPlant:
     the tip lags by 0.65 mm, and a cycle takes half as long again.
 
     Args:
-        arm: whose description is simulated.
-        period: the cycle [s].
-        q0: where it stands at first, at rest, (n,) [rad].
-        settings: below the level of the reference.
+        arm: Whose description is simulated.
+        period: The cycle [s].
+        q0: Where it stands at first, at rest, (n,) [rad].
+        settings: Below the level of the reference.
 
     Raises:
-        RedresError: if the period is not a whole number of plant steps.
-        FileError: if MuJoCo cannot use the URDF.
-        UnknownNameError: if the URDF lacks the tip frame.
-        ArrayError: for a start of another length, or one that is not finite.
-        RangeError: for a start outside the limits.
+        RedresError: If the period is not a whole number of plant steps.
+        FileError: If MuJoCo cannot use the URDF.
+        UnknownNameError: If the URDF lacks the tip frame.
+        ArrayError: For a start of another length, or one that is not finite.
+        RangeError: For a start outside the limits.
     """
 
     def __init__(
@@ -284,17 +284,15 @@ def _servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
     spec = _load(arm)
     spec.option.timestep = settings.plant_step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.disableflags |= (
-        mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    )  # whatever goes wrong, an arm cannot jump to zero
+    # Whatever goes wrong, an arm cannot jump to zero.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for body in spec.bodies:
         body.gravcomp = 1.0
+    # A hard stop: by default a light arm gets degrees past it.
+    stop = (4.0 * settings.plant_step, 1.0)
     for joint in spec.joints:
         joint.actgravcomp = True  # counts as the motor's, towards the effort limit
-        joint.solref_limit = (
-            4.0 * settings.plant_step,
-            1.0,
-        )  # a hard stop: by default a light arm gets degrees past it
+        joint.solref_limit = stop
     for dynamics in (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_NONE):
         for joint in spec.joints:
             spec.add_actuator(

@@ -54,19 +54,19 @@ class Profile:
     """A kind of session.
 
     Attributes:
-        name: the parameter that chooses it.
-        states: those of its sessions. The first one is that of the start.
-        commanding: the one in which the arm follows its client.
-        transitions: from a state by an event to a state. A pair that is not among them changes
+        name: The parameter that chooses it.
+        states: Those of its sessions. The first one is that of the start.
+        commanding: The one in which the arm follows its client.
+        transitions: From a state by an event to a state. A pair that is not among them changes
             nothing.
-        thresholds: what every quality but the worst asks for, best first.
-        entry: quality needed for command mode to begin.
-        lowest: quality below which command mode ends.
-        reflexes: what each cause of a stop is called.
-        bridged_misses: cycles in a row without an answer that are bridged by default.
-        extrapolates_acceleration: whether a bridged command goes on at its last acceleration, and
+        thresholds: What every quality but the worst asks for, best first.
+        entry: Quality needed for command mode to begin.
+        lowest: Quality below which command mode ends.
+        reflexes: What each cause of a stop is called.
+        bridged_misses: Cycles in a row without an answer that are bridged by default.
+        extrapolates_acceleration: Whether a bridged command goes on at its last acceleration, and
             not at its last velocity.
-        guard: how limits are applied by default.
+        guard: How limits are applied by default.
     """
 
     name: str
@@ -129,15 +129,14 @@ SUNRISE = Profile(
     commanding=State.COMMANDING_ACTIVE,
     transitions=MappingProxyType(
         {
-            (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,  # any answer opens the session
+            # Any answer opens the session.
+            (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,
             (State.IDLE, Event.GOOD_TIMING): State.MONITORING_WAIT,
             (State.IDLE, Event.LONG_GOOD_TIMING): State.MONITORING_WAIT,
             (State.MONITORING_WAIT, Event.GOOD_TIMING): State.MONITORING_READY,
             (State.MONITORING_WAIT, Event.LONG_GOOD_TIMING): State.MONITORING_READY,
-            (
-                State.MONITORING_READY,
-                Event.LONG_GOOD_TIMING,
-            ): State.COMMANDING_WAIT,  # the robot's program wants commands
+            # The robot's program wants commands.
+            (State.MONITORING_READY, Event.LONG_GOOD_TIMING): State.COMMANDING_WAIT,
             (State.COMMANDING_WAIT, Event.FIRST_COMMAND): State.COMMANDING_ACTIVE,
             **{(state, Event.SILENCE): State.IDLE for state in _OPEN},
             **{

@@ -37,11 +37,11 @@ class Statistics:
     """The five figures that FRI reports, over the last WINDOW packets.
 
     Attributes:
-        answer_rate: share of cycles in which an answer arrived, late or not.
-        latency: mean time from a state to its answer, over the last WINDOW answers [s].
-        jitter: standard deviation of that time [s].
-        miss_rate: share of cycles without an answer in time.
-        miss_count: cycles without an answer in time since the start.
+        answer_rate: Share of cycles in which an answer arrived, late or not.
+        latency: Mean time from a state to its answer, over the last WINDOW answers [s].
+        jitter: Standard deviation of that time [s].
+        miss_rate: Share of cycles without an answer in time.
+        miss_count: Cycles without an answer in time since the start.
     """
 
     answer_rate: float = 0.0
@@ -88,8 +88,8 @@ class Threshold:
         """A statistic beside its bound, in words: 'latency 9.1 ms, allowed 8 ms'.
 
         Args:
-            name: of the statistic.
-            value: what it is, times in [s].
+            name: Of the statistic.
+            value: What it is, times in [s].
         """
         bound = getattr(self, name)
         if name in ('latency', 'jitter'):
@@ -98,9 +98,8 @@ class Threshold:
         return f'{name.replace("_", " ")} {value:.0%}, {asked} {bound:.0%}'
 
 
-PERFECT = Threshold(
-    answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0
-)  # ours: KUKA's are not public
+# Figures of ours, as KUKA's are not public.
+PERFECT = Threshold(answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0)
 OK = Threshold(answer_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
 BAD = Threshold(answer_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
 

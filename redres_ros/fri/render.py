@@ -129,7 +129,7 @@ def _draw(job: Path, pictures: Path) -> None:
         film = Film(**{field.name: content[field.name] for field in fields(Film)})
         model = scene(str(content['urdf']), str(content['tip_frame']))
     data = mujoco.MjData(model)
-    (width, height) = _SIZE
+    width, height = _SIZE
     drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
     with mujoco.Renderer(model, height, width, max_geom=_SPARE + drawn) as renderer:
         shots = [_shot(renderer, data, film, frame) for frame in range(len(film.q))]

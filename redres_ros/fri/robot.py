@@ -12,8 +12,13 @@ from redres_ros.fri.session import Session
 
 
 class Plant(Protocol):
-    """What moves when the reference does: q, dq (n,) [rad], [rad/s], fresh arrays; `step` is one
-    period [s].
+    """What moves when the reference does.
+
+    Attributes:
+        joint_names: In the order of every array.
+        period: The cycle [s], which `step` takes.
+        q: Positions, (n,) [rad], an array of its own each time.
+        dq: Velocities, (n,) [rad/s], likewise.
     """
 
     joint_names: tuple[str, ...]
@@ -33,9 +38,9 @@ class Answer:
     """A client's valid answer to the state of one tick.
 
     Attributes:
-        tick: that of the state.
-        q: commanded position, outside command mode where the arm stands, (n,) [rad].
-        latency: from the state to the arrival of the answer, 0 where nobody measures it [s].
+        tick: That of the state.
+        q: Commanded position, outside command mode where the arm stands, (n,) [rad].
+        latency: From the state to the arrival of the answer, 0 where nobody measures it [s].
     """
 
     tick: int
@@ -51,10 +56,10 @@ class _Course:
     would be unstable.
 
     Attributes:
-        tick: that of the last answer.
-        q: its command, (n,) [rad].
-        slope: the last step from tick to tick, (n,) [rad].
-        curve: its change from tick to tick, (n,) [rad]; 0 for a course that is a straight line.
+        tick: That of the last answer.
+        q: Its command, (n,) [rad].
+        slope: The last step from tick to tick, (n,) [rad].
+        curve: Its change from tick to tick, (n,) [rad]; 0 for a course that is a straight line.
     """
 
     tick: int
@@ -76,8 +81,8 @@ class _Course:
         """The course after another answer.
 
         Args:
-            answer: to a later tick.
-            curved: whether the course goes on with the last change of its step, and not straight
+            answer: To a later tick.
+            curved: Whether the course goes on with the last change of its step, and not straight
                 on.
         """
         q = np.array(answer.q, dtype=np.float64)
@@ -94,13 +99,13 @@ class FriRobot:
     """A robot that sends its state at tick k and moves by the answer to the state of tick k - 1.
 
     Args:
-        plant: the arm.
-        guard: what may be commanded.
-        session: who may command, and when.
+        plant: The arm.
+        guard: What may be commanded.
+        session: Who may command, and when.
 
     Raises:
-        RedresError: if the parts do not have the same cycle.
-        JointNamesError: if they do not have the same joints.
+        RedresError: If the parts do not have the same cycle.
+        JointNamesError: If they do not have the same joints.
     """
 
     def __init__(self, plant: Plant, guard: Guard, session: Session) -> None:
@@ -164,7 +169,7 @@ class FriRobot:
         motion it is braked there.
 
         Args:
-            answers: those that came since the last call, valid as an Inbox gives them: each to an
+            answers: Those that came since the last call, valid as an Inbox gives them: each to an
                 earlier tick than this one, and to a later one than the answer before. None is none.
         """
         if self._tick > 0:  # before, no state has been sent that could be answered

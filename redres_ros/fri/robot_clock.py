@@ -29,13 +29,13 @@ class RobotClock:
     nothing moves they may jump there by whole periods (`skip`).
 
     Args:
-        epoch: stamp of tick 0 [ns].
-        period: from stamp to stamp [ns].
+        epoch: Stamp of tick 0 [ns].
+        period: From stamp to stamp [ns].
 
     Attributes:
-        stood_still: how long the clock has stood still since the start [s]. Latencies do not
+        stood_still: How long the clock has stood still since the start [s]. Latencies do not
             count it.
-        lag: how far the stamps are behind the computer's clock [s].
+        lag: How far the stamps are behind the computer's clock [s].
     """
 
     def __init__(self, epoch: int, period: int) -> None:
@@ -69,8 +69,8 @@ class RobotClock:
         For an answer that came before the clock stood still this is too little, but never below 0.
 
         Args:
-            stamp: that of a state that went out [ns].
-            arrived: instant of the monotonic clock [s].
+            stamp: That of a state that went out [ns].
+            arrived: Instant of the monotonic clock [s].
         """
         return max(arrived - self.stood_still - self._sent[stamp].time, 0.0)
 

@@ -29,8 +29,8 @@ class AnswerError(RedresError):
     """An answer that is no valid command: of what kind, and in words what was got.
 
     Args:
-        kind: the kind that is counted.
-        why: what was got and what is allowed.
+        kind: The kind that is counted.
+        why: What was got and what is allowed.
     """
 
     def __init__(self, kind: Refusal, why: str) -> None:
@@ -75,8 +75,8 @@ class Session:
     and violations.
 
     Args:
-        period: the cycle [s].
-        settings: when command mode is given and taken away.
+        period: The cycle [s].
+        settings: When command mode is given and taken away.
     """
 
     def __init__(self, period: float, settings: SessionSettings | None = None) -> None:
@@ -159,8 +159,8 @@ class Session:
         """Enter one cycle. In command mode bad timing ends the session.
 
         Args:
-            lateness: of its answer [cycles]; 0: in time, None: no valid one.
-            latency: from the state to its answer, 0 where nobody measures it [s].
+            lateness: Of its answer [cycles]; 0: in time, None: no valid one.
+            latency: From the state to its answer, 0 where nobody measures it [s].
         """
         self._timing.record(lateness, latency)
         self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
@@ -180,8 +180,9 @@ class Session:
     def offer(self, gap: float) -> None:
         """Begin command mode with a first command, if the session is ready for one.
 
-        gap: largest distance from the mirrored position over all joints [rad]. Too large a gap is a
-        reason to stop.
+        Args:
+            gap: Largest distance from the mirrored position over all joints [rad]; too large a one
+                is a reason to stop.
         """
         if not self.ready:
             return

@@ -10,10 +10,10 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from redres_ros.fri.quality import THRESHOLDS, Statistics, Threshold
+from redres_ros.fri.robot_clock import NANOSECONDS
 
 WINDOW = 100  # packets
 
-_NANOSECONDS = 10**9
 _HOUR = 3600.0  # [s] a longer latency, or one that is no number, counts as this
 
 
@@ -23,12 +23,12 @@ class Counts:
 
     Attributes:
         cycles: in_time + late + missed.
-        in_time: answered in time.
-        late: answered, but late.
-        missed: not answered.
-        longest_run: most cycles in a row without an answer in time.
-        bridged: cycles in command mode whose command was extrapolated.
-        refused: answers that were no valid command.
+        in_time: Answered in time.
+        late: Answered, but late.
+        missed: Not answered.
+        longest_run: Most cycles in a row without an answer in time.
+        bridged: Cycles in command mode whose command was extrapolated.
+        refused: Answers that were no valid command.
     """
 
     cycles: int = 0
@@ -46,8 +46,8 @@ class TimingMonitor:
     Recording only counts; the figures are computed when they are asked for.
 
     Args:
-        period: the cycle [s].
-        thresholds: what every quality but the worst asks for, best first.
+        period: The cycle [s].
+        thresholds: What every quality but the worst asks for, best first.
     """
 
     def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold] = THRESHOLDS) -> None:
@@ -71,8 +71,8 @@ class TimingMonitor:
         """Enter one cycle.
 
         Args:
-            lateness: of its answer [cycles]; 0: in time, None: no answer.
-            latency: from the state to its answer [s].
+            lateness: Of its answer [cycles]; 0: in time, None: no answer.
+            latency: From the state to its answer [s].
         """
         self._enter(lateness)
         if lateness is None:
@@ -126,8 +126,8 @@ class TimingMonitor:
         """What became of every cycle so far.
 
         Args:
-            bridged: cycles that were bridged, which the session knows.
-            refused: answers that were refused, likewise.
+            bridged: Cycles that were bridged, which the session knows.
+            refused: Answers that were refused, likewise.
         """
         cycles = self._in_time + self._late + self._missed
         return Counts(
@@ -190,7 +190,7 @@ class _Latencies:
         """Enter a latency [s]; beyond WINDOW the oldest is dropped."""
         if not abs(latency) <= _HOUR:
             latency = _HOUR
-        newest = round(_NANOSECONDS * latency)
+        newest = round(NANOSECONDS * latency)
         oldest = self._last.popleft() if len(self._last) == WINDOW else 0
         self._last.append(newest)
         self._sum += newest - oldest
@@ -200,4 +200,4 @@ class _Latencies:
         """Both in [s]; 0 before the first."""
         n = max(len(self._last), 1)
         variance = n * self._sum_of_squares - self._sum * self._sum  # [ns^2], n^2 times
-        return self._sum / (n * _NANOSECONDS), math.sqrt(variance) / (n * _NANOSECONDS)
+        return self._sum / (n * NANOSECONDS), math.sqrt(variance) / (n * NANOSECONDS)

@@ -33,7 +33,7 @@ class _TorqueLaw(Law):
     """
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        b = np.empty(len(state.q))
+        b = np.empty(len(state.q))  # lambda dq_{k-1} - T M^-1 n, Eq. (27), (32), (A.14)
         free_motion(self.forgetting(T), state.dq_prev, T, state.M, state.n, b)
         return b
 

@@ -19,13 +19,19 @@ RTOL = 1e-10
 ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
 
 
-class DivergenceError(RedresError):
-    """A motion that cannot be followed to its end."""
+class LostMotionError(RedresError):
+    """A continuous motion that cannot be followed to its end."""
 
 
 @dataclass(frozen=True)
 class ContinuousMotion:
-    """t: (N,) [s]; q: (N, n) [rad]; dq: (N, n) [rad/s]."""
+    """A motion in continuous time, at chosen times.
+
+    Attributes:
+        t: (N,) [s].
+        q: (N, n) [rad].
+        dq: (N, n) [rad/s].
+    """
 
     t: np.ndarray
     q: np.ndarray
@@ -50,7 +56,7 @@ def integrate(
 
     Raises:
         RangeError: A time is outside the task.
-        DivergenceError: The motion cannot be followed.
+        LostMotionError: The motion cannot be followed.
         ArrayError: J loses rank.
     """
     T_AB = task.segment_time
@@ -67,7 +73,7 @@ def integrate(
             flow, span, y, method='DOP853', rtol=RTOL, atol=ATOL, dense_output=True
         )
         if solution.sol is None or not solution.success:
-            raise DivergenceError(
+            raise LostMotionError(
                 f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}'
             )
         *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
@@ -94,7 +100,7 @@ def _flow(
     def flow(t: float, y: np.ndarray) -> np.ndarray:
         q, dq = np.split(y, 2)
         if np.abs(dq).max() > SPEED_LIMIT:
-            raise DivergenceError(
+            raise LostMotionError(
                 f'no continuous motion beyond {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
             )
         xi = t / T_AB - segment
@@ -102,9 +108,8 @@ def _flow(
         dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)
         ddx_d = (B - A) / T_AB**2 * _ddquintic(xi)
         ddx = ddx_d + task.feedback_gain * (dx_d - state.J[:3] @ dq)  # derivative of Eq. (37)
-        return np.concatenate(
-            (dq, scheme.acceleration(model, state, ddx, model.velocity_product(q, dq)[:3]))
-        )
+        dJ_dq = model.velocity_product(q, dq)[:3]
+        return np.concatenate((dq, scheme.acceleration(model, state, ddx, dJ_dq)))
 
     return flow
 

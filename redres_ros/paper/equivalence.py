@@ -26,9 +26,12 @@ PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
 class Difference:
     """|dq_I - dq_II| of a law (I) and its scheme (II), over the ticks that both took.
 
-    t: (ticks,) [s]; norm: (ticks,) [rad/s], each in a closed loop of its own; same_past: (ticks,)
-    [rad/s], the scheme being given at each tick what the law had. Where a loop amplifies rounding,
-    only the latter stays small.
+    Where a loop amplifies rounding, only same_past stays small.
+
+    Attributes:
+        t: (ticks,) [s].
+        norm: (ticks,) [rad/s], each in a closed loop of its own.
+        same_past: (ticks,) [rad/s], the scheme being given at each tick what the law had.
     """
 
     t: np.ndarray
@@ -42,12 +45,9 @@ class Difference:
 
     @property
     def holds_until(self) -> float:
-        """First time [s] at which the closed loops differ by more than ZERO; infinity if they never
-        do.
-        """
-        return next(
-            (float(t) for t, norm in zip(self.t, self.norm, strict=True) if norm > ZERO), np.inf
-        )
+        """First time [s] at which the closed loops differ by more than ZERO; infinity for never."""
+        beyond = self.t[self.norm > ZERO]
+        return float(beyond[0]) if len(beyond) else np.inf
 
 
 def difference(
@@ -71,9 +71,20 @@ def difference(
     law = _Accompanied(Controller(model, make_law(law_name, damping=damping), T), scheme)
     one = run(law, task)
     two = run(SecondOrderController(model, scheme, T), task)
-    ticks = min(len(one.data), len(two.data))
-    norm = np.linalg.norm(one.vectors('dq1')[:ticks] - two.vectors('dq1')[:ticks], axis=1)
+    norm = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
+    ticks = len(norm)
     return Difference(one['t'][:ticks], norm, np.array(law.apart[:ticks]))
+
+
+def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
+    """|dq_I - dq_II|, sample by sample as long as there are both, (N,) [rad/s].
+
+    Args:
+        dq_I: Joint velocities, (N_I, n) [rad/s].
+        dq_II: Others, (N_II, n) [rad/s].
+    """
+    both = min(len(dq_I), len(dq_II))
+    return np.linalg.norm(dq_I[:both] - dq_II[:both], axis=1)
 
 
 def yardstick(law_name: str, damping: float, T: float) -> Scheme:
@@ -99,8 +110,11 @@ def yardstick(law_name: str, damping: float, T: float) -> Scheme:
 
 @dataclass(frozen=True)
 class Amplification:
-    """t: (ticks,) [s]; gain: (ticks,) [1/s], |change of dq| per rad of a small displacement at the
-    start.
+    """What becomes of a small displacement at the start.
+
+    Attributes:
+        t: (ticks,) [s].
+        gain: |change of dq| per rad of it, (ticks,) [1/s].
     """
 
     t: np.ndarray
@@ -143,9 +157,8 @@ def amplification(
     aside = replace(task, start=task.start + displacement * direction / np.linalg.norm(direction))
     one = run(Controller(model, law, T), task)
     two = run(Controller(model, law, T), aside)
-    ticks = min(len(one.data), len(two.data))
-    norm = np.linalg.norm(one.vectors('dq1')[:ticks] - two.vectors('dq1')[:ticks], axis=1)
-    return Amplification(one['t'][:ticks], norm / displacement)
+    norm = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
+    return Amplification(one['t'][: len(norm)], norm / displacement)
 
 
 @dataclass(frozen=True)
@@ -153,11 +166,14 @@ class Convergence:
     """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and
     |dq_k - dq(t_k)|.
 
-    periods: (p,) sampling times [s]; q_errors: (p,) [rad]; dq_errors: (p,) [rad/s].
-
     A law holds dq_k from t_k to t_{k+1}, so up to T ddq of dq_errors is only a shift in time. Where
     gravity enters the null space at the start, the first tick alone makes dq_errors exactly
     proportional to T. Then q_errors say more.
+
+    Attributes:
+        periods: Sampling times, (p,) [s].
+        q_errors: (p,) [rad].
+        dq_errors: (p,) [rad/s].
     """
 
     periods: np.ndarray
@@ -207,13 +223,11 @@ def convergence(
     part = replace(task, waypoints=task.waypoints[: int(np.ceil(stretch / task.segment_time)) + 1])
     for T in periods:
         sampled = run(Controller(model, law, T), part)
-        q, dq = (
-            sampled.vectors(first)[sampled['t'] <= stretch] for first in ('q1', 'dq1')
-        )  # (ticks, n)
-        exact = integrate(scheme, model, part, sampled['t'][: len(q)])
-        errors.append(
-            [np.linalg.norm(q - exact.q, axis=1).max(), np.linalg.norm(dq - exact.dq, axis=1).max()]
-        )
+        watched = sampled['t'] <= stretch
+        exact = integrate(scheme, model, part, sampled['t'][watched])
+        q_error = np.linalg.norm(sampled.vectors('q1')[watched] - exact.q, axis=1)  # (ticks,)
+        dq_error = np.linalg.norm(sampled.vectors('dq1')[watched] - exact.dq, axis=1)
+        errors.append((q_error.max(), dq_error.max()))
     return Convergence(np.array(periods), *np.transpose(errors))
 
 

@@ -30,10 +30,12 @@ AFTERMATH = 1.0
 class Experiment:
     """What was commanded, and what the arm did.
 
-    recording: one row a tick until the last point was reached or the robot stopped; q and all that
-    follows from it alone are measured, dq and the norms those of the commands. stop_reason: the
-    robot's own words, empty if nothing stopped it. q: (N, n) measured joint positions [rad] from
-    the recording's first tick to AFTERMATH after its last.
+    Attributes:
+        recording: One row a tick until the last point was reached or the robot stopped. q and all
+            that follows from it alone are measured, dq and the norms are those of the commands.
+        stop_reason: In the robot's own words; empty if nothing stopped it.
+        q: Measured joint positions from the recording's first tick to AFTERMATH after its last,
+            (N, n) [rad].
     """
 
     recording: Recording

@@ -143,6 +143,7 @@ def run(benchmark: Benchmark) -> Saturated:
 
 
 def _controller(model: RobotModel, benchmark: Benchmark) -> Controller:
+    # Loading the limits may compile them, which only who runs this should wait for.
     from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 
     gains = {} if benchmark.law == 'minimum_velocity' else {'damping': benchmark.damping}

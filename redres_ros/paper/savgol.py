@@ -17,7 +17,14 @@ LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """t: (N,) [s]; q, dq, ddq: (N, n) [rad], [rad/s], [rad/s^2]."""
+    """What measured positions show of a motion.
+
+    Attributes:
+        t: (N,) [s].
+        q: (N, n) [rad].
+        dq: (N, n) [rad/s].
+        ddq: (N, n) [rad/s^2].
+    """
 
     t: np.ndarray
     q: np.ndarray
@@ -26,8 +33,7 @@ class MeasuredMotion:
 
 
 def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMotion:
-    """The motion of positions q (N, n) [rad], sampled every T [s] from t = 0 on, but for the first
-    and last half window.
+    """The motion of positions sampled from t = 0 on, without the first and last half window.
 
     Each sample gets the derivatives of the polynomial of fifth degree that fits it and half a
     window of samples on either side best. That is W + 1 samples: with an even number the estimates
@@ -35,7 +41,7 @@ def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMoti
     differentiated exactly.
 
     Args:
-        q: Measured positions.
+        q: Measured positions, (N, n) [rad].
         T: Sampling time [s].
         window: W, an even number of samples.
 

@@ -163,26 +163,23 @@ class MinimumTorqueScheme(TorqueScheme):
         A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
         A_pinv = _pseudoinverse(A)
         tau_N = state.M @ self.preferred(state)
-        return (
-            A_pinv @ (ddx - dJ_dq + A @ state.n) + tau_N - A_pinv @ (A @ tau_N)
-        )  # Eq. (7) for tau_N = 0
+        tau = A_pinv @ (ddx - dJ_dq + A @ state.n)  # Eq. (7)
+        return tau + tau_N - A_pinv @ (A @ tau_N)
 
     def metric(self, state: RobotState) -> Weight:
         return Square(state.M)
 
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        return np.linalg.solve(
-            state.M, _pseudoinverse(np.linalg.solve(state.M, state.J[:3].T).T)
-        )  # M^-1 (J M^-1)^#
+        A = np.linalg.solve(state.M, state.J[:3].T).T  # J M^-1, (m, n)
+        return np.linalg.solve(state.M, _pseudoinverse(A))  # M^-1 (J M^-1)^#
 
 
+# Each scheme has the name of the velocity law that is made from it. Laws of first order have none.
 SCHEMES: dict[str, type[Scheme]] = {
     'minimum_acceleration': MinimumAccelerationScheme,
     'minimum_weighted_torque': MinimumWeightedTorqueScheme,
     'dynamically_consistent': DynamicallyConsistentScheme,
     'minimum_torque': MinimumTorqueScheme,
-    # Each scheme has the name of the velocity law that is made from it. Laws of first order have
-    # none.
 }
 
 

@@ -10,10 +10,14 @@ from redres_ros.robots import Arm
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of each joint: lower, upper [rad], velocity [rad/s], acceleration [rad/s^2], all (n,).
+    """Limits of each joint; those of a prismatic one are in [m], [m/s] and [m/s^2].
 
-    Of a prismatic joint they are in [m], [m/s] and [m/s^2]. Accelerations can be infinite, which is
-    no limit.
+    Attributes:
+        joint_names: From base to tip, the order of the arrays.
+        lower: Positions, (n,) [rad].
+        upper: Positions, (n,) [rad].
+        velocity: Either way, (n,) [rad/s].
+        acceleration: Either way, (n,) [rad/s^2]; infinite where there is no limit.
     """
 
     joint_names: tuple[str, ...]

@@ -14,10 +14,16 @@ BASE = -1  # in place of a joint's index
 class MovingJoint:
     """A joint that moves, and the link that it moves.
 
-    before: (4, 4), from the frame that the parent moves to this joint's.
-    parent: Index of the moving joint before it; BASE: there is none.
-    axis: Unit vector (3,) in the joint's frame. lower, upper: [rad], or [m] of a prismatic one.
-    velocity: [rad/s] or [m/s].
+    Attributes:
+        name: Of the joint.
+        link: That it moves.
+        before: From the frame that the parent moves to this joint's, (4, 4).
+        parent: Index of the moving joint before it; BASE: there is none.
+        axis: Unit vector in the joint's frame, (3,).
+        is_prismatic: Whether it moves along its axis instead of turning about it.
+        lower: Position limit [rad] or [m].
+        upper: Position limit [rad] or [m].
+        velocity: Limit [rad/s] or [m/s].
     """
 
     name: str
@@ -35,7 +41,10 @@ class MovingJoint:
 class Kinematics:
     """The moving joints, and the tip: a serial arm, or a tree that has several tips.
 
-    tip: (4, 4), from the frame that the last joint before the tip moves. tip_parent: Its index.
+    Attributes:
+        joints: In the order of every array.
+        tip: From the frame that the last joint before the tip moves, (4, 4).
+        tip_parent: Index of that joint.
     """
 
     joints: tuple[MovingJoint, ...]
@@ -61,13 +70,18 @@ class Kinematics:
             if joint.type == 'fixed':
                 continue
             carriers[joint.child] = (len(joints), np.eye(4))
-            axis = axis_of(urdf, joint)
             lower, upper = limits_of(urdf, joint)
-            velocity = urdf.number(joint.element.find('limit'), 'velocity', '0', owner)
-            kind = joint.type == 'prismatic'
             joints.append(
                 MovingJoint(
-                    joint.name, joint.child, before, parent, axis, kind, lower, upper, velocity
+                    joint.name,
+                    joint.child,
+                    before,
+                    parent,
+                    axis_of(urdf, joint),
+                    joint.type == 'prismatic',
+                    lower,
+                    upper,
+                    urdf.number(joint.element.find('limit'), 'velocity', '0', owner),
                 )
             )
         tip_parent, tip = carriers[tip_frame]

@@ -11,7 +11,7 @@ from rich.table import Table
 from redres_ros.laws import Law, law_name
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.simulation.plots import NORMS, save
+from redres_ros.simulation.plots import NORMS, in_symbols, save
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import table
 
@@ -195,8 +195,7 @@ def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
     axes = figure.subplots(len(NORMS), 1, sharex=True)
     for ax, (norm, label) in zip(axes, NORMS.items(), strict=True):
         for name, recording in recordings.items():
-            shown = name.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$')
-            ax.plot(recording['t'], recording[norm], lw=1.2, label=shown)
+            ax.plot(recording['t'], recording[norm], lw=1.2, label=in_symbols(name))
         ax.set_ylabel(label, fontsize='small')
         ax.grid(alpha=0.3)
         peaks = [recording.peak(norm)[0] for recording in recordings.values()]

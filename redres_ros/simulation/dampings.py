@@ -21,20 +21,10 @@ DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
 GOOD = 1.25  # times the least peak of a task
 
 _QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # of the ratios, and how they are drawn
-_RATIOS = (
-    1.0,
-    1.5,
-    2.0,
-    3.0,
-    5.0,
-    10.0,
-    20.0,
-    50.0,
-    100.0,
-)  # marked on the axis, if they are on it
+_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # marked, if they are on the axis
 
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
-_UNBOUNDED = np.pi  # [rad] either way, of a joint that turns without end
+_FARTHEST = 2.0 * np.pi  # [rad] from zero of such a start, for joints that turn without end
 _STEP = 0.6  # [rad] by which each joint is away, at most, from one point of a task to the next
 _POINTS = 4  # beside the start
 _SEGMENT = 1.5  # [s]
@@ -197,7 +187,6 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
 def _room(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
     """Middle of the joints' ranges and half of the part in which starts lie, (n,) each [rad]."""
     limits = JointLimits.of(model.arm)
-    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
-    lower = np.where(bounded, limits.lower, -_UNBOUNDED)
-    upper = np.where(bounded, limits.upper, _UNBOUNDED)
+    lower = np.maximum(limits.lower, -_FARTHEST)
+    upper = np.minimum(limits.upper, _FARTHEST)
     return (lower + upper) / 2.0, _RANGE * (upper - lower) / 2.0

@@ -23,6 +23,9 @@ NORMS = {
     'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
 }
 
+# What plain text writes, and how a picture shows it
+_SYMBOLS = {'k_d': '$k_d$', '1/s': 's$^{-1}$', 'λ': r'$\lambda$'}
+
 _SHOWN = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
 _BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
@@ -185,6 +188,13 @@ def _draw_errors(ax: Axes, recording: Recording) -> None:
     ax.set_ylim(bottom=0.0)
     ax.grid(alpha=0.3)
     ax.legend(fontsize='x-small', loc='upper right')
+
+
+def in_symbols(text: str) -> str:
+    """A law's label or a title as a picture shows it."""
+    for plain, symbol in _SYMBOLS.items():
+        text = text.replace(plain, symbol)
+    return text
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -31,10 +31,10 @@ def table(
     """A table whose first column is text and whose others are figures, aligned to the right.
 
     Args:
-        heads: one for each column, with its unit, as 'median [us]'.
-        rows: the cells; a row of one cell is the heading of a section, an empty one a gap.
-        title: above the table.
-        note: below it.
+        heads: One for each column, with its unit, as 'median [us]'.
+        rows: The cells; a row of one cell is the heading of a section, an empty one a gap.
+        title: Above the table.
+        note: Below it.
     """
     shown = Table(
         title=Text(title, style='bold') if title else None,
@@ -59,7 +59,7 @@ def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
 
     Args:
         rows: (label, text); a row of one cell is the heading of a section.
-        title: above them.
+        title: Above them.
     """
     shown = Table(
         title=Text(title, style='bold') if title else None,

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.plots import in_symbols
 from redres_ros.simulation.recording import Recording
 
 _HIGHEST = 3.0  # share that is shown
@@ -52,8 +53,7 @@ def draw_shares(
     velocity, acceleration, scaling = figure.subplots(3, 1, sharex=True)
     for name, recording in recordings.items():
         t = recording['t']
-        shown = name.replace('k_d', '$k_d$').replace('1/s', 's$^{-1}$')
-        velocity.plot(t, velocity_share(recording, model), lw=1.2, label=shown)
+        velocity.plot(t, velocity_share(recording, model), lw=1.2, label=in_symbols(name))
         acceleration.plot(t, acceleration_share(recording, model), lw=1.2)
         scaling.plot(t, recording['task_scaling'], lw=1.2)
     for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):

@@ -17,8 +17,12 @@ _WIDTH = 118
 
 @dataclass(frozen=True)
 class Finding:
-    """held: whether the claim holds as it stands; measured: figures; remark: where and why ours are
-    not the paper's.
+    """What was found out about a claim.
+
+    Attributes:
+        held: Whether it holds as it stands.
+        measured: Figures.
+        remark: Where and why ours are not the paper's.
     """
 
     held: bool
@@ -28,7 +32,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """section: of the paper, or an equation; says: the claim in our words; measure: finds out."""
+    """A sentence of the paper that can be measured.
+
+    Attributes:
+        section: Of the paper, or an equation.
+        says: The claim in our words.
+        measure: Finds out.
+    """
 
     section: str
     says: str

@@ -52,9 +52,9 @@ def square_task(runs: Runs) -> Finding:
         dx = J @ dq[k]
         dx_prev = J_prev @ dq_prev
         ddq = np.linalg.solve(J, (dx - dx_prev) / T - (J - J_prev) / T @ dq_prev)  # Eq. (12)
-        worst = max(
-            worst, float(np.linalg.norm(dq_prev + T * ddq - np.linalg.solve(J, dx)))
-        )  # Eq. (13) against (14)
+        sampled = dq_prev + T * ddq  # Eq. (13)
+        direct = np.linalg.solve(J, dx)  # Eq. (14)
+        worst = max(worst, float(np.linalg.norm(sampled - direct)))
         J_prev = J
         dq_prev = dq[k]
     return Finding(
@@ -105,9 +105,8 @@ def optimality(runs: Runs) -> Finding:
             Z = null_space(state.J[:3])
             dq = resolve(state.J[:3], state.J[:3] @ moved, b, W)
             W = np.eye(len(b)) if W is None else np.asarray(W)
-            residuals.append(
-                np.linalg.norm(Z.T @ W @ (dq - b)) / (np.linalg.norm(W) * np.linalg.norm(dq - b))
-            )
+            size = np.linalg.norm(W) * np.linalg.norm(dq - b)
+            residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / size)
         worst[name] = max(residuals)
     return Finding(
         bool(max(worst.values()) <= 1e-9),
@@ -118,10 +117,10 @@ def optimality(runs: Runs) -> Finding:
 def resting_place(runs: Runs) -> Finding:
     """A task that has vanished: where the joints come to rest, against (B.2)."""
     T = SIMULATION_T
-    dq = np.linspace(-1.0, 1.0, 7)
-    q = runs.task.start
-    start = q
-    first = dq
+    first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
+    start = runs.task.start
+    dq = first
+    q = start
     forgetting = make_law('minimum_acceleration', damping=SIMULATION_DAMPING).forgetting(T)
     for _ in range(5000):
         q = q + T * dq
@@ -134,16 +133,12 @@ def regimes(runs: Runs) -> Finding:
     """Signs and growth of a null-space velocity for k_d T = 0.5, 1.5, 2 and 2.5."""
     seen = {}
     for share in (0.5, 1.5, 2.0, 2.5):
-        speeds = [1.0]
+        dq = np.ones(1)
+        speeds = []
         for _ in range(60):
-            speeds.append(
-                float(
-                    resolve(np.zeros((1, 1)), np.zeros(1), np.array([(1.0 - share) * speeds[-1]]))[
-                        0
-                    ]
-                )
-            )
-        sign = 'alternating' if speeds[1] * speeds[2] < 0.0 else 'one sign'
+            dq = resolve(np.zeros((1, 1)), np.zeros(1), (1.0 - share) * dq)  # Eq. (B.1)
+            speeds.append(float(dq[0]))
+        sign = 'alternating' if speeds[0] * speeds[1] < 0.0 else 'one sign'
         seen[share] = (sign, _fate(abs(speeds[-1])))
     expected = {
         0.5: ('one sign', 'dies out'),

@@ -11,6 +11,13 @@ from redres_ros.paper.figures.runs import Runs
 _OURS = '#dbe9f6'
 _THEIRS = '#f3e6d3'
 _LINE = '0.25'
+_ARROW: dict[str, Any] = {
+    'arrowstyle': '-|>',
+    'color': _LINE,
+    'lw': 1.6,
+    'shrinkA': 0,
+    'shrinkB': 0,
+}
 
 
 class _Box(NamedTuple):
@@ -87,41 +94,21 @@ def _draw(ax: Axes, box: _Box) -> None:
 
 def _arrow(ax: Axes, start: _Box, end: _Box, symbol: str, topic: str) -> None:
     """From one box to the next, with what goes there above it and the topic below."""
-    style: dict[str, Any] = {
-        'arrowstyle': '-|>',
-        'color': _LINE,
-        'lw': 1.6,
-        'shrinkA': 0,
-        'shrinkB': 0,
-    }
-    ax.annotate('', (end.left, end.y), (start.right, start.y), arrowprops=style)
+    ax.annotate('', (end.left, end.y), (start.right, start.y), arrowprops=_ARROW)
     middle = (start.right + end.left) / 2.0
     ax.text(middle, start.y + 0.12, symbol, ha='center', va='bottom')
-    ax.text(
-        middle, start.y - 0.15, topic, ha='center', va='top', family='monospace', fontsize='x-small'
-    )
+    _topic(ax, middle, start.y - 0.15, topic)
+
+
+def _topic(ax: Axes, x: float, y: float, name: str) -> None:
+    ax.text(x, y, name, ha='center', va='top', family='monospace', fontsize='x-small')
 
 
 def _feedback(ax: Axes) -> None:
     """The measured positions, from the arm back to controller and planner."""
     low = 1.1
     ax.plot((_ARM.x, _ARM.x, _PLANNER.x), (_ARM.bottom, low, low), color=_LINE, lw=1.6)
-    style: dict[str, Any] = {
-        'arrowstyle': '-|>',
-        'color': _LINE,
-        'lw': 1.6,
-        'shrinkA': 0,
-        'shrinkB': 0,
-    }
     for box in (_CONTROLLER, _PLANNER):
-        ax.annotate('', (box.x, box.bottom), (box.x, low), arrowprops=style)
+        ax.annotate('', (box.x, box.bottom), (box.x, low), arrowprops=_ARROW)
     ax.text(9.2, low + 0.12, 'measured $q$', ha='center', va='bottom')
-    ax.text(
-        9.2,
-        low - 0.12,
-        'joint_states',
-        ha='center',
-        va='top',
-        family='monospace',
-        fontsize='x-small',
-    )
+    _topic(ax, 9.2, low - 0.12, 'joint_states')

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from redres_ros.paper.apart import Apart
+from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.figures.naming import gain, title
 from redres_ros.paper.figures.runs import (
     EXPERIMENT_DAMPING,
@@ -48,22 +49,11 @@ def figure_16(runs: Runs) -> Figure:
     return _experiments(title(16, 'Experiments', text), runs.apart_35)
 
 
-def difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
-    """Norm of the difference, sample by sample as long as there are both, (N,) [rad/s].
-
-    Args:
-        dq_I: Joint velocities, (N_I, n) [rad/s].
-        dq_II: Others, (N_II, n) [rad/s].
-    """
-    both = min(len(dq_I), len(dq_II))
-    return np.linalg.norm(dq_I[:both] - dq_II[:both], axis=1)
-
-
 def _simulations(heading: str, law: Recording, scheme: Recording) -> Figure:
     dq_I = law.vectors('dq1')
     curves = {
         _SCALE: np.linalg.norm(dq_I, axis=1),
-        _DIFFERENCE: difference(dq_I, scheme.vectors('dq1')),
+        _DIFFERENCE: velocity_difference(dq_I, scheme.vectors('dq1')),
     }
     return _draw(heading, law['t'], curves, _ROUNDING)
 

@@ -45,8 +45,8 @@ class Runs:
     """Recordings of Section 5, with an ideal arm, and experiments of Section 6, with the arm behind
     the fake robot.
 
-    A number in a name is that of the paper's equation. The schemes of second order, (16), (22) and
-    (29), start at once, so the laws that are compared with them in an experiment do so too: those
+    A number in a name is that of the paper's equation. The schemes of second order, (22) and (29),
+    start at once, so the laws that are compared with them in an experiment do so too: those
     are the runs called `unblended`.
 
     Args:
@@ -84,11 +84,6 @@ class Runs:
     def ideal_undamped(self) -> Recording:
         """Law (23), lambda = 1, which is law (15)."""
         return self._simulate('minimum_acceleration', 0.0)
-
-    @cached_property
-    def ideal_16(self) -> Recording:
-        """The scheme from which law (15) comes."""
-        return self._simulate_scheme('minimum_acceleration', 0.0)
 
     @cached_property
     def ideal_35(self) -> Recording:
