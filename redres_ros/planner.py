@@ -10,6 +10,8 @@ from redres_ros.kernels.turn import turn_between
 from redres_ros.rotation import rotation_matrix
 from redres_ros.waypoints import WaypointTask
 
+_LEVER = 0.1  # [m] on which a turn is compared with a length
+
 
 def quintic(xi: float) -> tuple[float, float]:
     """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is
@@ -34,10 +36,14 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
 class Reference:
     """What the planner asks for at one tick.
 
-    dx: (3,) task velocity [m/s], or (6,) with the angular part [rad/s] below. x_d: (3,) desired
-    position [m]. error: x_d - x, (3,) [m]. segment: 1 for the way to x_1 and so on, 0 for an
-    approach to x_0. finished: the last point is reached and held. R_d: (3, 3) desired orientation.
-    orientation_error: (3,) [rad], the turn that is left. Both are None for a position alone.
+    Attributes:
+        dx: Task velocity, (3,) [m/s], or (6,) with the angular part [rad/s] below.
+        x_d: Desired position, (3,) [m].
+        error: x_d - x, (3,) [m].
+        segment: 1 for the way to x_1 and so on, 0 for an approach to x_0.
+        finished: The last point is reached and held.
+        R_d: Desired orientation, (3, 3); None for a position alone.
+        orientation_error: The turn that is left, (3,) [rad]; None likewise.
     """
 
     dx: np.ndarray
@@ -66,7 +72,8 @@ class Planner:
         Args:
             task: Points, and how to pass them.
             x_start: (3,) where the tip is [m]. Unless it is x_0 to within start_tolerance, a first
-                segment of its own leads to x_0. None begins at x_0.
+                segment of its own leads to x_0, no faster than the fastest one of the task. None
+                begins at x_0.
             R_start: (3, 3) how the tip is turned; None begins as at x_0. A task that says nothing
                 of orientations holds the one with which it begins.
             start_tolerance: [m], and of the orientation [rad] the share that makes this length on a
@@ -76,6 +83,7 @@ class Planner:
                 would be the answer to them.
         """
         self._task = task
+        self._approach_time = task.segment_time  # [s]
         self._feedback_limit = feedback_limit
         self._points = task.waypoints.copy()  # (N, 3)
         self._turns = task.orientations  # (N, 3, 3), None until one is known
@@ -118,7 +126,7 @@ class Planner:
             self._index += 1
             self._t_segment = t
             self._finished = self._index == len(self._points) - 1
-        T_AB = self._task.segment_time
+        T_AB = self._T_AB
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
         start = min(self._index, len(self._points) - 2)
         x_d, way = self._on_the_line(start, s)
@@ -135,7 +143,13 @@ class Planner:
 
     def is_due(self, t: float) -> bool:
         """Whether the segment under way should be over at a time t of the task [s]."""
-        return t - self._t_segment >= self._task.segment_time - 1e-9
+        return t - self._t_segment >= self._T_AB - 1e-9
+
+    @property
+    def _T_AB(self) -> float:
+        """How long the segment under way takes [s]."""
+        is_approach = self._index + self._first_segment == 0
+        return self._approach_time if is_approach else self._task.segment_time
 
     def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
         """x_d, (3,), at the share s of the way from a point to the next, and that way, (3,)."""
@@ -206,13 +220,22 @@ class Planner:
         if self._turns is not None:
             R = self._turns[0] if R_start is None else R_start
             self._turns = np.concatenate((R[None], self._turns))
+        approach, *others = map(self._size, range(len(self._points) - 1))
+        longest = max(others) or approach
+        self._approach_time = self._task.segment_time * max(approach / longest, 1.0)
+
+    def _size(self, start: int) -> float:
+        """How long the way from a point to the next is [m]; a turn counts on its lever."""
+        _, way = self._on_the_line(start, 1.0)
+        size = float(np.linalg.norm(way))
+        if self._turns is None:
+            return size
+        _, turn = self._on_the_arc(self._turns, start, 1.0)
+        return max(size, _LEVER * float(np.linalg.norm(turn)))
 
     def _hold(self, R: np.ndarray) -> None:
         """The same orientation at every point."""
         self._turns = np.tile(R, (len(self._points), 1, 1))
-
-
-_LEVER = 0.1  # [m] on which a turn is compared with a length
 
 
 def _pairs(errors: list[np.ndarray], lost: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -20,17 +20,27 @@ SWITCHING = ('at_rest', 'within_tolerance')
 
 _FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
 _MOST_DEGREES = 36000.0
+_METRES = ' m'  # ends the position of a linear joint
 
 
 @dataclass(frozen=True)
 class WaypointTask:
     """Points x_0 ... x_N of the tip and how to pass them.
 
-    robot: the arm's name. start: (n,) joint positions q(0) [rad]. waypoints: (N + 1, 3) [m] in the
-    base frame, x_0 being f(q(0)). orientations: (N + 1, 3, 3) of the tip at the points; None leaves
-    it free. switching 'at_rest' goes on once a segment's time is over and the error is below
-    tolerance; 'within_tolerance' as soon as the error is, which cuts each segment short and makes a
-    step in the task velocity.
+    The switching 'at_rest' goes on once a segment's time is over and the error is below tolerance;
+    'within_tolerance' as soon as the error is, which cuts each segment short and makes a step in
+    the task velocity.
+
+    Args:
+        robot: The arm's name.
+        start: Joint positions q(0), (n,) [rad], or [m] of a linear joint.
+        waypoints: In the base frame, x_0 being f(q(0)), (N + 1, 3) [m].
+        orientations: Of the tip at the points, (N + 1, 3, 3); None leaves them free.
+        segment_time: T_AB, of each segment [s].
+        feedback_gain: k_P of Eq. (37) [1/s].
+        tolerance: Error at which a point counts as reached [m].
+        orientation_tolerance: The same for its orientation [rad].
+        switching: When the next segment begins.
     """
 
     robot: str
@@ -130,7 +140,6 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
     }
     if 'switching' in content:
         given['switching'] = content['switching']
-    start = np.radians(_numbers(content['start'], 'start', 1, _MOST_DEGREES, path))
     waypoints = _numbers(content['waypoints'], 'waypoints', 2, _FARTHEST, path)
     if waypoints.shape[1] != 3 or len(waypoints) < 2:
         raise FileError(
@@ -138,7 +147,18 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
             'expected at least two points of three coordinates'
         )
     given['orientations'] = _orientations(content, len(waypoints), path)
+    start = _start(content['start'], path)
     return WaypointTask(_name(content['robot'], 'robot', path), start, waypoints, **given)
+
+
+def _start(value: Any, path: Path) -> np.ndarray:
+    """Joint positions (n,), angles given in degrees, and those of linear joints as '0.3 m'."""
+    members = list(value) if isinstance(value, list) else []
+    is_linear = np.array([str(member).endswith(_METRES) for member in members], dtype=bool)
+    for place in np.flatnonzero(is_linear):
+        members[place] = str(members[place]).removesuffix(_METRES)
+    numbers = _numbers(members or value, 'start', 1, _MOST_DEGREES, path)
+    return np.where(is_linear, numbers, np.radians(numbers))
 
 
 def _orientations(content: dict[str, Any], count: int, path: Path) -> np.ndarray | None:

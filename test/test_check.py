@@ -169,7 +169,7 @@ NOTES = {
     ),
     'moving': (
         replace(GOOD, states=states(lambda k: np.array(ARM.start) + 1e-3 * k)),
-        ('standstill', 'the arm moves, at 0.5 rad/s'),
+        ('standstill', 'the arm moves: lwr_a1_joint at 0.5/s'),
     ),
     'full limits': (
         replace(GOOD, controller=told(limit_scale=1.0)),

@@ -187,6 +187,22 @@ def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, ca
     assert captured.err.count('\n') == 1
 
 
+def test_where_the_tip_is_at_the_start_is_told(tmp_path, capsys):
+    task = tmp_path / 'my_task.yaml'
+    task.write_text('robot: planar4r\nstart: [0, 90, -90, 90]\nwaypoints: [[0, 0, 0], [1, 0, 0]]\n')
+    assert main(['simulate', '--task', str(task), '--robot', 'planar4r']) == 1
+    assert 'when the task starts, at [0.5, 0.0, 0.5]; allowed: 10 mm' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    'words', [('check', '--states', 'a b'), ('record', 'x.mcap', '--topics', 'joint_states,')]
+)
+def test_what_is_no_name_of_a_topic_is_refused(words, capsys):
+    with pytest.raises(SystemExit, match='2'):
+        main(list(words))
+    assert 'expected a topic, as joint_states' in capsys.readouterr().err
+
+
 def test_an_empty_value_is_blamed_on_its_own_option(capsys):
     with pytest.raises(SystemExit, match='2'):
         main(['simulate', '--law', ''])

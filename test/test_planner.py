@@ -207,6 +207,21 @@ def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point
     assert references[500].x_d == pytest.approx(square.waypoints[0], abs=1e-12)
 
 
+@pytest.mark.parametrize(('aside', 'turn'), [(0.6, 0.0), (0.6, 2.0), (0.0, 2.0)])
+def test_the_way_to_the_first_point_is_no_faster_than_the_task(square, aside, turn):
+    start = square.waypoints[0] + (0.0, aside, 0.0)
+    R = Rotation.from_rotvec((0.0, 0.0, turn)).as_matrix()
+    task = replace(square, orientations=np.tile(np.eye(3), (4, 1, 1)), feedback_gain=0.0)
+    planner = Planner(task, start, R)
+    references = [planner.reference(start, 0.01 * k, R) for k in range(400)]
+    assert set(column(references, 'segment')) == {0}
+    v, w = np.split(column(references, 'dx'), 2, axis=1)
+    fastest = 15.0 / 8.0 * np.hypot(0.1, 0.1) / 0.5  # on the way to x_3
+    lever = 0.1  # [m] on which a turn counts
+    speeds = np.maximum(np.linalg.norm(v, axis=1), lever * np.linalg.norm(w, axis=1))
+    assert speeds.max() == pytest.approx(fastest, rel=1e-3)
+
+
 @pytest.mark.parametrize('start', [None, np.array((0.4, 0.004, 0.5))])
 def test_a_tip_that_starts_at_the_first_point_has_none(square, start):
     reference = Planner(square, start).reference(square.waypoints[0], 0.0)

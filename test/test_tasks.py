@@ -48,6 +48,11 @@ def test_a_shipped_task_starts_at_its_first_point(name):
     assert np.linalg.norm(x - task.waypoints[0]) < task.tolerance
 
 
+def test_a_linear_joint_starts_at_so_many_metres(tmp_path):
+    task = load_task(written(tmp_path, start=['-0.25 m', 90, 180]))
+    assert task.start == pytest.approx([-0.25, np.pi / 2.0, np.pi])
+
+
 def test_the_rectangle_is_the_task_of_the_paper():
     task = load_task('rectangle')
     assert task.start == pytest.approx(
@@ -143,6 +148,9 @@ def test_a_misspelt_key_is_refused_with_the_keys(tmp_path):
     ('key', 'value'),
     [
         ('start', [0, 1, 'x']),
+        ('start', [0, 1, 'x m']),
+        ('start', [0, 1, ' m']),
+        ('start', [0, 1, '1e99 m']),
         ('start', 5),
         ('start', [[0, 1], [2, 3]]),
         ('start', [0, np.nan]),

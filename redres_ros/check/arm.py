@@ -109,7 +109,9 @@ def _judge_standstill(states: list[StateSeen], names: tuple[str, ...]) -> Iterat
         return
     speeds = [abs(last.positions[name] - first.positions[name]) / elapsed for name in names]
     if max(speeds) > _MOVING:
-        yield Verdict(Level.NOTE, 'standstill', f'the arm moves, at {max(speeds):.3g} rad/s')
+        fastest = names[int(np.argmax(speeds))]
+        text = f'the arm moves: {fastest} at {max(speeds):.3g}/s'
+        yield Verdict(Level.NOTE, 'standstill', text)
 
 
 def _judge_description(
@@ -158,5 +160,6 @@ def _judge_frames(seen: Sighting, model: RobotModel) -> Iterator[Verdict]:
             model.pose(np.zeros(model.n), frame)
         except RedresError as error:
             yield Verdict(Level.FAULT, 'frames', f'{TWISTS} comes in an {error}')
+            return
     tip = model.arm.tip_frame
     yield Verdict(Level.OK, 'frames', f'tip {tip}, base {base or model.base_frame}')

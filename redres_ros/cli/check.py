@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_domain, add_namespace
+from redres_ros.cli.options import add_domain, add_namespace, topic_name
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 _SHORTEST = 0.5  # [s]
 _LONGEST = 60.0
+_RATES = (10.0, 2000.0)  # [Hz]
 
 
 def add(commands: Any) -> None:
@@ -31,7 +32,11 @@ def add(commands: Any) -> None:
         '--rate', type=float, default=500.0, metavar='HZ', help='states a second, with --robot'
     )
     check.add_argument(
-        '--states', default='joint_states', metavar='TOPIC', help='where the states are published'
+        '--states',
+        type=topic_name,
+        default='joint_states',
+        metavar='TOPIC',
+        help='where the states are published',
     )
     add_domain(check)
     add_namespace(check)
@@ -47,6 +52,8 @@ def _check(options: argparse.Namespace) -> int:
 
     if not _SHORTEST <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')
+    if not _RATES[0] <= options.rate <= _RATES[1]:
+        raise RangeError('rate', options.rate, *_RATES, 'Hz')
     wanted = _wanted(options)
 
     def make() -> Looker:

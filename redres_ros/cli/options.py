@@ -9,6 +9,7 @@ from redres_ros.cli.parser import NONE, Parser
 from redres_ros.errors import RangeError
 
 _LONGEST = 1e6  # [s]
+_NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
@@ -223,7 +224,14 @@ def add_namespace(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def topic_name(text: str) -> str:
+    """A topic's name as it is. Raises argparse's own error."""
+    if not re.fullmatch(f'/?{_NAMES}', text, re.ASCII):
+        raise argparse.ArgumentTypeError(f'{text!r}; expected a topic, as joint_states')
+    return text
+
+
 def _namespace(text: str) -> str:
-    if not re.fullmatch(r'/?([A-Za-z_]\w*(/[A-Za-z_]\w*)*)?', text, re.ASCII):
+    if not re.fullmatch(f'/?({_NAMES})?', text, re.ASCII):
         raise argparse.ArgumentTypeError(f'{text!r}; expected names with / between them, as left')
     return text

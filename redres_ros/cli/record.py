@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import prepare
-from redres_ros.cli.options import add_domain, add_watching_time, check_duration
+from redres_ros.cli.options import add_domain, add_watching_time, check_duration, topic_name
 from redres_ros.cli.parser import OptionError
 
 SUFFIX = '.mcap'
@@ -17,7 +17,11 @@ def add(commands: Any) -> None:
     record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='made anew')
     add_watching_time(record)
     record.add_argument(
-        '--topics', metavar='A,B,...', help='those that are recorded; default: all that there are'
+        '--topics',
+        type=_topic_names,
+        default=(),
+        metavar='A,B,...',
+        help='those that are recorded; default: all that there are',
     )
     add_domain(record)
     record.set_defaults(run=_record)
@@ -34,6 +38,10 @@ def check_recording(path: Path) -> None:
     prepare(path)
 
 
+def _topic_names(text: str) -> tuple[str, ...]:
+    return tuple(map(topic_name, text.split(',')))
+
+
 def _record(options: argparse.Namespace) -> int:
     import signal
     import threading
@@ -45,14 +53,13 @@ def _record(options: argparse.Namespace) -> int:
 
     check_duration(options.duration)
     check_recording(options.file)
-    wanted = tuple(filter(None, (options.topics or '').split(',')))
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
     with (
         joined_domain(options.domain),
         McapFile(options.file) as file,
-        spun(lambda: GraphRecorder(file, wanted)) as recorder,
+        spun(lambda: GraphRecorder(file, options.topics)) as recorder,
     ):
         recorder.run(stopped, options.duration)
         recorder.close()

@@ -96,9 +96,11 @@ def _check_start(task: 'WaypointTask', model: 'RobotModel') -> None:
             f'the task starts with {len(task.start)} joints, and {task.robot} has {model.n}; '
             'name a task of that robot with --task'
         )
-    away = float(np.linalg.norm(model.tip(task.start)[0] - task.waypoints[0]))
+    x, _ = model.tip(task.start)
+    away = float(np.linalg.norm(x - task.waypoints[0]))
     if not away < _NEAR:
         raise OptionError(
             f'the tip of {task.robot} is {1e3 * away:.0f} mm away from the first point when the '
-            f'task starts; allowed: {1e3 * _NEAR:.0f} mm; name a task of that robot with --task'
+            f'task starts, at {np.round(x, 4).tolist()}; allowed: {1e3 * _NEAR:.0f} mm; '
+            'name a task of that robot with --task'
         )
