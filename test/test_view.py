@@ -21,19 +21,23 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Int32
+from std_msgs.msg import Float64MultiArray, Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.command import norm
+from redres_ros.demo import live_arm
 from redres_ros.demo.client import CallError, read_parameters
-from redres_ros.demo.judge import Cycle, Judge, read_cycle
+from redres_ros.demo.judge import Judge
 from redres_ros.demo.onlooker import PLANNER, Onlooker
 from redres_ros.demo.replay import FINISHED, MOVING
 from redres_ros.demo.sampling import Sampler
 from redres_ros.demo.settings import credible, judge_of, model_of
-from redres_ros.errors import RedresError
+from redres_ros.errors import ArrayError
 from redres_ros.limits import limit_name, make_limits
+from redres_ros.nodes import glance
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.conversions import JointOrder, to_joint_state
+from redres_ros.nodes.conversions import to_joint_state
+from redres_ros.nodes.glance import Figures, Glance, from_message, to_message
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.view import gate, words
@@ -171,62 +175,38 @@ def motion() -> SimpleNamespace:
     for _ in range(300):
         commands.append(controller.update(q, DX))
         q = commands[-1].q_ref
-    judge = Judge(model, law, make_limits(names, model, limit_scale=0.2), T)
-    cycles = [
-        Cycle(round(tick * T * 1e9), command.q_ref, command.dq)
-        for tick, command in enumerate(commands)
-    ]
-    return SimpleNamespace(model=model, judge=judge, commands=commands, cycles=cycles)
+    judge = Judge(model, make_limits(names, model, limit_scale=0.2), T)
+    return SimpleNamespace(model=model, judge=judge, commands=commands)
 
 
 def test_the_limits_that_are_shown_are_those_that_the_controller_kept(
     motion: SimpleNamespace,
 ) -> None:
     kinds = set()
-    for tick in range(1, len(motion.cycles)):
-        limiting = motion.commands[tick].limiting
-        acting = motion.judge.acting(motion.cycles[tick - 1], motion.cycles[tick])
-        if limiting:
-            joint, _, limit = limiting.partition(': ')
+    for tick, command in enumerate(motion.commands):
+        told = to_message(Glance.of(tick, command, speed=0.0, acceleration=0.0))
+        acting = motion.judge.acting(from_message(told, motion.model.n))
+        if command.limiting:
+            joint, _, limit = command.limiting.partition(': ')
             assert (limit, joint) in acting
             kinds.add(limit)
     assert len(kinds) >= 2
 
 
-def test_the_figures_are_those_of_the_controllers_own_answers(motion: SimpleNamespace) -> None:
-    command = motion.commands[200]
-    asked = float(np.linalg.norm(DX))
-    figures = motion.judge.figures(command.state.q, motion.cycles[199:201], asked)
-    assert figures.speed >= np.linalg.norm(command.dq) - 1e-12
-    assert np.isclose(figures.acceleration, np.linalg.norm(command.ddq))
-    assert np.isclose(figures.torque, np.linalg.norm(command.tau))
-    assert np.isclose(figures.null_speed, np.linalg.norm(command.null))
-    assert figures.singular_value == pytest.approx(command.min_singular_value)
-    assert figures.time == 0.4
-    assert 0.0 < figures.scaling < 1.0 and figures.scaling == pytest.approx(command.s)
-    idle = motion.judge.figures(command.state.q, motion.cycles[199:201], 0.0)
-    assert idle.scaling == 1.0
+def values_of(node: Node) -> dict[str, Any]:
+    """The parameters of a node."""
+    return {
+        name: parameter_value_to_python(node.get_parameter(name).get_parameter_value())
+        for name in node.list_parameters([], 0).names
+    }
 
 
-def test_a_command_is_read_in_the_order_of_our_joints() -> None:
-    names = ('a', 'b', 'c')
-    message = to_joint_state(5, names, np.arange(3.0), np.arange(3.0) + 10.0)
-    cycle = read_cycle(serialize_message(message), JointOrder(names))
-    assert cycle.stamp == 5
-    assert cycle.q_ref.tolist() == [0.0, 1.0, 2.0] and cycle.dq.tolist() == [10.0, 11.0, 12.0]
-
-
-def test_the_page_has_the_arm_the_law_and_the_limits_that_the_controller_has() -> None:
+def test_the_page_has_the_arm_and_the_limits_that_the_controller_has() -> None:
     with graph(ControllerNode) as (node, _):
-        names = node.list_parameters([], 0).names
-        values = {
-            name: parameter_value_to_python(node.get_parameter(name).get_parameter_value())
-            for name in names
-        }
+        values = values_of(node)
         model = model_of(values)
         judge = judge_of(values, model)
         assert model.arm == node._controller.model.arm
-        assert judge.law == node._controller.law
         assert [limit_name(limit) for limit in judge.limits] == [
             'acceleration',
             'velocity',
@@ -234,28 +214,73 @@ def test_the_page_has_the_arm_the_law_and_the_limits_that_the_controller_has() -
         ]
 
 
-@pytest.mark.parametrize(
-    ('names', 'position', 'velocity'),
-    [
-        ('ab', [0.0, 0.0], [1.0]),
-        ('ab', [0.0, 0.0], [1.0, np.nan]),
-        ('ab', [0.0], [1.0, 1.0]),
-        ('ba', [0.0, 0.0], [1.0, 1.0]),
-        ('abc', [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]),
-    ],
-)
-def test_a_command_that_no_controller_would_send_is_refused(
-    names: str, position: list[float], velocity: list[float]
+def test_a_glance_that_no_controller_would_send_is_passed_over() -> None:
+    given = Glance(Figures(*range(7)), *np.arange(8.0).reshape(4, 2))
+    message = to_message(given)
+    assert np.concatenate(from_message(message, 2)).tolist() == np.concatenate(given).tolist()
+    with pytest.raises(ArrayError, match='15 numbers; expected 35'):
+        from_message(message, 7)
+    message.data[3] = np.nan
+    with pytest.raises(ArrayError):
+        from_message(message, 2)
+
+
+class Heard:
+    """Telemetry that somebody listens to: keeps what is published."""
+
+    heard = True
+
+    def __init__(self, *_: Any) -> None:
+        self.messages: list[Any] = []
+
+    def publish(self, name: str, make: Any) -> None:
+        """Keep the message."""
+        self.messages.append(make())
+
+
+def test_glances_are_few_and_hide_no_peak_between_them(
+    motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    message = JointState(name=list(names), position=position, velocity=velocity)
-    with pytest.raises(RedresError):
-        read_cycle(serialize_message(message), JointOrder(('a', 'b')))
+    monkeypatch.setattr(glance, 'Telemetry', Heard)
+    glances = glance.Glances(SimpleNamespace())
+    for tick, command in enumerate(motion.commands):
+        glances.see(round((tick + 10**6) * T * 1e9), command)
+    published = glances._telemetry.messages
+    told = [from_message(message, motion.model.n) for message in published]
+    assert len(told) == len(motion.commands) // 25
+    ticks = range(1, len(motion.commands) - 25 + 1, 25)
+    for seen, first in zip(told[1:], ticks, strict=True):
+        since = motion.commands[first : first + 25]
+        newest = since[-1]
+        assert seen.figures.speed == max(norm(each.dq) for each in since)
+        assert seen.figures.acceleration == max(norm(each.ddq) for each in since)
+        assert seen.figures.torque == norm(newest.tau)
+        assert seen.figures.scaling == newest.s
+        assert np.array_equal(seen.q, newest.state.q)
 
 
-def test_bytes_that_are_no_command_are_refused() -> None:
-    for data in (b'', b'\x00\x01\x00\x00', serialize_message(JointState(name=['a']))[:-20]):
-        with pytest.raises(RedresError):
-            read_cycle(data, JointOrder(('a',)))
+def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
+    motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_arm, '_SILENCE', 0.2)
+    with graph(ControllerNode) as (node, _):
+        arm = live_arm.LiveArm(node, values_of(node))
+        states = node.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
+        glances = node.create_publisher(Float64MultiArray, glance.TOPIC, QoSProfile(depth=1))
+
+        def heard(publisher: Any, message: Any, q: np.ndarray) -> bool:
+            publisher.publish(message)
+            arm.look()
+            return np.array_equal(arm.q, q)
+
+        where = np.linspace(0.1, 0.7, motion.model.n)
+        state = to_joint_state(5, motion.model.joint_names, where, np.zeros(motion.model.n))
+        await_that(lambda: heard(states, state, where), 'the states')
+        command = motion.commands[0]
+        told = to_message(Glance.of(5, command, speed=0.0, acceleration=0.0))
+        await_that(lambda: heard(glances, told, command.state.q), 'the glance')
+        assert arm._states is None
+        arm.close()
 
 
 def test_changes_that_cannot_be_are_passed_over() -> None:

@@ -1,4 +1,4 @@
-"""What a graph's parameters say of its arm, task, law and limits."""
+"""What a graph's parameters say of its arm, task and limits."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 
 from redres_ros.demo.judge import Judge
-from redres_ros.errors import UnknownNameError
-from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import Limits, gain_names, make_limits
 from redres_ros.nodes.motion_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
-from redres_ros.parameter import parameters
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import choose_arm, choose_tip
 from redres_ros.waypoints import load_task, task_for
@@ -55,7 +52,7 @@ def points_of(planner: Values, model: RobotModel) -> np.ndarray:
 
 
 def judge_of(values: Values, model: RobotModel) -> Judge:
-    """What judges the commands of a controller with these parameters.
+    """What says which limits of a controller with these parameters act.
 
     Args:
         values: The controller's parameters.
@@ -64,8 +61,7 @@ def judge_of(values: Values, model: RobotModel) -> Judge:
     Raises:
         RedresError: A parameter has a value that cannot be.
     """
-    rows = 3 if values['task_space'] == 'position' else 6
-    return Judge(model, _law(values), _limits(values, model), 1.0 / values['rate'], rows)
+    return Judge(model, _limits(values, model), 1.0 / values['rate'])
 
 
 def chosen(values: Values, of: str) -> tuple[str, ...]:
@@ -90,18 +86,6 @@ def credible(changes: Values, known: Values) -> dict[str, Any]:
         for name, value in changes.items()
         if name in known and type(value) is type(known[name])
     }
-
-
-def _law(values: Values) -> Law:
-    name = values['law']
-    if name not in LAWS:
-        raise UnknownNameError('law', name, LAWS)
-    gains = {}
-    for field in parameters(LAWS[name]):
-        for key in (field.name, f'{name}.{field.name}'):
-            if key in values:
-                gains[field.name] = values[key]
-    return make_law(name, **gains)
 
 
 def _limits(values: Values, model: RobotModel) -> Limits:

@@ -42,6 +42,7 @@ TOPICS: dict[str, type] = {
     'controller/min_singular_value': Float64,
     'controller/lost_velocity': Float64,
     'controller/limiting': String,
+    'controller/glance': Float64MultiArray,
     'forward_position_controller/commands': Float64MultiArray,
     'markers': MarkerArray,
     'wrench': WrenchStamped,

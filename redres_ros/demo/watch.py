@@ -62,7 +62,6 @@ class Watch(Node):
         """Take in what the arm does; find out which one it is, once its controller is there."""
         if self._arm is not None:
             self._arm.look()
-            self._arm.judge()
         elif self._is_known and self._remote.offers('controller'):
             try:
                 self._arm = LiveArm(self, self._remote.parameters('controller'))

@@ -10,6 +10,7 @@ from redres_ros.command import FIGURES, norm
 from redres_ros.following import Reply
 from redres_ros.laws import Law, law_name
 from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.glance import Glances
 from redres_ros.nodes.telemetry import Telemetry
 
 _SCALING = 'task_scaling'
@@ -34,6 +35,7 @@ class MotionTelemetry:
         self._telemetry = Telemetry(node, {'tip_pose': PoseStamped, **numbers, **words})
         # By itself: the planner always listens to it.
         self._scaling_telemetry = Telemetry(node, {_SCALING: Float64})
+        self._glances = Glances(node)
         self._frame = frame
         self._scaling = 0.0  # published last
         self._unsaid = 0  # ticks since then
@@ -57,6 +59,7 @@ class MotionTelemetry:
             answer: Of this tick.
             law: In force.
         """
+        self._glances.see(answer.stamp, answer.command)
         if not self._telemetry.heard:
             return
         publish = self._telemetry.publish

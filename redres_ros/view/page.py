@@ -18,7 +18,6 @@ from redres_ros.view.spectator import Spectator
 from redres_ros.view.trail import Trail
 
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
-_JUDGED = 2  # pictures from one judgement of what was commanded to the next
 _SLOWLY = 6  # pictures from one drawing of plots, ways and words to the next
 _PLOTTED = 15.0  # [s] of the robot's clock
 _TRACED = 20.0  # [s]
@@ -57,10 +56,8 @@ class Page:
             if not self._server.get_clients():
                 self._forget()  # nobody looks
                 continue
-            self._arm.look()
+            self._look()
             number += 1
-            if number % _JUDGED == 0:
-                self._judge()
             with self._server.atomic():
                 self._show_arm()
                 if number % _SLOWLY == 0:
@@ -81,13 +78,13 @@ class Page:
         self._controls = Controls(self._server, remote, values)
         gui.main_panel.dock_right()
 
-    def _judge(self) -> None:
-        self._arm.judge()
-        figures = self._arm.figures
-        if figures is not None:
-            self._figures.add(figures.time, figures)
+    def _look(self) -> None:
+        figures = self._arm.look()
+        for each in figures:
+            self._figures.add(each.time, each)
+        if figures:
             for way, place in self._scene.ways(self._arm.q).items():
-                self._ways[way].add(figures.time, place)
+                self._ways[way].add(figures[-1].time, place)
 
     def _forget(self) -> None:
         """Forget what was plotted and traced, so that nobody sees a leap over the gap."""

@@ -5,6 +5,7 @@ import trimesh
 import viser
 
 from redres_ros.robot_model import RobotModel, quaternion
+from redres_ros.robots.kinematics import BASE, MovingJoint
 from redres_ros.robots.urdf import motion_of
 from redres_ros.view.shapes import FIXED, Shape, shapes_of
 
@@ -38,10 +39,9 @@ class ArmScene:
         self._scene = server.scene
         self._model = model
         self._kinematics = model.arm.kinematics()
-        self._links = [
-            self._scene.add_frame(f'/arm/{joint.name}', show_axes=False)
-            for joint in self._kinematics.joints
-        ]
+        self._links: list[viser.FrameHandle] = []
+        for joint in self._kinematics.joints:
+            self._add_link(joint)
         for number, shape in enumerate(shapes_of(model.arm)):
             self._add_shape(shape, number)
         self._add_tool()
@@ -55,14 +55,16 @@ class ArmScene:
 
     def show(self, q: np.ndarray) -> None:
         """Move the arm to joint positions q (n,) [rad]."""
-        poses = self._kinematics.poses(q)
-        for index, joint in enumerate(self._kinematics.joints):
-            moved = poses[index] @ motion_of(
-                joint.axis, float(q[index]), is_prismatic=joint.is_prismatic
-            )
-            link = self._links[index]
-            link.position = moved[:3, 3]
-            link.wxyz = _wxyz(moved)
+        for joint, link, value in zip(
+            self._kinematics.joints, self._links, q.tolist(), strict=True
+        ):
+            motion = motion_of(joint.axis, value, is_prismatic=joint.is_prismatic)
+            moved = joint.before @ motion
+            # What moves is told to every browser, so only what does is set.
+            if joint.is_prismatic:
+                link.position = moved[:3, 3]
+            else:
+                link.wxyz = _wxyz(moved)
 
     def ways(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """Where tip and elbow are at q (n,) [rad], each (3,) [m]; an arm may have no elbow."""
@@ -83,6 +85,17 @@ class ArmScene:
             self._scene.add_line_segments(
                 f'/ways/{way}', segments, colors=_WAYS[way], thickness=_THICKNESS
             )
+
+    def _add_link(self, joint: MovingJoint) -> None:
+        """A frame within that of the link before it: a joint that turns changes one quaternion."""
+        parent = '/arm' if joint.parent == BASE else self._links[joint.parent].name
+        link = self._scene.add_frame(
+            f'{parent}/{joint.name}',
+            show_axes=False,
+            wxyz=_wxyz(joint.before),
+            position=joint.before[:3, 3],
+        )
+        self._links.append(link)
 
     def _add_shape(self, shape: Shape, number: int) -> None:
         parent = '/base'

@@ -10,7 +10,7 @@ from redres_ros.fri.window import opened
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.view.spectator import NICENESS, Spectator
 
-_PERIOD = 0.02  # [s] from one picture to the next
+_PERIOD = 0.02  # [s] from one look at the arm to the next
 
 
 class WindowNode(Spectator):
