@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.kernels.arithmetic import dot
 from redres_ros.kernels.basis import DEPENDENT, append, hold, release
-from redres_ros.kernels.compiled import compiled
+from redres_ros.kernels.compiled import compiled, inlined
 from redres_ros.kernels.search import (
     BEHIND,
     COUNT,
@@ -32,7 +32,7 @@ WRONG = 1e-14  # a force of the wrong sign counts from this share of the gradien
 TIGHT = 1e-10  # one of the right sign proves its limit tight from this share on
 
 
-@compiled()
+@inlined
 def minimise(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Move z to the least |A z - a| within the limits.
 
@@ -138,7 +138,7 @@ def most_wrong(search: Search, force: np.ndarray, least: float, by_index: bool) 
     return found
 
 
-@compiled()
+@inlined
 def hardest_of(search: Search, force: np.ndarray, tight: float) -> int:
     """The limit with the largest force of those that are tight, but the share's; -1 for none."""
     marks = search.marks
@@ -153,7 +153,7 @@ def hardest_of(search: Search, force: np.ndarray, tight: float) -> int:
     return hardest
 
 
-@compiled()
+@inlined
 def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
     """Fix A z and the limits that are tight; other held limits stay held."""
     marks = search.marks

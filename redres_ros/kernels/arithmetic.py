@@ -3,10 +3,10 @@
 import numpy as np
 from numba import boolean
 
-from redres_ros.kernels.compiled import compiled, vector
+from redres_ros.kernels.compiled import compiled, inlined, vector
 
 
-@compiled()
+@inlined
 def dot(a: np.ndarray, b: np.ndarray) -> float:
     """a' b."""
     total = 0.0

@@ -10,13 +10,13 @@ from numba import boolean, float64, int64
 
 from redres_ros.kernels.active_set import hardest_of, minimise, settle
 from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled, matrix, several, vector
+from redres_ros.kernels.compiled import compiled, inlined, matrix, several, vector
 from redres_ros.kernels.search import SIDE
 from redres_ros.kernels.slack import close_slack, open_slack
 from redres_ros.kernels.start import begin_at, leave_behind
 
 
-@compiled()
+@inlined
 def rows_of(level: int, groups: np.ndarray, tasks: np.ndarray, n: int) -> int:
     """How many rows a level has: limits, the first task, its share, the other tasks, the law."""
     first_task = len(groups)
@@ -45,7 +45,7 @@ def ask_for_task(
             a[i] = dx[row + i]
 
 
-@compiled()
+@inlined
 def ask_for_law(
     W: np.ndarray, is_factor: bool, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray
 ) -> None:

@@ -8,10 +8,11 @@ import numpy as np
 from numba import float64, int64
 
 from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled, matrix, vector
+from redres_ros.kernels.compiled import compiled, inlined, matrix, vector
 from redres_ros.kernels.factors import (
-    FACTOR,
     IDENTITY,
+    SQUARE,
+    WEIGHT,
     cholesky,
     make_orthonormal,
     solve_factor,
@@ -28,42 +29,44 @@ NOT_FINITE = 3
 SINGULAR_RATIO = 1e-3
 
 
-@compiled()
-def is_regular(R: np.ndarray, size: float) -> bool:
-    """Whether no direction of R (m, m) needs damping; False also where it is a close call.
+@inlined
+def is_regular(R: np.ndarray, first: int, m: int, size: float) -> bool:
+    """Whether no direction of a task needs damping; False also where it is a close call.
 
-    R is lower triangular. The eigenvalues of R R' other than the smallest one have a mean of at
-    most trace / (m - 1). Hence the smallest one is at least det / (trace / (m - 1))^(m - 1). Where
-    this is too little, as for eigenvalues of different sizes, it is at least 1 / trace of the
-    inverse.
+    Its block of R (m, m) begins at `first` and is lower triangular. The eigenvalues of R R' other
+    than the smallest one have a mean of at most trace / (m - 1). Hence the smallest one is at least
+    det / (trace / (m - 1))^(m - 1). Where this is too little, as for eigenvalues of different
+    sizes, it is at least 1 / trace of the inverse.
 
     Args:
-        R: (m, m) with the singular values of the task.
+        R: Its block has the singular values of the task.
+        first: Row and column of R in which the block begins.
+        m: Number of rows of the task.
         size: They are judged against this, or against the largest one if that is larger.
     """
-    m = len(R)
+    end = first + m
     trace = 0.0
     root_of_det = 1.0
-    for k in range(m):
-        trace += dot(R[k, : k + 1], R[k, : k + 1])
+    for k in range(first, end):
+        for j in range(first, k + 1):
+            trace += R[k, j] ** 2
         root_of_det *= R[k, k]
     needed = SINGULAR_RATIO**2 * max(trace, size * size)  # the largest one is at most the trace
     if root_of_det**2 * ((m - 1) / trace) ** (m - 1) > needed:
         return True
     trace_of_inverse = 0.0
-    column = np.zeros(m)
-    for k in range(m):  # R^-1, column by column
-        column[:] = 0.0
-        column[k] = 1.0
-        for i in range(k, m):
+    column = np.empty(end)
+    for k in range(first, end):  # of the inverse
+        for i in range(k, end):
+            column[i] = 1.0 if i == k else 0.0
             for j in range(k, i):
                 column[i] -= R[i, j] * column[j]
             column[i] /= R[i, i]
-        trace_of_inverse += dot(column, column)
+            trace_of_inverse += column[i] ** 2
     return 1.0 / trace_of_inverse > needed
 
 
-@compiled()
+@inlined
 def are_regular(J: np.ndarray, R: np.ndarray, first_task: int, lower_tasks: np.ndarray) -> bool:
     """Whether no task needs damping in what those before it leave.
 
@@ -82,14 +85,13 @@ def are_regular(J: np.ndarray, R: np.ndarray, first_task: int, lower_tasks: np.n
         square = 0.0
         for k in range(first, first + m):
             square += dot(J[k], J[k])
-        block = R[first : first + m, first : first + m]
-        if not is_regular(block, np.sqrt(square / m)):  # at most the largest
+        if not is_regular(R, first, m, np.sqrt(square / m)):  # at most the largest
             return False
         first += m
     return True
 
 
-@compiled()
+@inlined
 def solution(
     J: np.ndarray,
     dx: np.ndarray,
@@ -122,14 +124,13 @@ def solution(
         SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
     """
     m, n = J.shape
-    F = np.empty(W.shape)  # W = F'F
-    if form == FACTOR:
-        F[:] = W
-    elif form != IDENTITY and not cholesky(W, F):
+    F = W.copy()  # of W = F'F
+    if form in (WEIGHT, SQUARE) and not cholesky(W, F):
         return INDEFINITE
     if form != IDENTITY:
-        Q[:] = J
         for k in range(m):
+            for i in range(n):
+                Q[k, i] = J[k, i]
             solve_transposed_factor(F, form, Q[k])
         R[:] = 0.0
         make_orthonormal(Q, R)  # J F^-1 = R Q
@@ -189,7 +190,7 @@ def closed_form(
     Q = J.copy()
     R = np.zeros((m, m))
     make_orthonormal(Q, R)
-    if m > n or not is_regular(R, size):
+    if m > n or not is_regular(R, 0, m, size):
         return SINGULAR
     return solution(J, dx, b, W, form, Q, R, fastest, dq)
 
@@ -236,11 +237,11 @@ def closed_form_in_order(
     m = first + len(dx_lower)
     n = len(b)
     J = np.empty((m, n))
-    J[:first] = J_first
-    J[first:] = J_lower
     dx = np.empty(m)
-    dx[:first] = dx_first
-    dx[first:] = dx_lower
+    for k in range(m):
+        for i in range(n):
+            J[k, i] = J_first[k, i] if k < first else J_lower[k - first, i]
+        dx[k] = dx_first[k] if k < first else dx_lower[k - first]
     Q = J.copy()
     R = np.zeros((m, m))
     make_orthonormal(Q, R)

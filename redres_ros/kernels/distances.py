@@ -88,7 +88,8 @@ def enter(scene: Scene, i: int, other: int, row: np.ndarray, distance: float) ->
     """Add what body i approaches, unless no joint can do anything about it."""
     if dot(row, row) > _NOTHING:
         at = scene.found[0]
-        scene.C[at] = row
+        for k in range(len(row)):
+            scene.C[at, k] = row[k]
         scene.distance[at] = distance
         scene.who[at, 0] = i
         scene.who[at, 1] = other

@@ -3,7 +3,7 @@
 import numpy as np
 
 from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled
+from redres_ros.kernels.compiled import compiled, inlined
 
 # What a weight is given as.
 IDENTITY = 0  # nothing: the weight is I
@@ -15,7 +15,7 @@ SQUARE = 3  # the symmetric positive definite M of the weight M M
 MUCH = 0.5
 
 
-@compiled()
+@inlined
 def cholesky(A: np.ndarray, U: np.ndarray) -> bool:
     """Fill in the upper triangle of U, A = U'U; whether A (n, n) is positive definite."""
     for i in range(len(A)):
@@ -32,7 +32,7 @@ def cholesky(A: np.ndarray, U: np.ndarray) -> bool:
     return True
 
 
-@compiled()
+@inlined
 def solve_lower(U: np.ndarray, x: np.ndarray) -> None:
     """x becomes U'^-1 x, for an upper triangular U (n, n)."""
     for i in range(len(x)):
@@ -41,7 +41,7 @@ def solve_lower(U: np.ndarray, x: np.ndarray) -> None:
         x[i] /= U[i, i]
 
 
-@compiled()
+@inlined
 def solve_upper(U: np.ndarray, x: np.ndarray) -> None:
     """x becomes U^-1 x, for an upper triangular U (n, n)."""
     for i in range(len(x) - 1, -1, -1):
@@ -69,7 +69,7 @@ def make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
             Q[k, i] /= R[k, k]
 
 
-@compiled()
+@inlined
 def solve_factor(F: np.ndarray, form: int, x: np.ndarray) -> None:
     """x becomes F^-1 x."""
     if form == SQUARE:
@@ -78,7 +78,7 @@ def solve_factor(F: np.ndarray, form: int, x: np.ndarray) -> None:
         solve_upper(F, x)
 
 
-@compiled()
+@inlined
 def solve_transposed_factor(F: np.ndarray, form: int, x: np.ndarray) -> None:
     """x becomes F'^-1 x."""
     if form != IDENTITY:

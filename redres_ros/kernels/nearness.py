@@ -23,4 +23,4 @@ def is_far(J: np.ndarray, ratio: float) -> bool:
     for k in range(m):
         for j in range(k + 1):
             square += R[k, j] ** 2
-    return is_regular(R, ratio / SINGULAR_RATIO * np.sqrt(square))
+    return is_regular(R, 0, m, ratio / SINGULAR_RATIO * np.sqrt(square))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from redres_ros.kernels.basis import hold
-from redres_ros.kernels.compiled import compiled
+from redres_ros.kernels.compiled import inlined
 from redres_ros.kernels.search import (
     COUNT,
     FIXED,
@@ -22,7 +22,7 @@ WHOLE = 1  # the whole task was executed
 LESS = -1  # less of it
 
 
-@compiled()
+@inlined
 def begin_at(
     dq_free: np.ndarray,
     lower: np.ndarray,
@@ -94,7 +94,7 @@ def begin_at(
     return search, length
 
 
-@compiled()
+@inlined
 def leave_behind(search: Search, held: np.ndarray) -> None:
     """Write down which limits a search holds in the end: the side of each joint, and the share."""
     for i in range(search.n):

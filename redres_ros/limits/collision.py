@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 import numpy as np
 
 from redres_ros.bounded import Rows
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.distances import FIRST_BALL, FLOOR, approaches
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
@@ -64,6 +64,7 @@ class CollisionLimit(RowLimit):
                 f'the clearance is {self.clearance:g} m; '
                 f'expected less than the influence, {self.influence:g} m'
             )
+        _distances()  # now, and not in the loop
 
     @cached_property
     def bodies(self) -> Bodies:
@@ -81,7 +82,7 @@ class CollisionLimit(RowLimit):
     def near(self, state: ReferenceState) -> Near:
         """What is nearer than d_i: C dq is the speed of approach [m/s]."""
         bodies = self.bodies
-        found: Near = approaches(
+        found: Near = _distances().approaches(
             state.joint_poses,
             bodies.moved_by,
             bodies.ends,
@@ -107,8 +108,16 @@ class CollisionLimit(RowLimit):
         return f'{self.bodies.links[i]} to {self._name(other)}'
 
     def _name(self, other: int) -> str:
-        if other == FLOOR:
+        distances = _distances()
+        if other == distances.FLOOR:
             return 'floor'
-        if other <= FIRST_BALL:
-            return f'ball {FIRST_BALL - other + 1}'
+        if other <= distances.FIRST_BALL:
+            return f'ball {distances.FIRST_BALL - other + 1}'
         return self.bodies.links[other]
+
+
+def _distances() -> ModuleType:
+    """The compiled ground. It is loaded only where this limit is wanted."""
+    from redres_ros.kernels import distances
+
+    return distances
