@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 PACKAGE = Path(__file__).resolve().parents[1] / 'redres_ros'
-KERNELS = {'compiled'}  # their arguments are parts of one structure, told where that is made
+# Arguments of these are parts of one structure, told where that is made.
+KERNELS = {'compiled', 'inlined'}
 # With these begins a summary that says what there is or comes back; with others it is an order.
 NO_ORDERS = """
 A All An Another As Between Every From How Is J Joint Joints Limits Messages Nothing One Share Some

@@ -71,7 +71,9 @@ def direct(function: Any) -> Any:
 def _tell() -> None:
     """Say, once in a process and to a person, why it takes so long."""
     if sys.stderr.isatty():
-        print('compiling the formulas, which takes a quarter of a minute, once ...', file=sys.stderr)
+        print(
+            'compiling the formulas, which takes a quarter of a minute, once ...', file=sys.stderr
+        )
 
 
 def vector(dtype: Any = types.float64) -> Any:
