@@ -31,6 +31,7 @@ CONTROLLER = {
     'tip_frame': '',
     'base_frame': '',
     'forward_commands': False,
+    'bridging': 'extrapolate',
     'limits': ['position', 'velocity', 'acceleration'],
     'limit_scale': 0.2,
 }
@@ -132,6 +133,10 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     'no limits': (
         replace(GOOD, controller=told(limits=['position'])),
         ('controller', 'limits velocity, acceleration are not in force'),
+    ),
+    'leaps': (
+        replace(GOOD, controller=told(forward_commands=True)),
+        ('commands', 'set bridging to hold'),
     ),
     'nobody listens': (replace(GOOD, subscribers={}), ('commands', 'needs forward_commands')),
     'nobody listens behind ros2_control': (

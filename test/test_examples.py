@@ -123,7 +123,10 @@ def test_behind_ros2_control_the_controller_answers_and_moves_the_arm(
     from redres_ros.demo.processes import NodeProcess, own_domain
 
     parameters = {'rate': 100.0, 'robot': 'lwr4_paper'}
-    own = {'controller': {'forward_commands': True}, 'planner': {'autostart': True}}
+    own = {
+        'controller': {'forward_commands': True, 'bridging': 'hold'},
+        'planner': {'autostart': True},
+    }
     with own_domain():
         nodes = [
             NodeProcess(name, tmp_path / f'{name}.log', parameters | values)

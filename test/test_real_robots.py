@@ -142,6 +142,29 @@ def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
 
 
 @pytest.mark.slow
+def test_after_lost_states_no_step_is_longer_than_one_cycle_allows() -> None:
+    count = 0
+
+    def lose_some(message: Any, now: float) -> list[tuple[float, Any]]:
+        nonlocal count
+        count += 1
+        return [] if count % 10 < 3 else [(0.0, message)]
+
+    with behind_ros2_control(FOLDER / 'lbr_iiwa7.yaml') as (graph, clock):
+        graph.faults['joint_states', 'controller'] = lose_some
+        robot = stand_in('lbr_iiwa7', graph)
+        clock.advance(0.5)
+        x, R = RobotModel(ROBOTS['lbr_iiwa7'].arm).tip(robot.q)
+        graph.publish('target_pose', to_pose(0, '', x + UP, R))
+        clock.advance(2.0)
+    steps = np.abs(np.diff(robot.way, axis=0)).max(axis=1)
+    steps = steps[steps > 0.0]
+    # An arm that holds catches up nothing at once: the step after a loss is like its neighbours.
+    assert 20 < len(steps) < len(robot.way)
+    assert (steps[1:] < 1.5 * steps[:-1] + 1e-4).all()
+
+
+@pytest.mark.slow
 def test_a_franka_arm_stops_for_a_single_command_that_is_late() -> None:
     # What the page warns of: the driver repeats the last position, and the velocity falls to zero.
     late = False

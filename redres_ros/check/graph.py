@@ -71,6 +71,9 @@ def judge_commands(seen: Sighting) -> Iterator[Verdict]:
         if not forward:
             advice = f'a robot behind ros2_control needs forward_commands, which uses {FORWARD}'
         yield Verdict(Level.FAULT, 'commands', f'nobody listens to {topic}; {advice}')
+    if forward and seen.controller['bridging'] != 'hold':
+        text = 'a robot behind ros2_control would leap after a missed state: set bridging to hold'
+        yield Verdict(Level.FAULT, 'commands', text)
     for other in (COMMANDS, FORWARD):
         rivals = [name for name in seen.publishers.get(other, ()) if not _is_controller(name)]
         if rivals:

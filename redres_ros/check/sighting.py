@@ -28,6 +28,7 @@ FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
 
 _FORWARDING = 'forward_position_controller'
+_DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
 
 _ASKED = (  # of the controller
     'rate',
@@ -35,6 +36,7 @@ _ASKED = (  # of the controller
     'tip_frame',
     'base_frame',
     'forward_commands',
+    'bridging',
     'limits',
     'limit_scale',
 )
@@ -96,8 +98,14 @@ class Looker(Node):
             self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
 
     def look(self, seconds: float) -> Sighting:
-        """What is seen in that time; the node must be spun by somebody else."""
+        """What is seen in that time, or in a little more while states or a controller are missing.
+
+        Args:
+            seconds: How long to look at least; the node must be spun by somebody else.
+        """
         time.sleep(seconds)
+        if not (self._states and self._count(CONTROLLER)):
+            time.sleep(max(_DISCOVERY - seconds, 0.0))
         topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD)}
         topics[STATES] = self._states_topic
         return Sighting(
