@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from nightly import NIGHTLY
 
 from redres_ros.cli import main
 from redres_ros.controller import Controller
+from redres_ros.demo.demo import Demo
+from redres_ros.demo.wanted import DemoOptions, Ending
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
@@ -281,6 +284,18 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
     assert f'{summary(tmp_path)["motion"]["segments"]} in' in printed
     assert len(motion(tmp_path)) > 10
     assert not tape.exists()
+
+
+def test_who_is_interrupted_before_the_nodes_say_anything_gets_no_motion(tmp_path: Path) -> None:
+    name = 'rectangle'
+    model = RobotModel.named('lwr4_paper')
+    options = DemoOptions(name, 'minimum_velocity', 500.0)
+    early = Demo(options, load_task(name), model, make_law, tmp_path)
+    early._nodes = [SimpleNamespace(name='sim'), SimpleNamespace(name='planner')]
+    (tmp_path / 'planner.tape').touch()
+    outcome = early.outcome(Ending(None, interrupted=True))
+    assert outcome.motion is None and outcome.interrupted
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.realtime

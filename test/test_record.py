@@ -20,6 +20,7 @@ from geometry_msgs.msg import PoseWithCovariance, TwistStamped
 from graph_helpers import await_that, graph
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from nightly import NIGHTLY
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
@@ -32,6 +33,10 @@ from redres_ros.demo.tape import TOPICS, Tape
 from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
+
+sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
+
+from every_message import compare, missing, record
 
 NAMES = ('a', 'b')
 MS = 1_000_000  # [ns]
@@ -188,6 +193,22 @@ def test_no_message_of_a_running_graph_is_lost(recording: Path) -> None:
     assert [message.data for topic, message, _ in found if topic == '/robot_description'] == [
         '<robot/>'
     ]
+
+
+def test_what_was_not_heard_is_counted() -> None:
+    said = [b'b', b'c', b'c', b'd']
+    assert missing(said, [b'a', b'b', b'b', b'c', b'c', b'd', b'e']) == 0
+    assert missing(said, [b'a', b'b', b'c', b'd', b'e']) == 1
+    assert missing(said, [b'b', b'd', b'c', b'c']) == 1
+    assert missing(said, []) == 4
+
+
+@pytest.mark.realtime
+@pytest.mark.skipif(not NIGHTLY, reason='takes 15 s, for the night')
+def test_all_that_three_nodes_say_is_in_the_file(tmp_path: Path) -> None:
+    topics = compare(tmp_path, record(tmp_path, 3.0, rate=200.0))
+    assert len(topics) > 15 and min(topic.said for topic in topics.values()) > 0
+    assert {name for name, topic in topics.items() if topic.lost} == set()
 
 
 # --- the command ----------------------------------------------------------------------------------

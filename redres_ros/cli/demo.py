@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import textwrap
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -113,7 +114,7 @@ def _demo(options: argparse.Namespace) -> int:
         _say_where(domain, demo)
         ending = demo.run(progress)
     # No process is left to end, and a library would turn the exception into another error.
-    with handled(_end_at_once, signal.SIGINT, signal.SIGTERM):
+    with handled(partial(_end_at_once, demo), signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome(ending)
         write_results(outcome, demo, options)
         _say(after(outcome))
@@ -187,8 +188,9 @@ def _say(text: str) -> None:
         print(textwrap.fill(text, _WIDTH), flush=True)
 
 
-def _end_at_once(number: int, _: object) -> NoReturn:
+def _end_at_once(demo: 'Demo', number: int, _: object) -> NoReturn:
     """End the process at a signal, in place of an exception."""
+    demo.remove_tapes()
     os._exit(128 + number)
 
 

@@ -117,6 +117,9 @@ class Demo:
                     self._stay(onlooker)
         except KeyboardInterrupt:
             interrupted = True
+        except BaseException:
+            self.remove_tapes()  # nobody will ask for the outcome
+            raise
         return Ending(endurance, interrupted, last)
 
     @contextmanager
@@ -269,7 +272,8 @@ class Demo:
 
     def outcome(self, ending: Ending) -> Outcome:
         """What came of the run that ended so, from the tapes, which are removed."""
-        tapes = [self._tape(node.name) for node in self._nodes]
+        # Who was interrupted early has begun no tape.
+        tapes = [tape for tape in self._tapes if tape.exists()]
         if self.options.mcap:
             self._write_mcap(self.options.mcap, tapes)
         log = read_log(tapes, self.model.joint_names, ending.last)
@@ -285,8 +289,7 @@ class Demo:
             period = np.inf if self.options.lockstep else self._T
             # The first process has the robot in it.
             cycles = count_cycles(read_tape(tapes[0]), period, (stamps[0], stamps[-1]))
-        for tape in tapes:
-            tape.unlink(missing_ok=True)
+        self.remove_tapes()
         return Outcome(
             recording,
             motion,
@@ -298,6 +301,15 @@ class Demo:
             endurance=ending.endurance,
             interrupted=ending.interrupted,
         )
+
+    def remove_tapes(self) -> None:
+        """Remove the tapes, from which the outcome is made."""
+        for tape in self._tapes:
+            tape.unlink(missing_ok=True)
+
+    @property
+    def _tapes(self) -> list[Path]:
+        return [self._tape(node.name) for node in self._nodes]
 
     def _write_mcap(self, path: Path, tapes: list[Path]) -> None:
         """All that is on the tapes, with the arm and the nodes' parameters beside it."""

@@ -15,7 +15,7 @@ from redres_ros.demo.message_text import TypeTextError, find_type
 from redres_ros.demo.sampling import Sampler
 from redres_ros.nodes.qos import LATCHED
 
-_PERIOD = 0.05  # [s] from one look at what has come to the next
+_PERIOD = 0.2  # [s] from one look at what has come to the next: to look costs more than to wait
 _SEARCH = 1.0  # [s] from one search for new topics to the next
 _WAITING = 4000  # messages of a topic that may wait: those of some seconds
 _DESCRIPTION = 'robot_description'

@@ -24,9 +24,23 @@ from redres_ros.nodes.qos import LATCHED, NEWEST
 _REFRESH = 5.0  # [Hz]
 
 _LATCHED = {'sim/session_state', 'sim/connection_quality', 'sim/stop_reason', 'planner/state'}
-_WORDS = {*_LATCHED, 'controller/law', 'controller/limiting'}
-_COUNTS = {'planner/segment'}
-_POSES = {'controller/tip_pose'}
+_LAW = 'controller/law'
+_LIMITING = 'controller/limiting'
+_TIP = 'controller/tip_pose'
+_TYPES = {
+    **dict.fromkeys((*_LATCHED, _LAW, _LIMITING), String),
+    'planner/segment': Int32,
+    _TIP: PoseStamped,
+}  # all others are a Float64
+# Topics of which a glance says as much: to hear each at every tick would cost the controller time.
+_FIGURES = {
+    'controller/task_scaling': 'scaling',
+    'controller/joint_velocity_norm': 'speed',
+    'controller/joint_acceleration_norm': 'acceleration',
+    'controller/null_velocity_norm': 'null_speed',
+    'controller/joint_torque_norm': 'torque',
+    'controller/min_singular_value': 'singular_value',
+}
 
 
 class Watch(Node):
@@ -42,9 +56,8 @@ class Watch(Node):
         self._remote = Remote(self)
         self._arm: LiveArm | None = None
         self._is_known = True  # whether the arm is, as far as one knows
-        for rows in NODES.values():
-            for row in rows:
-                self._listen(row.topic)
+        for node in ('sim', 'planner'):
+            self._listen(node)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self.create_subscription(ParameterEvent, '/parameter_events', self._on_parameters, 100)
 
@@ -61,17 +74,30 @@ class Watch(Node):
     def look(self) -> None:
         """Take in what the arm does; find out which one it is, once its controller is there."""
         if self._arm is not None:
-            self._arm.look()
+            self._look_at(self._arm)
         elif self._is_known and self._remote.offers('controller'):
             try:
-                self._arm = LiveArm(self, self._remote.parameters('controller'))
+                values = self._remote.parameters('controller')
+                self._arm = LiveArm(self, values)
+                self._keep(_LAW, values['law'])
             except RedresError:
                 self._is_known = False  # the rest of the page goes without it
+                self._listen('controller')
 
     def close(self) -> None:
         """Release the subscriptions."""
         if self._arm is not None:
             self._arm.close()
+
+    def _look_at(self, arm: LiveArm) -> None:
+        seen = arm.look()
+        if not seen:
+            return
+        for topic, figure in _FIGURES.items():
+            self._keep(topic, getattr(seen[-1], figure))
+        self._keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
+        limiting = [f'{place}: {limit}' for place, names in arm.acting.items() for limit in names]
+        self._keep(_LIMITING, ', '.join(sorted(limiting)))
 
     def _joints(self) -> list[JointBar]:
         arm = self._arm
@@ -84,19 +110,16 @@ class Watch(Node):
             bars.append(JointBar(name, float(arm.shares[index]), float(arm.q[index]), limits))
         return bars
 
-    def _listen(self, topic: str) -> None:
-        kind: type = Float64
-        if topic in _WORDS:
-            kind = String
-        elif topic in _COUNTS:
-            kind = Int32
-        elif topic in _POSES:
-            kind = PoseStamped
-        quality = LATCHED if topic in _LATCHED else NEWEST
-        self.create_subscription(kind, topic, partial(self._on_message, topic), quality)
+    def _listen(self, node: str) -> None:
+        """Listen to all that the page shows of a node."""
+        for row in NODES[node]:
+            topic = row.topic
+            quality = LATCHED if topic in _LATCHED else NEWEST
+            keep = partial(self._on_message, topic)
+            self.create_subscription(_TYPES.get(topic, Float64), topic, keep, quality)
 
     def _on_message(self, topic: str, message: Any) -> None:
-        if topic in _POSES:
+        if topic == _TIP:
             position = message.pose.position
             self._keep(topic, (position.x, position.y, position.z))
         else:
@@ -111,13 +134,15 @@ class Watch(Node):
                 self._keep(node, NodeHealth(status.message, status.level == DiagnosticStatus.OK))
 
     def _on_parameters(self, message: ParameterEvent) -> None:
-        """Limits may have come or gone."""
+        """Limits may have come or gone, and the law may be another."""
         name = message.node.removeprefix(self.get_namespace().rstrip('/') + '/')
         if name == 'controller' and self._arm is not None:
             changed = {
                 p.name: parameter_value_to_python(p.value) for p in message.changed_parameters
             }
             self._arm.apply(changed)
+            if 'law' in changed:
+                self._keep(_LAW, changed['law'])
 
     def _keep(self, source: str, value: object) -> None:
         self._heard[source] = Heard(value, time.monotonic())

@@ -1,0 +1,199 @@
+"""Whether a recorder that listens beside a running graph gets every message.
+
+    python benchmarks/every_message.py [--seconds S] [--rate HZ] [--topics A,B,...]
+
+Each node writes down what it says, and a recorder what it hears. Afterwards the two are compared,
+message by message.
+"""
+
+import argparse
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
+
+from redres_ros.demo.client import read_parameters
+from redres_ros.demo.mcap_file import McapFile
+from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.recorder import GraphRecorder
+from redres_ros.demo.tape import TOPICS, read_tape
+from redres_ros.nodes.runtime import spun
+
+JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way
+NAMES = {f'/{topic.removeprefix("/")}': kind for topic, kind in TOPICS.items()}
+AHEAD = 50  # messages among which the next one is sought
+PADDED = (Float64MultiArray, DiagnosticArray, MarkerArray)  # inside, and with anything
+# A robot that never waits, and a task that goes on and on.
+NODES: dict[str, dict[str, Any]] = {
+    'planner': {'autostart': True},
+    'controller': {},
+    'sim': {'bridged_misses': 100, 'patience': 0.0},
+}
+
+
+class Span(NamedTuple):
+    """What counts: its begin and end by the monotonic clock [ns], and the recorder's share of a
+    core meanwhile.
+    """
+
+    begin: int
+    end: int
+    share: float
+
+
+class Topic(NamedTuple):
+    """How many messages of a topic were said, and how many of these were not heard."""
+
+    said: int
+    lost: int
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Record, compare, and print a line for each topic; 1 if a message was lost."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument('--rate', type=float, default=500.0)
+    parser.add_argument('--topics', default='')
+    options = parser.parse_args(arguments)
+    out = Path(tempfile.mkdtemp())
+    wanted = tuple(filter(None, options.topics.split(',')))
+    span = record(out, options.seconds, options.rate, wanted)
+    topics = compare(out, span)
+    for name, topic in sorted(topics.items()):
+        print(f'{name}: {topic.said} said, {topic.lost} lost')
+    said = sum(topic.said for topic in topics.values())
+    lost = sum(topic.lost for topic in topics.values())
+    seconds = (span.end - span.begin) / 1e9
+    print(f'all: {said} said in {seconds:.1f} s, {lost} lost; {span.share:.1%} of a core')
+    return 1 if lost or not said else 0
+
+
+def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ()) -> Span:
+    """Record a graph of our own.
+
+    Args:
+        out: Directory for tapes and file.
+        seconds: How long what is said counts.
+        rate: Of the robot [Hz].
+        wanted: Topics that are taped and recorded; empty for all.
+    """
+    stopped = threading.Event()
+    with (
+        graph(out, rate, wanted or tuple(TOPICS)),
+        McapFile(out / 'run.mcap') as file,
+        spun(lambda: GraphRecorder(file, wanted)) as recorder,
+    ):
+        read_parameters(recorder, 'controller')  # so it is there
+        thread = threading.Thread(target=recorder.run, args=(stopped,))
+        thread.start()
+        time.sleep(JOINING)
+        begin = time.monotonic_ns()
+        worked = time.process_time()
+        time.sleep(seconds)
+        share = (time.process_time() - worked) / seconds
+        end = time.monotonic_ns()
+        time.sleep(JOINING)
+        stopped.set()
+        thread.join()
+        recorder.close()
+    return Span(begin, end, share)
+
+
+@contextmanager
+def graph(out: Path, rate: float, topics: Sequence[str]) -> Iterator[None]:
+    """The nodes, each with a tape of some topics.
+
+    Args:
+        out: Directory for what they print and say.
+        rate: Of the robot [Hz].
+        topics: Those that are taped.
+    """
+    nodes = []
+    with own_domain():
+        try:
+            for name, given in NODES.items():
+                tape = out / f'{name}.tape'
+                log = out / f'{name}.log'
+                parameters = {'rate': rate, **given}
+                nodes.append(NodeProcess(name, log, parameters, tape=tape, topics=topics))
+            yield
+        finally:
+            for node in nodes:
+                node.end()
+
+
+def compare(out: Path, span: Span) -> dict[str, Topic]:
+    """What was said, and what of it was not heard, by 'topic of node'.
+
+    Args:
+        out: Directory with tapes and file.
+        span: What counts.
+    """
+    heard = defaultdict(list)
+    with (out / 'run.mcap').open('rb') as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            if channel.topic in NAMES:
+                heard[channel.topic].append(_content(channel.topic, message.data))
+    topics = {}
+    for node in NODES:
+        said = defaultdict(list)
+        for entry in read_tape(out / f'{node}.tape'):
+            if not entry.heard and span.begin <= entry.time < span.end:
+                topic = f'/{entry.topic.removeprefix("/")}'
+                said[topic].append(_content(topic, entry.data))
+        for topic, each in said.items():
+            topics[f'{topic} of {node}'] = Topic(len(each), missing(each, heard[topic]))
+    return topics
+
+
+def _content(topic: str, data: bytes) -> bytes:
+    """What a message says, without what fills it up to whole words on the wire.
+
+    Args:
+        topic: Its name, with the slash.
+        data: As it was said or heard.
+    """
+    kind = NAMES[topic]
+    if kind in PADDED:
+        return repr(deserialize_message(data, kind)).encode()
+    return data.rstrip(b'\0')
+
+
+def missing(said: Sequence[bytes], heard: Sequence[bytes]) -> int:
+    """How many messages of a topic were not heard, in their order, among others before and after.
+
+    Args:
+        said: All of some time, one at least.
+        heard: All that were recorded, and more than those.
+    """
+    fewest = len(said)
+    for begin, data in enumerate(heard):
+        if data == said[0] and fewest:
+            fewest = min(fewest, _missing_from(begin, said, heard))
+    return fewest
+
+
+def _missing_from(place: int, said: Sequence[bytes], heard: Sequence[bytes]) -> int:
+    """The same, where the first one was heard at a place."""
+    count = 0
+    for data in said:
+        try:
+            place = heard.index(data, place, place + AHEAD) + 1
+        except ValueError:
+            count += 1
+    return count
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
