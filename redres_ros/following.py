@@ -47,11 +47,15 @@ class Reply(NamedTuple):
 
 
 class _State(NamedTuple):
-    """A state that is not answered yet: stamp [ns], cycle, q (n,) [rad], arrival [s]."""
+    """A state that is not answered yet.
+
+    stamp: [ns]; lag: how far a joint is from its reference [rad]; arrived: when it came [s].
+    """
 
     stamp: int
     cycle: int
     q: np.ndarray
+    lag: float
     arrived: float
 
 
@@ -134,15 +138,16 @@ class Following:
             return self._same_again(q, now)
         another_robot = self._cycles.newest > 0
         cycles = self._cycles.enter(stamp, now)
+        lag = self._controller.lag(q)
         if cycles == 0:
             self._begin(stamp, another_robot)
         else:
-            self._check_leap(q)
+            self._check_leap(q, lag)
         if self._waiting:
             self._expecting = False  # the robot did not wait, so nobody else need
         self.q = q
         self._heard_cycle = self._cycles.number
-        self._waiting = _State(stamp, self._cycles.number, q, now)
+        self._waiting = _State(stamp, self._cycles.number, q, lag, now)
         return self.answer_if_due(now)
 
     def enter_twist(self, stamp: int, dx: np.ndarray, now: float) -> Reply | None:
@@ -190,17 +195,18 @@ class Following:
         self._answered_cycle = 0
         self._doubtful = None
 
-    def _check_leap(self, q: np.ndarray) -> None:
+    def _check_leap(self, q: np.ndarray, lag: float) -> None:
         """Doubt a single state that would make the controller begin anew somewhere else, such as
         that of an encoder which fails for a moment.
 
         Args:
             q: (n,) [rad]. An arm that is really there says so again.
+            lag: How far a joint is from its reference [rad].
         """
         doubtful = self._doubtful
         self._doubtful = None
         tolerance = self.settings.following_tolerance
-        if self.q is None or self._controller.lag(q) <= tolerance:
+        if self.q is None or lag <= tolerance:
             return
         q = self._controller.nearest_turn(q)
         leap = self._leap(q, self._controller.nearest_turn(self.q))
@@ -262,11 +268,10 @@ class Following:
         """Why the arm is not where the last command would have it; empty if it may well be."""
         if missed > self.settings.restart_after:
             return f'no state came in {missed} cycles, allowed {self.settings.restart_after}'
-        lag = self._controller.lag(state.q)
         allowed = self.settings.following_tolerance
-        if lag > allowed:
+        if state.lag > allowed:
             return (
-                f'the arm does not follow: a joint is {lag:.3g} rad from its reference, '
+                f'the arm does not follow: a joint is {state.lag:.3g} rad from its reference, '
                 f'allowed {allowed:g}'
             )
         return ''

@@ -164,7 +164,7 @@ class ControllerNode(ManagedNode):
 
     def _publish(self, answer: Reply) -> None:
         # The planner is to know of another scaling before the state after this one.
-        self._telemetry.publish_scaling(answer.scaling)
+        self._telemetry.publish_change(answer.scaling)
         self._commands.publish(answer.stamp, answer.command)
         self._telemetry.publish(answer, self._controller.law)
         if answer.restarted:

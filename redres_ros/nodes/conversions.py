@@ -69,7 +69,9 @@ class JointOrder:
             got = len(message.position)
             joints = len(message.name)
             raise LengthError(f'{got} positions for {joints} joints; expected one value per joint')
-        q = np.array(message.position)  # (n,) if there are no others
+        q = message.position  # (n,) if there are no others
+        if not isinstance(q, np.ndarray):
+            q = np.array(q)
         if self._order is not None:
             q = q[self._order]
         if not math.isfinite(sum(q.tolist())) and not np.isfinite(q).all():  # the first is quicker

@@ -41,24 +41,29 @@ class MotionTelemetry:
         self._unsaid = 0  # ticks since then
         self._unsaid_most = max(round(_REMINDER / T), 1)
 
-    def publish_scaling(self, scaling: float) -> None:
-        """Publish the share of the task that is executed: a change at once, and now and then again.
+    def publish_change(self, scaling: float) -> None:
+        """Publish the share of the task that is executed, if it is another one than before.
 
         The planner listens, so every message of these would wake it up.
         """
-        self._unsaid += 1
-        if scaling != self._scaling or self._unsaid >= self._unsaid_most:
-            self._scaling = scaling
-            self._unsaid = 0
-            self._scaling_telemetry.publish(_SCALING, lambda: scaling)
+        if scaling != self._scaling:
+            self._publish_scaling(scaling)
+
+    def _publish_scaling(self, scaling: float) -> None:
+        self._scaling = scaling
+        self._unsaid = 0
+        self._scaling_telemetry.publish(_SCALING, lambda: scaling)
 
     def publish(self, answer: Reply, law: Law) -> None:
-        """Publish all that is listened to.
+        """Publish all that is listened to, and now and then what was published before.
 
         Args:
             answer: Of this tick.
             law: In force.
         """
+        self._unsaid += 1
+        if self._unsaid >= self._unsaid_most:
+            self._publish_scaling(answer.scaling)
         self._glances.see(answer.stamp, answer.command)
         if not self._telemetry.heard:
             return

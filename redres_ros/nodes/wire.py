@@ -52,9 +52,11 @@ class TwistSample(NamedTuple):
 class _Layout(NamedTuple):
     """All between the stamp and the positions; it is the same in every message of one device.
 
-    As numbers, by which the padding, which may hold anything, is left out of a comparison.
+    As numbers, by which the padding, which may hold anything, is left out of a comparison. A device
+    hardly ever fills it in another way: to compare the bytes comes first, and takes half the time.
     """
 
+    said: bytes  # as in the message that it was learnt from
     content: int
     mask: int  # 0 where there is padding
     end: int
@@ -63,6 +65,8 @@ class _Layout(NamedTuple):
 
     def is_of(self, data: bytes) -> bool:
         """Whether a message has this layout."""
+        if data.startswith(self.said, STAMP_END):
+            return True
         return int.from_bytes(data[STAMP_END : self.end], 'little') & self.mask == self.content
 
 
@@ -87,15 +91,17 @@ class JointStateReader:
 
     def _read_known(self, data: bytes, layout: _Layout) -> JointSample:
         seconds, nanoseconds = _STAMP.unpack_from(data)
+        n = len(layout.name)
+        own = data[layout.place : layout.place + n * _NUMBER]  # in the message they are not aligned
         try:
-            position = np.frombuffer(data, np.float64, len(layout.name), layout.place)
+            position = np.frombuffer(own, np.float64, n)
         except ValueError:
             raise EncodingError(f'a JointState of {len(data)} bytes; expected more') from None
         return JointSample(seconds * NANOSECONDS + nanoseconds, layout.name, position)
 
     def _learn(self, data: bytes) -> JointSample:
         message = deserialised(data, JointState)
-        layout = _layout(message)
+        layout = _layout(message, data)
         is_as_expected = (
             data.startswith(_LITTLE_ENDIAN)
             and layout.is_of(data)
@@ -108,8 +114,13 @@ class JointStateReader:
         return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
 
 
-def _layout(message: JointState) -> _Layout:
-    """How a message begins after its stamp."""
+def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
+    """How a message begins after its stamp.
+
+    Args:
+        message: As rclpy reads it.
+        data: The same as it goes over the wire.
+    """
     content = bytearray(STAMP_END)
     mask = bytearray(STAMP_END)
     texts = (message.header.frame_id, *message.name)
@@ -122,6 +133,7 @@ def _layout(message: JointState) -> _Layout:
         mask += bytes(gap) + b'\xff' * len(piece)
     end = len(content)
     return _Layout(
+        bytes(data[STAMP_END:end]),
         int.from_bytes(content[STAMP_END:], 'little'),
         int.from_bytes(mask[STAMP_END:], 'little'),
         end,
@@ -172,10 +184,10 @@ class JointStateWriter:
         zeros = [0.0] * n
         message = JointState(name=list(names), position=zeros, velocity=zeros)
         self._data = _serialised(message)
-        place = _layout(message).place
-        self._q = np.frombuffer(self._data, np.float64, n, place)
-        end = place + n * _NUMBER + _LENGTH.size
-        self._dq = np.frombuffer(self._data, np.float64, n, end + _gap(end, _NUMBER))
+        self._values = struct.Struct(f'<{n}d')
+        self._place = _layout(message, self._data).place  # of the positions
+        end = self._place + n * _NUMBER + _LENGTH.size
+        self._dq_place = end + _gap(end, _NUMBER)
 
     def written(self, stamp: int, q: np.ndarray, dq: np.ndarray) -> bytes:
         """The message with these values.
@@ -185,10 +197,11 @@ class JointStateWriter:
             q: Positions, (n,) [rad].
             dq: Velocities, (n,) [rad/s].
         """
-        _TIME.pack_into(self._data, _HEADER, *divmod(stamp, NANOSECONDS))
-        self._q[:] = q
-        self._dq[:] = dq
-        return bytes(self._data)
+        data = self._data
+        _TIME.pack_into(data, _HEADER, *divmod(stamp, NANOSECONDS))
+        self._values.pack_into(data, self._place, *q.tolist())
+        self._values.pack_into(data, self._dq_place, *dq.tolist())
+        return bytes(data)
 
 
 class TwistWriter:
