@@ -15,7 +15,7 @@ from rclpy.node import Node
 from redres_ros.demo.tape import JUDGED, Tape
 from redres_ros.nodes.composed import run_composed
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.planner import PlannerNode
+from redres_ros.nodes.planner import LonePlannerNode
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sim import SimNode
 
@@ -97,7 +97,7 @@ def _run(name: str, adapt: Callable[[type[Node]], type[Node]]) -> int:
         return run_composed(adapt)
     if name == 'sim':
         return run_nodes(adapt(SimNode), one_thread=True)
-    return run_nodes(adapt({'controller': ControllerNode, 'planner': PlannerNode}[name]))
+    return run_nodes(adapt({'controller': ControllerNode, 'planner': LonePlannerNode}[name]))
 
 
 if __name__ == '__main__':

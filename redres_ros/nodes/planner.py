@@ -49,6 +49,13 @@ class PlannerParameters(ListenerParameters):
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
+    headstart: float = param(
+        0.15,
+        'share of a cycle that is left to the controller before a task velocity is computed, where '
+        'each has a process of its own; none in lock-step',
+        0.0,
+        0.5,
+    )
     lockstep: bool = param(
         False, 'begin with the first state: the controller waits for each cartesian_velocity'
     )
@@ -256,9 +263,22 @@ class PlannerNode(ManagedNode):
         return Health(OK, self._told_state.value, figures)
 
 
+class LonePlannerNode(PlannerNode):
+    """A planner that has its process for itself, and lets the controller answer first.
+
+    Both would want a processor as soon as a state comes. What the planner says of this state acts
+    in the next cycle, so there is time.
+    """
+
+    def _on_state(self, message: JointState | bytes) -> None:
+        if not self._settings.lockstep:
+            time.sleep(self._settings.headstart * self._T)
+        super()._on_state(message)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_nodes(PlannerNode, arguments=arguments)
+    return run_nodes(LonePlannerNode, arguments=arguments)
 
 
 if __name__ == '__main__':

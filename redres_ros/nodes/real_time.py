@@ -15,6 +15,9 @@ from redres_ros.parameter import param
 
 ANY = (-1,)  # of processors; ROS has no empty arrays
 
+# Linux: while somebody holds it open with a 0 in it, no processor sleeps
+_LATENCY = '/dev/cpu_dma_latency'
+
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2  # Linux, see mlockall(2)
 
@@ -30,6 +33,9 @@ class RealTime:
     )
     lock_memory: bool = param(False, 'keep all memory from being paged out')
     processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
+    keep_awake: bool = param(
+        False, 'keep all processors of this computer from sleeping, which takes power'
+    )
 
 
 def ask_kernel(node: Node) -> None:
@@ -55,6 +61,8 @@ def ask_kernel(node: Node) -> None:
             f'there are 0 to {(os.cpu_count() or 1) - 1}',
             lambda: _set_processors(wanted.processors),
         )
+    if wanted.keep_awake:
+        _try(node, 'keep_awake', 'processors that sleep', f'ls -l {_LATENCY}', _keep_awake)
 
 
 def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:
@@ -87,3 +95,8 @@ def _lock_memory() -> None:
 def _set_processors(processors: Iterable[int]) -> None:
     for thread in _threads():
         os.sched_setaffinity(thread, processors)
+
+
+def _keep_awake() -> None:
+    """It lasts until this process ends: the file stays open."""
+    os.write(os.open(_LATENCY, os.O_WRONLY), bytes(4))
