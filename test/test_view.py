@@ -32,6 +32,7 @@ from redres_ros.demo.onlooker import PLANNER, Onlooker
 from redres_ros.demo.replay import FINISHED, MOVING
 from redres_ros.demo.sampling import Sampler
 from redres_ros.demo.settings import credible, judge_of, model_of
+from redres_ros.demo.spectator import WORDS
 from redres_ros.errors import ArrayError
 from redres_ros.limits import limit_name, make_limits
 from redres_ros.nodes import glance
@@ -44,7 +45,6 @@ from redres_ros.view import gate, words
 from redres_ros.view.controls import Controls
 from redres_ros.view.saved import write_page
 from redres_ros.view.shapes import FIXED, shapes_of
-from redres_ros.view.spectator import WORDS
 from redres_ros.view.trail import Trail
 
 T = 0.002  # [s]

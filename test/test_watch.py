@@ -7,7 +7,8 @@ import sys
 import pytest
 from rich.console import Console
 
-from redres_ros.demo.watch_page import STALE, Heard, JointBar, NodeHealth, page
+from redres_ros.demo.heard import STALE, Heard, NodeHealth
+from redres_ros.demo.watch_page import JointBar, page
 
 FULL = {
     'sim': Heard(NodeHealth('in command', True), 100.0),

@@ -1,7 +1,8 @@
 """Calls to the nodes' services, for those who have no ros2 command line."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -128,14 +129,26 @@ def read_parameters(node: Node, of: str) -> dict[str, Any]:
     Raises:
         CallError: The node does not answer.
     """
-    request = ListParameters.Request()
-    names = call(node, ListParameters, f'{of}/list_parameters', request).result.names
-    values = call(node, GetParameters, f'{of}/get_parameters', GetParameters.Request(names=names))
-    read = {
-        name: parameter_value_to_python(value)
-        for name, value in zip(names, values.values, strict=True)
-    }
-    return {name: _plain(value) for name, value in read.items() if value is not None}
+    read = parameters_of(of, partial(call, node))
+    return {name: _plain(value) for name, value in read.items()}
+
+
+def parameters_of(of: str, ask_for: Callable[[type, str, Any], Any]) -> dict[str, Any]:
+    """All parameters of another node that have a value.
+
+    Args:
+        of: Name of the other node.
+        ask_for: Gives the response to type of a service, its name and a request.
+
+    Raises:
+        CallError: The node does not answer.
+    """
+    listed = ask_for(ListParameters, f'{of}/list_parameters', ListParameters.Request())
+    names = listed.result.names
+    request = GetParameters.Request(names=names)
+    values = ask_for(GetParameters, f'{of}/get_parameters', request).values
+    read = zip(names, map(parameter_value_to_python, values), strict=True)
+    return {name: value for name, value in read if value is not None}
 
 
 def _plain(value: Any) -> Any:

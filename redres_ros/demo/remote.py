@@ -7,10 +7,9 @@ from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.demo.client import CallError, ask, check_set, setting
+from redres_ros.demo.client import CallError, ask, check_set, parameters_of, setting
 from redres_ros.nodes.runtime import Waiting
 
 STEERED = ('controller', 'sim')  # the nodes whose parameters are set
@@ -102,13 +101,7 @@ class Remote:
 
     def parameters(self, of: str) -> dict[str, Any]:
         """All parameters of a node. Raises CallError."""
-        names = self._call(f'{of}/list_parameters', ListParameters.Request()).result.names
-        request = GetParameters.Request(names=names)
-        values = self._call(f'{of}/get_parameters', request).values
-        return {
-            name: parameter_value_to_python(value)
-            for name, value in zip(names, values, strict=True)
-        }
+        return parameters_of(of, lambda _, service, request: self._call(service, request))
 
     def _call(self, service: str, request: Any) -> Any:
         return ask(self._clients[service], request)

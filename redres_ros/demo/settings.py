@@ -64,16 +64,6 @@ def judge_of(values: Values, model: RobotModel) -> Judge:
     return Judge(model, _limits(values, model), 1.0 / values['rate'])
 
 
-def chosen(values: Values, of: str) -> tuple[str, ...]:
-    """The names in a parameter such as 'limits', none for the word none.
-
-    Args:
-        values: A node's parameters.
-        of: The parameter's name.
-    """
-    return named(values[of])
-
-
 def credible(changes: Values, known: Values) -> dict[str, Any]:
     """Those of the changes that a node may have made: anybody can tell of changes.
 
@@ -90,7 +80,7 @@ def credible(changes: Values, known: Values) -> dict[str, Any]:
 
 def _limits(values: Values, model: RobotModel) -> Limits:
     return make_limits(
-        chosen(values, 'limits'),
+        named(values['limits']),
         model,
         limit_scale=values['limit_scale'],
         torque_scale=values['torque_scale'],

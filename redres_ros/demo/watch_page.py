@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
+from redres_ros.demo.heard import STALE, Heard, NodeHealth
 
 _STOP_REASON = 'sim/stop_reason'
 _BAR = 33  # letters of a joint's bar
@@ -57,21 +57,6 @@ NODES: dict[str, tuple[Row, ...]] = {
         Row('controller/min_singular_value', 'smallest singular value'),
     ),
 }
-
-
-@dataclass(frozen=True)
-class Heard:
-    """A value, and the instant [s] at which it came."""
-
-    value: object
-    at: float
-
-
-class NodeHealth(NamedTuple):
-    """What a node says of itself, and whether all is well."""
-
-    text: str
-    is_well: bool
 
 
 class JointBar(NamedTuple):

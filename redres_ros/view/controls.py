@@ -9,11 +9,11 @@ import viser
 
 from redres_ros.demo.client import CallError
 from redres_ros.demo.remote import Remote
-from redres_ros.demo.settings import chosen, credible
+from redres_ros.demo.settings import credible
 from redres_ros.fri.faults import Faults
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
-from redres_ros.nodes.motion_parameters import NONE
+from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.preferences import PREFERENCES
 
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
@@ -106,7 +106,7 @@ class Controls:
         boxes: dict[str, Any] = {}
         with self._server.gui.add_folder(of, expand_by_default=of == 'limits'):
             for name in table:
-                boxes[name] = self._server.gui.add_checkbox(name, name in chosen(values, of))
+                boxes[name] = self._server.gui.add_checkbox(name, name in named(values[of]))
 
         def order(event: viser.GuiEvent[Any]) -> None:
             names = [name for name, box in boxes.items() if box.value] or [NONE]

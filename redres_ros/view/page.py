@@ -10,11 +10,11 @@ import viser
 from redres_ros.demo.live_arm import LiveArm
 from redres_ros.demo.remote import Remote
 from redres_ros.demo.settings import Values, points_of
+from redres_ros.demo.spectator import Spectator
 from redres_ros.view import words
 from redres_ros.view.controls import Controls
 from redres_ros.view.plots import Plots
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.spectator import Spectator
 from redres_ros.view.trail import Trail
 
 _PERIOD = 0.05  # [s] from one picture of the arm to the next

@@ -6,6 +6,7 @@ import threading
 from dataclasses import dataclass
 
 from redres_ros.demo.remote import Remote
+from redres_ros.demo.spectator import NICENESS, Spectator
 from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.runtime import Waiting, run_nodes
@@ -13,7 +14,6 @@ from redres_ros.parameter import param
 from redres_ros.plugins import load_plugins
 from redres_ros.view.gate import ADDRESS, close_server, open_server
 from redres_ros.view.page import Page
-from redres_ros.view.spectator import NICENESS, Spectator
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ViewNode(Spectator):
     """Serves a page of the graph in its domain and namespace."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__('view')
         self._settings = declare(self, ViewParameters())
         # Those of this node's own starter: what a graph names is not executed here.
         load_plugins(named(self._settings.plugins))

@@ -6,15 +6,18 @@ import threading
 
 from redres_ros.demo.live_arm import LiveArm
 from redres_ros.demo.remote import Remote
+from redres_ros.demo.spectator import NICENESS, Spectator
 from redres_ros.fri.window import opened
 from redres_ros.nodes.runtime import Waiting, run_nodes
-from redres_ros.view.spectator import NICENESS, Spectator
 
 _PERIOD = 0.02  # [s] from one look at the arm to the next
 
 
 class WindowNode(Spectator):
     """Shows the arm of the graph in its domain and namespace."""
+
+    def __init__(self) -> None:
+        super().__init__('viewer')
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Show the arm until the event is set or the window is closed.

@@ -1,18 +1,18 @@
-"""What the page knows of a running graph: its newest words and parameters."""
+"""What onlookers know of a running graph: its newest words, its health and its parameters."""
 
 import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 
+from redres_ros.demo.heard import STALE, Heard, NodeHealth
 from redres_ros.demo.onlooker import PLANNER, REASON, SESSION
-from redres_ros.demo.watch_page import STALE
 from redres_ros.nodes.qos import LATCHED
 
 QUALITY = 'sim/connection_quality'
@@ -23,38 +23,61 @@ NICENESS = 10  # who looks on must wait for those who work, where processors are
 
 
 class Spectator(Node):
-    """Listens to what the nodes tell anyway, so that a page costs them next to nothing.
+    """Listens to what the nodes tell anyway, so that looking on costs them next to nothing.
 
+    `heard` has the newest of each topic, and the NodeHealth of a node under the node's name.
     `on_parameters` is called with node and changed values whenever a node's parameters change.
+
+    Args:
+        name: Of this node.
+        namespace: Of the arm's nodes; empty: none.
     """
 
-    def __init__(self) -> None:
-        super().__init__('view')
-        self.words = dict.fromkeys(WORDS, '')
-        self._health: dict[str, tuple[str, float]] = {}  # what a node said, and when [s]
+    def __init__(self, name: str, namespace: str = '') -> None:
+        super().__init__(name, namespace=namespace or None)
+        self.heard: dict[str, Heard] = {}
         self.on_parameters: Callable[[str, dict[str, Any]], None] = lambda node, values: None
         for topic in WORDS:
             self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
 
+    @property
+    def words(self) -> dict[str, str]:
+        """What was said last on each of WORDS; empty before anything was."""
+        nothing = Heard('', 0.0)
+        return {topic: str(self.heard.get(topic, nothing).value) for topic in WORDS}
+
     def health(self) -> dict[str, str]:
         """What each node said of itself last, or for how long it has been silent."""
         now = time.monotonic()
         health = {}
-        for node, (said, at) in self._health.items():
-            silence = now - at
-            health[node] = said if silence < STALE else f'silent for {silence:.0f} s'
+        for node in NODES:
+            said = self.heard.get(node)
+            if said is not None and isinstance(said.value, NodeHealth):
+                silence = now - said.at
+                health[node] = f'silent for {silence:.0f} s'
+                if silence < STALE:
+                    health[node] = said.value.text
         return health
 
+    def keep(self, source: str, value: object) -> None:
+        """Note what was heard now.
+
+        Args:
+            source: A topic, or the name of a node.
+            value: What it said.
+        """
+        self.heard[source] = Heard(value, time.monotonic())
+
     def _on_word(self, topic: str, message: String) -> None:
-        self.words[topic] = message.data
+        self.keep(topic, message.data)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             name = self._own(status.name)
             if name in NODES:
-                self._health[name] = (status.message, time.monotonic())
+                self.keep(name, NodeHealth(status.message, status.level == DiagnosticStatus.OK))
 
     def _on_event(self, message: ParameterEvent) -> None:
         name = self._own(message.node)
