@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from redres_ros.cli import main
+from redres_ros.nodes.entry import run_node
 
 pytestmark = pytest.mark.slow
 
@@ -200,3 +201,10 @@ def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, o
     assert (status, err) == (0, '')
     assert out.startswith(f'usage: redres_{name} ')
     assert 'redres.yaml' in out
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_an_option_that_nodes_do_not_have_is_refused_and_not_passed_over(name, capsys):
+    assert run_node(name, ['--law', 'minimum_velocity']) == 2
+    said = "got '--law'; parameters go as --ros-args -p NAME:=VALUE, see --help"
+    assert capsys.readouterr().err == f'redres_{name}: {said}\n'

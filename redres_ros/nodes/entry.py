@@ -7,6 +7,9 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+_ROS = '--ros-args'
+_REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
+
 
 def composed() -> int:
     """The executable redres_composed, for `ros2 run` composed."""
@@ -36,12 +39,16 @@ def run_node(name: str, arguments: list[str]) -> int:
         arguments: What follows the name of the executable.
 
     Returns:
-        The exit status: 0, 1 after an error, or 130 after Ctrl-C before the node began.
+        The exit status: 0, 1 after an error, 2 for a wrong command line, or 130 after Ctrl-C before
+        the node began.
     """
     try:
         if {'-h', '--help'} & set(arguments):
             print(_help(name), flush=True)
             return 0
+        if arguments and arguments[0] != _ROS:
+            print(f'redres_{name}: got {arguments[0]!r}; {_REMEDY}', file=sys.stderr)
+            return 2
         status: int = import_module(f'redres_ros.nodes.{name}').main()
         return status
     except KeyboardInterrupt:
@@ -59,7 +66,7 @@ def _help(name: str) -> str:
 
     source = Path(__file__).with_name(f'{name}.py').read_text(encoding='utf-8')
     return f"""\
-usage: redres_{name} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
+usage: redres_{name} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
 
 {ast.get_docstring(ast.parse(source))}
 

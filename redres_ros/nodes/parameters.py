@@ -80,10 +80,9 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
     descriptor = _descriptor(default, parameter)
     try:
         value = node.declare_parameter(name, wanted.value, descriptor, ignore_override=True).value
-    except ParameterException as error:
-        reason = ' '.join(str(error).split())
+    except ParameterException:
         allowed = _allowed(default, parameter)
-        raise ParameterError(f'{reason}; allowed for {name}: {allowed}') from None
+        raise ParameterError(f'{name} is {wanted.value!r}; allowed: {allowed}') from None
     return tuple(value) if isinstance(default, tuple) else value
 
 
