@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -36,16 +37,20 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
-    """Lines are counted in quick tests only. Counting them takes half as long again."""
-    plugin = item.config.pluginmanager.getplugin('_cov')
-    counting = getattr(plugin, 'cov_controller', None)
-    if counting is None or not item.get_closest_marker('slow'):
-        return (yield)
-    counting.pause()
+    """Lines are counted in quick tests only. Counting them takes as long again."""
+    counters = []
+    if item.get_closest_marker('slow') and 'coverage' in sys.modules:
+        # In a process of pytest-xdist there are two, and as one stops the other goes on.
+        from coverage import Coverage
+
+        while counter := Coverage.current():
+            counter.stop()
+            counters.append(counter)
     try:
         return (yield)
     finally:
-        counting.resume()
+        for counter in reversed(counters):
+            counter.start()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -65,6 +65,11 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.stack((a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0), axis=-1)
 
 
+def transposed(matrices: np.ndarray) -> np.ndarray:
+    """Of a stack of matrices, each. What numpy 2 calls .mT, which Ubuntu 24.04's numpy has not."""
+    return matrices.swapaxes(-1, -2)
+
+
 def weigh(vectors: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """Sum over the joints of dq_j times their vectors: (B, point, joint, 3) and (B, 7) give (B,
     point, 3).
@@ -115,14 +120,14 @@ def evaluate(
         moves * (cross(dz[:, None], lever) + cross(z[:, None], v[:, :, None] - vo[:, None])), dq
     )
     dw = weigh(moves * dz[:, None], dq)
-    inertia = R @ links.inertia @ R.mT  # (B, link, 3, 3)
+    inertia = R @ links.inertia @ transposed(R)  # (B, link, 3, 3)
     force = links.mass[:, None] * (a + GRAVITY)
     moment = (inertia @ dw[..., None])[..., 0] + cross(w, (inertia @ w[..., None])[..., 0])
     n = (Jv @ force[..., None] + Jw @ moment[..., None])[..., 0].sum(axis=1)
-    M = (Jv @ (links.mass[:, None, None] * Jv.mT) + Jw @ inertia @ Jw.mT).sum(axis=1) + np.diag(
-        links.rotors
-    )
-    return x, cross(z, x[:, None] - o).mT, M, n
+    straight = Jv @ (links.mass[:, None, None] * transposed(Jv))
+    turning = Jw @ inertia @ transposed(Jw)
+    M = (straight + turning).sum(axis=1) + np.diag(links.rotors)
+    return x, transposed(cross(z, x[:, None] - o)), M, n
 
 
 def quintic(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +168,7 @@ def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float
         W_inv = np.stack((np.broadcast_to(np.eye(7), M.shape), M_inv, M_inv @ M_inv))[
             power[:, 0], rows
         ]
-        J_pinv = W_inv @ J.mT @ np.linalg.inv(J @ W_inv @ J.mT)
+        J_pinv = W_inv @ transposed(J) @ np.linalg.inv(J @ W_inv @ transposed(J))
         dq = b + (J_pinv @ (dx - (J @ b[..., None])[..., 0])[..., None])[..., 0]
         q = q + T * dq
     return np.array(history)

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from redres_ros.demo.heard import STALE, Heard, NodeHealth
-from redres_ros.demo.watch_page import JointBar, page
+from redres_ros.demo.watch_page import JointBar, line, page
 
 FULL = {
     'sim': Heard(NodeHealth('in command', True), 100.0),
@@ -96,10 +96,21 @@ def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() ->
     assert '+114.6°' in bars[2]
 
 
+def test_a_line_tells_what_matters_most_and_who_is_not_there() -> None:
+    there = {source: heard for source, heard in FULL.items() if not source.startswith('planner')}
+    assert line(there, 100.5, 7) == (
+        'session CMD, stop reason none, planner not heard, law minimum_torque'
+    )
+    assert 'controller silent for 12 s' in line(FULL, 112.0, 7)
+    assert line({}, 100.0, 7) == 'nobody is heard in domain 7'
+
+
+WATCH = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain']
+
+
 def run_watch(duration: float, domain: int) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain', str(domain)]
     return subprocess.run(
-        [*command, '--duration', str(duration)],
+        [*WATCH, str(domain), '--duration', str(duration)],
         capture_output=True,
         text=True,
         timeout=duration + 120.0,
@@ -120,12 +131,25 @@ def looked_until_heard(domain: int, *words: str) -> subprocess.CompletedProcess[
 
 
 @pytest.mark.slow
+def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    from redres_ros.demo.processes import own_domain
+
+    streams = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
+    with own_domain() as domain:
+        process = subprocess.Popen([*WATCH, str(domain)], text=True, **streams)
+        assert process.stdout.readline() == f'nobody is heard in domain {domain}\n'
+        process.stdout.close()
+        assert process.wait(60.0) == 1
+        assert process.stderr.read() == ''
+
+
+@pytest.mark.slow
 def test_it_hears_the_nodes_and_tells_of_their_end(tmp_path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.demo.processes import NodeProcess, own_domain
 
     with own_domain() as domain:
-        assert run_watch(1.0, domain).returncode == 1
         nodes = [NodeProcess(name, tmp_path / name, {}) for name in ('controller', 'sim')]
         try:
             done = looked_until_heard(domain, 'CMD', 'joint velocity', 'lwr_a3_joint')

@@ -3,22 +3,23 @@
 import threading
 import time
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import rclpy
 from geometry_msgs.msg import PoseStamped
-from rich.console import RenderableType
+from rich.console import Console, RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.demo.live_arm import LiveArm
 from redres_ros.demo.remote import Remote
 from redres_ros.demo.spectator import WORDS, Spectator
-from redres_ros.demo.watch_page import NODES, JointBar, page
+from redres_ros.demo.watch_page import NODES, JointBar, line, page
 from redres_ros.errors import RedresError
 from redres_ros.nodes.qos import NEWEST
 
 _REFRESH = 5.0  # [Hz]
+_LINE_EVERY = 1.0  # [s]
 
 _LAW = 'controller/law'
 _LIMITING = 'controller/limiting'
@@ -59,6 +60,10 @@ class Watch(Spectator):
         """The page as it is now."""
         domain = self.context.get_domain_id()
         return page(dict(self.heard), time.monotonic(), domain, self._joints())
+
+    def line(self) -> str:
+        """What matters most, in a line."""
+        return line(dict(self.heard), time.monotonic(), self.context.get_domain_id())
 
     def look(self) -> None:
         """Take in what the arm does; find out which one it is, once its controller is there."""
@@ -123,7 +128,8 @@ class Watch(Spectator):
 
 
 def watch(node: Watch, stopped: threading.Event, duration: float | None = None) -> None:
-    """Show the page.
+    """Show the page. Where nobody can see it change, as in a pipe or a file, print a line a second,
+    and the page once, at the end.
 
     Args:
         node: What listens.
@@ -131,8 +137,41 @@ def watch(node: Watch, stopped: threading.Event, duration: float | None = None) 
         duration: Ends it after that time [s]; None: not.
     """
     until = time.monotonic() + duration if duration is not None else float('inf')
-    with Live(node.page(), refresh_per_second=_REFRESH) as live:
+    console = Console()
+    shown: Live | _Lines = Live(node.page(), console=console, refresh_per_second=_REFRESH)
+    if not console.is_terminal:
+        shown = _Lines(node, console)
+    with shown:
         while rclpy.ok() and not stopped.is_set() and time.monotonic() < until:
             time.sleep(1.0 / _REFRESH)
             node.look()
-            live.update(node.page())
+            shown.update(node.page())
+
+
+class _Lines:
+    """In the place of the page that changes: lines, and the last page.
+
+    Args:
+        node: What they tell about.
+        console: Where they are printed.
+    """
+
+    def __init__(self, node: Watch, console: Console) -> None:
+        self._node = node
+        self._console = console
+        self._page = node.page()
+        self._due = 0.0  # [s], on the monotonic clock
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        if kind is None:
+            self._console.print(self._page)
+
+    def update(self, page: RenderableType) -> None:
+        """Keep the newest page, and print a line once a second."""
+        self._page = page
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + _LINE_EVERY
+            print(self._node.line(), flush=True)  # a pipe would keep it back

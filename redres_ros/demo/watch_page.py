@@ -58,6 +58,16 @@ NODES: dict[str, tuple[Row, ...]] = {
     ),
 }
 
+_IN_LINE = {
+    'sim/session_state',
+    _STOP_REASON,
+    'planner/state',
+    'planner/task_error',
+    'controller/law',
+    'controller/limiting',
+    'controller/joint_velocity_norm',
+}
+
 
 class JointBar(NamedTuple):
     """A joint: where it is in its range, 0 to 1, and in [rad]; the limits that act on it."""
@@ -84,6 +94,27 @@ def page(
         return Group(title, _nobody(domain))
     bars = [_joints(joints)] if joints else []
     return Group(title, *_alarms(heard, now), *_panels(heard, now), *bars)
+
+
+def line(heard: Mapping[str, Heard], now: float, domain: int) -> str:
+    """What of the page matters most, in a line, as for a file.
+
+    Args:
+        heard: As for the page.
+        now: The instant at which it is told [s].
+        domain: The ROS domain.
+    """
+    if not heard:
+        return f'nobody is heard in domain {domain}'
+    parts = []
+    for node, rows in NODES.items():
+        quiet = silence(heard, node, now)
+        told = [row for row in rows if row.topic in _IN_LINE & heard.keys()]
+        if quiet > STALE:
+            parts.append(f'{node} {_absence(quiet)}')
+        else:
+            parts += [f'{row.label} {_words(heard[row.topic].value, row)}' for row in told]
+    return ', '.join(parts)
 
 
 def silence(heard: Mapping[str, Heard], node: str, now: float) -> float:
@@ -128,17 +159,18 @@ def _panels(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
         table.add_column(min_width=30)
         for row in rows:
             table.add_row(row.label, _value(heard, row, quiet > STALE, now))
-        if quiet == float('inf'):
-            title = f'{node}: not heard'
-            style = 'dim'
-        elif quiet > STALE:
-            title = f'{node}: silent for {quiet:.0f} s'
-            style = 'yellow'
+        if quiet > STALE:
+            title = f'{node}: {_absence(quiet)}'
+            style = 'dim' if quiet == float('inf') else 'yellow'
         else:
             health = _health(heard, node)
             title = f'{node}: {health.text}'
             style = 'green' if health.is_well else 'yellow'
         yield Panel(table, title=Text(title), title_align='left', box=box.ROUNDED, style=style)
+
+
+def _absence(quiet: float) -> str:
+    return 'not heard' if quiet == float('inf') else f'silent for {quiet:.0f} s'
 
 
 def _joints(joints: Sequence[JointBar]) -> Panel:
