@@ -66,6 +66,7 @@ def main() -> int:
                 windows.append((True, window(seconds)))
             windows.append((False, window(seconds)))
         with page(out) as address, Client(address) as client, spun(Listener) as listener:
+            time.sleep(SETTLING)  # until the controller knows the listener
             clicks = [click(client, listener, 10.5 - 0.5 * (k % 2)) for k in range(CLICKS)]
     tape = list(read_tape(out / 'robot.tape'))
     for is_open, span in windows:

@@ -1,10 +1,12 @@
 """Signals of the operating system, handled in another way for a while."""
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 Handler = Callable[[int, FrameType | None], object] | signal.Handlers
 
@@ -26,6 +28,22 @@ def handled(handler: Handler, *numbers: signal.Signals) -> Iterator[None]:
 
 
 @contextmanager
+def _swallowed_quietly() -> Iterator[None]:
+    """Have Python not print the KeyboardInterrupt that a callback from C swallows."""
+    usual = sys.unraisablehook
+
+    def tell(unraisable: Any) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            usual(unraisable)
+
+    sys.unraisablehook = tell
+    try:
+        yield
+    finally:
+        sys.unraisablehook = usual
+
+
+@contextmanager
 def interruptible() -> Iterator[None]:
     """Have Ctrl-C end what is in the block, even if the block swallows it, as callbacks from C do.
 
@@ -42,7 +60,7 @@ def interruptible() -> Iterator[None]:
         interrupts.append(number)
         signal.default_int_handler(number, frame)
 
-    with handled(note, signal.SIGINT):
+    with handled(note, signal.SIGINT), _swallowed_quietly():
         yield
     if interrupts:
         raise KeyboardInterrupt

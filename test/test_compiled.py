@@ -1,5 +1,6 @@
 """Compiling: with a folder for the cache and without, and never in the loop."""
 
+import ctypes
 import os
 import shutil
 import signal
@@ -56,6 +57,17 @@ def test_ctrl_c_that_gets_lost_while_compiling_comes_at_the_end():
     with pytest.raises(KeyboardInterrupt), interruptible(), swallowing:
         signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_in_a_callback_from_c_is_not_printed(monkeypatch):
+    printed = []
+    monkeypatch.setattr(sys, 'unraisablehook', printed.append)
+    callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        callback()
+    assert not printed
+    ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))()
+    assert len(printed) == 1  # by others
 
 
 def test_a_handler_of_somebody_else_is_asked_once():

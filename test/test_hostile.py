@@ -10,6 +10,7 @@ import pytest
 
 from redres_ros.cli import main
 from redres_ros.nodes.entry import run_node
+from redres_ros.simulation.report import facts, print_tables
 
 pytestmark = pytest.mark.slow
 
@@ -67,6 +68,11 @@ def test_an_error_that_nobody_can_be_told_still_has_its_status(tmp_path, redirec
 
 def test_output_that_nobody_wants_is_no_error(tmp_path):
     assert shell(f'{REDRES} laws >&-', tmp_path) == (0, '')
+
+
+def test_a_table_that_nobody_wants_is_no_error(monkeypatch):
+    monkeypatch.setattr(sys, 'stdout', None)  # as Python leaves it where it was closed
+    print_tables(facts([('task', 'finished')]))
 
 
 def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
