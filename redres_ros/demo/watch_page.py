@@ -117,6 +117,11 @@ def line(heard: Mapping[str, Heard], now: float, domain: int) -> str:
     return ', '.join(parts)
 
 
+def is_near_an_end(share: float) -> bool:
+    """Whether a joint at that share of its range, 0 to 1, is to be shown as near its limits."""
+    return min(share, 1.0 - share) < _NEAR
+
+
 def silence(heard: Mapping[str, Heard], node: str, now: float) -> float:
     """For how long nothing was heard of a node [s]; infinite if nothing ever was.
 
@@ -189,10 +194,10 @@ def _joints(joints: Sequence[JointBar]) -> Panel:
 
 def _bar(share: float) -> Text:
     place = round(min(max(share, 0.0), 1.0) * (_BAR - 1))
-    is_near_end = min(share, 1.0 - share) < _NEAR
     bar = Text(_BAR * '─', style='dim')
     bar.plain = bar.plain[:place] + '●' + bar.plain[place + 1 :]
-    bar.stylize('not dim bold red' if is_near_end else 'not dim bold cyan', place, place + 1)
+    colour = 'red' if is_near_an_end(share) else 'cyan'
+    bar.stylize(f'not dim bold {colour}', place, place + 1)
     return bar
 
 

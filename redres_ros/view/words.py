@@ -7,13 +7,13 @@ import numpy as np
 
 from redres_ros.demo.onlooker import PLANNER, REASON, SESSION
 from redres_ros.demo.spectator import NODES, QUALITY
+from redres_ros.demo.watch_page import is_near_an_end
 
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
 _LONGEST = 400  # letters
-_NEAR = 0.06  # of the range, from an end
 _COLOURS = {
     'position': '#d62728',
     'velocity': '#ff7f0e',
@@ -73,7 +73,7 @@ def _row(place: str, bar: str, limits: Iterable[str]) -> str:
 
 def _bar(share: float) -> str:
     place = 100.0 * min(max(share, 0.0), 1.0)
-    colour = '#d62728' if min(share, 1.0 - share) < _NEAR else '#1f77b4'
+    colour = '#d62728' if is_near_an_end(share) else '#1f77b4'
     knob = (
         f'<div style="position: absolute; left: calc({place:.1f}% - 5px); width: 10px; '
         f'height: 9px; border-radius: 5px; background: {colour};"></div>'
