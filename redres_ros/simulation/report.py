@@ -76,7 +76,7 @@ def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
 
 def print_tables(*tables: Table) -> None:
     """Print tables, as wide as the terminal is, or as they need to be where there is none."""
-    width = _WIDE
+    width: int | None = _WIDE
     if sys.stdout is not None and sys.stdout.isatty():  # it is None where it was closed
         width = None
     console = Console(width=width)
