@@ -263,13 +263,14 @@ class Controller:
         if motion is not wanted:
             motion = advanced(motion, wanted, self._dq_prev, self.T, self.switch_time)
         answer = motion.answer(state, self.task, dx, self.T)
-        reference = state if start is q else RobotState(self.model, start, self._dq_prev)
-        if not resolver.allows(answer, reference, self.T):
-            if start is not q:
-                # Where limits act, joints are fast, and the arm is behind: a Jacobian from where it
-                # is would turn the path aside, by up to a millimetre.
-                answer = motion.answer(reference, self.task, dx, self.T)
-            answer = resolver.resolve(answer, reference, self.T)
+        if resolver is not UNLIMITED:
+            reference = state if start is q else RobotState(self.model, start, self._dq_prev)
+            if not resolver.allows(answer, reference, self.T):
+                if start is not q:
+                    # Where limits act, joints are fast, and the arm is behind: a Jacobian from
+                    # where it is would turn the path aside, by up to a millimetre.
+                    answer = motion.answer(reference, self.task, dx, self.T)
+                answer = resolver.resolve(answer, reference, self.T)
         dq = answer.dq
         q_ref = np.empty(self.model.n)
         if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:

@@ -106,16 +106,16 @@ class LawMotion:
             b = self.law.bias_with(state, T, self._preferred(state))
         else:
             b = self.law.bias(state, T)
+        rows = J
+        rates = dx
+        if scale is not None:
+            rows, rates = scaled(J, dx, scale)
         lower: Sequence[Level] = ()
         if self.lower_tasks:
-            levels = [scaled(J, dx, scale)]
-            levels += [_level(task, state) for task in self.lower_tasks]
-            dq, damped = resolve_in_order(levels, b, W)
-            lower = levels[1:]
-        elif scale is None:
-            dq, damped = resolve_one(J, dx, b, W)
+            lower = [_level(task, state) for task in self.lower_tasks]
+            dq, damped = resolve_in_order(((rows, rates), *lower), b, W)
         else:
-            dq, damped = resolve_one(*scaled(J, dx, scale), b, W)
+            dq, damped = resolve_one(rows, rates, b, W)
         if not damped:
             return Proposal(dq, J, dx, None, W, lower)
         executed = J.dot(dq)
@@ -251,7 +251,10 @@ def after(motion: Motion, answer: Proposal) -> Motion:
 
 
 def _level(task: Task, state: RobotState) -> Level:
-    return scaled(task.jacobian(state), task.velocity(state), task.row_scale(state.model))
+    J = task.jacobian(state)
+    dx = task.velocity(state)
+    scale = task.row_scale(state.model)
+    return (J, dx) if scale is None else scaled(J, dx, scale)
 
 
 def _way_out(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:

@@ -178,19 +178,6 @@ def resolve_one(
     Raises:
         ArrayError: as for `resolve`.
     """
-    exact = _resolve_exactly(J, dx, b, W, size, fastest)
-    if exact is not None:
-        return exact, False
-    dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size, fastest)
-    if not math.isfinite(sum(dq.tolist())):
-        raise ArrayError(_complaint(J, dx, b, W, dq))
-    return dq, damped
-
-
-def _resolve_exactly(
-    J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight, size: float, fastest: float
-) -> np.ndarray | None:
-    """dq (n,) by the closed form; None where a direction may have to be damped."""
     dq = np.empty(len(b))
     array, form = as_array(W)
     try:
@@ -198,13 +185,19 @@ def _resolve_exactly(
     except TypeError:  # not of float64
         arrays = [np.asarray(given, np.float64) for given in (J, dx, b, array)]
         outcome = closed_form(*arrays, form, size, fastest, dq)
-    return _answer(outcome, dq, J, dx, b, W)
+    if outcome == SOLVED:
+        return dq, False
+    _check_outcome(outcome, dq, J, dx, b, W)
+    dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size, fastest)
+    if not math.isfinite(sum(dq.tolist())):
+        raise ArrayError(_complaint(J, dx, b, W, dq))
+    return dq, damped
 
 
 def _resolve_all_exactly(levels: Sequence[Level], b: np.ndarray, W: Weight) -> np.ndarray | None:
     """dq (n,) that executes all tasks; None where that may not be possible."""
-    J, dx = levels[0]
-    J_lower, dx_lower, lower_tasks = _stacked(levels[1:], len(b))
+    (J, dx), *lower = levels
+    J_lower, dx_lower, lower_tasks = _stacked(lower, len(b))
     dq = np.empty(len(b))
     array, form = as_array(W)
     try:
@@ -215,20 +208,20 @@ def _resolve_all_exactly(levels: Sequence[Level], b: np.ndarray, W: Weight) -> n
         given = [np.asarray(given, np.float64) for given in (J, dx, J_lower, dx_lower)]
         more = [np.asarray(given, np.float64) for given in (b, array)]
         outcome = closed_form_in_order(*given, lower_tasks, *more, form, FASTEST, dq)
-    return _answer(outcome, dq, J, dx, b, W)
-
-
-def _answer(
-    outcome: int, dq: np.ndarray, J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight
-) -> np.ndarray | None:
-    """dq if it is the answer; None where a direction may have to be damped. Raises ArrayError."""
     if outcome == SOLVED:
         return dq
+    _check_outcome(outcome, dq, J, dx, b, W)
+    return None
+
+
+def _check_outcome(
+    outcome: int, dq: np.ndarray, J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight
+) -> None:
+    """Raise ArrayError for a problem that has no answer. Others may need damping."""
     if outcome == INDEFINITE:
         raise _indefinite(as_array(W)[0])
     if outcome == NOT_FINITE:
         raise ArrayError(_complaint(J, dx, b, W, dq))
-    return None
 
 
 def _stacked(levels: Sequence[Level], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -41,7 +41,8 @@ class RobotState:
     _n: np.ndarray | None = None
     _free_acceleration: np.ndarray | None = None
     _joint_poses: np.ndarray | None = None
-    _tip: tuple[np.ndarray, np.ndarray] | None = None
+    _x: np.ndarray | None = None
+    _R: np.ndarray | None = None
 
     def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
         self.model = model
@@ -66,12 +67,16 @@ class RobotState:
     @property
     def x(self) -> np.ndarray:
         """Tip position in the base frame, (3,) [m]."""
-        return self._tip_pose[0]
+        if self._x is None:
+            self._x = self.model._placement(self.q, self.model._tip)[:3, 3]
+        return self._x
 
     @property
     def R(self) -> np.ndarray:
         """Tip orientation in the base frame, (3, 3)."""
-        return self._tip_pose[1]
+        if self._R is None:
+            self._R = self.model._placement(self.q, self.model._tip)[:3, :3]
+        return self._R
 
     @property
     def M(self) -> np.ndarray:
@@ -98,7 +103,11 @@ class RobotState:
 
     def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and orientation (3, 3) of a frame; '' is the tip."""
-        return self.model.pose(self.q, frame) if frame else self._tip_pose
+        return self.model.pose(self.q, frame) if frame else (self.x, self.R)
+
+    def rotation(self, frame: str) -> np.ndarray:
+        """Orientation of a frame, (3, 3); '' is the tip."""
+        return self.model.pose(self.q, frame)[1] if frame else self.R
 
     def jacobian(self, frame: str) -> np.ndarray:
         """Jacobian (6, n) of a frame, rows as in `J`; '' is the tip."""
@@ -114,12 +123,6 @@ class RobotState:
         if self._joint_poses is None:
             self._joint_poses = self.model._joint_poses(self.q)
         return self._joint_poses
-
-    @property
-    def _tip_pose(self) -> tuple[np.ndarray, np.ndarray]:
-        if self._tip is None:
-            self._tip = self.model._pose(self.q, self.model._tip)
-        return self._tip
 
 
 class RobotModel:
@@ -269,7 +272,8 @@ class RobotModel:
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
-        return self._pose(finite_vector(q, self.n, 'q'), self._tip)
+        H = self._placement(finite_vector(q, self.n, 'q'), self._tip)
+        return H[:3, 3], H[:3, :3]
 
     def pose(self, q: np.ndarray, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and orientation (3, 3) of a frame in the base frame.
@@ -278,7 +282,8 @@ class RobotModel:
             q: (n,) [rad].
             frame: Name of a link.
         """
-        return self._pose(finite_vector(q, self.n, 'q'), self._frame(frame))
+        H = self._placement(finite_vector(q, self.n, 'q'), self._frame(frame))
+        return H[:3, 3], H[:3, :3]
 
     def position(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame's origin in the base frame, (3,) [m].
@@ -298,15 +303,15 @@ class RobotModel:
         """
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
 
-    def _pose(self, q: np.ndarray, frame: int) -> tuple[np.ndarray, np.ndarray]:
+    def _placement(self, q: np.ndarray, frame: int) -> np.ndarray:
+        """Pose of a frame in the base frame, (4, 4)."""
         if self._placed is q and frame == self._tip:
             placement = self._tip_placement
         else:
             pin.forwardKinematics(self._model, self._data, q)
             placement = pin.updateFramePlacement(self._model, self._data, frame)
             self._placed = q if frame == self._tip else None
-        H = placement.homogeneous  # (4, 4), a copy
-        return H[:3, 3], H[:3, :3]
+        return placement.homogeneous  # a copy
 
     def _joint_poses(self, q: np.ndarray) -> np.ndarray:
         self._placed = None

@@ -1,13 +1,13 @@
 """Tasks of a frame, most often the tip: where it is and how it is turned."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
 
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.turn import turn_between
+from redres_ros.kernels.turn import part_of_turn, turn_between
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
@@ -62,9 +62,18 @@ class Orientation(FrameTask):
         return state.jacobian_derivatives(self.frame)[:, 3:]
 
     def error(self, state: RobotState) -> np.ndarray:
-        _, R = state.pose(self.frame)
-        e: np.ndarray = turn_between(R, _matrix(self.target))
+        e: np.ndarray = turn_between(state.rotation(self.frame), self._wanted)
         return e
+
+    def velocity(self, state: RobotState) -> np.ndarray:
+        """dx = k e, in half the time of numpy's product."""
+        dx: np.ndarray = part_of_turn(self.gain, state.rotation(self.frame), self._wanted)
+        return dx
+
+    @cached_property
+    def _wanted(self) -> np.ndarray:
+        """The target as a matrix, (3, 3)."""
+        return from_quaternion(np.array(self.target))
 
     def begun(self, state: RobotState) -> Self:
         _, R = state.pose(self.frame)
@@ -93,8 +102,13 @@ class Pose(FrameTask):
 
     def error(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
-        turn = turn_between(R, _matrix(self.target[3:]))
+        turn = turn_between(R, self._wanted)
         return np.concatenate((np.array(self.target[:3]) - x, turn))
+
+    @cached_property
+    def _wanted(self) -> np.ndarray:
+        """The target's orientation as a matrix, (3, 3)."""
+        return from_quaternion(np.array(self.target[3:]))
 
     def begun(self, state: RobotState) -> Self:
         x, R = state.pose(self.frame)
@@ -164,11 +178,6 @@ def _pose_scale(reach: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)  # a target is looked up in every tick
-def _matrix(quaternion: tuple[float, ...]) -> np.ndarray:
-    return from_quaternion(np.array(quaternion))
-
-
-@lru_cache(maxsize=64)
 def _unit(direction: tuple[float, ...]) -> np.ndarray:
     vector = np.array(direction)
     return vector / np.linalg.norm(vector)
