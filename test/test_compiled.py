@@ -46,6 +46,18 @@ def test_a_function_called_directly_gives_the_same():
         assert direct(function)(x) == function(x) == x[0]
 
 
+def test_without_compiling_the_formulas_run_as_python():
+    source = 'from redres_ros.kernels.turn import turn_between as f; print(f.__name__)'
+    done = subprocess.run(
+        [sys.executable, '-c', source],
+        env=os.environ | {'NUMBA_DISABLE_JIT': '1'},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == 'turn_between'
+
+
 def test_another_type_of_argument_compiles_nothing():
     """What has not been compiled when the module is loaded is refused, not compiled in a tick."""
     with pytest.raises(TypeError, match='No matching definition'):

@@ -11,6 +11,9 @@ from numba import types
 from redres_ros.kernels import cache
 from redres_ros.signals import interruptible
 
+# Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
+_IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])
+
 cache.enter()
 
 
@@ -23,6 +26,8 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
+        if _IN_PYTHON:
+            return function
         if not signatures:
             return _part(function, 'never')
         with interruptible():  # LLVM calls back into Python, where an interrupt would get lost
@@ -63,6 +68,8 @@ def direct(function: Any) -> Any:
     That look takes 0.1 us and more, as long as these functions take. The caller guarantees float64
     arrays of as many dimensions as the signature says; others would be misread.
     """
+    if _IN_PYTHON:
+        return function
     (made,) = function.overloads.values()
     return made.entry_point
 
