@@ -63,6 +63,7 @@ setup(
         'Programming Language :: Python :: 3.11',
         'Programming Language :: Python :: 3.12',
         'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
     ],
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, WaypointTask, load_task, make_law
+from redres_ros.errors import RangeError
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
@@ -177,6 +178,11 @@ def test_the_columns_belong_together():
 def short(**options: object) -> Recording:
     """The first segment under damped minimum acceleration."""
     return run(Controller(MODEL, make_law('minimum_acceleration'), T), one_segment(), **options)
+
+
+def test_a_delay_below_zero_is_refused():
+    with pytest.raises(RangeError, match='delay is -1; allowed: 0 to inf'):
+        short(delay=-1)
 
 
 def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():

@@ -7,6 +7,7 @@ import pytest
 
 import redres_ros
 from redres_ros import RobotModel, compare, load_task, make_law, plot
+from redres_ros.errors import ArrayError, FileError
 from redres_ros.robots import find_arm
 from redres_ros.waypoints import task_for
 
@@ -49,3 +50,22 @@ def test_an_arm_from_a_urdf_has_an_effort_and_an_elbow() -> None:
 def test_what_is_unknown_is_refused() -> None:
     with pytest.raises(redres_ros.RedresError, match='fastest'):
         compare(['fastest'], 'side_to_side')
+
+
+def test_a_law_and_a_limit_alone_need_no_brackets() -> None:
+    found = compare('minimum_velocity', load_task('planar4r_hexagon'), T=0.05, limits='velocity')
+    assert list(found.recordings) == ['minimum_velocity']
+
+
+def test_nothing_to_compare_or_to_draw_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ArrayError, match='laws is empty'):
+        compare([])
+    with pytest.raises(ArrayError, match='no motion to draw'):
+        plot({})
+    with pytest.raises(FileError, match='cannot read no_such.yaml'):
+        compare(['minimum_velocity'], Path('no_such.yaml'))
+    found = compare(['minimum_velocity'], 'planar4r_hexagon', T=0.1)
+    with pytest.raises(
+        FileError, match="cannot write .*picture.xyz: Format 'xyz' is not supported"
+    ):
+        plot(found, tmp_path / 'picture.xyz')

@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.controller import SPEED_LIMIT
-from redres_ros.errors import DivergedError
+from redres_ros.errors import DivergedError, RangeError
 from redres_ros.laws import Law
 from redres_ros.planner import Planner
 from redres_ros.robot_model import RobotModel
@@ -61,7 +61,12 @@ def run(
             robot that takes up at tick k + 1 what was computed from the state at tick k.
         switches: Tick -> law to go over to.
         progress: Is told the share of the nominal duration that is over.
+
+    Raises:
+        RangeError: A delay below zero.
     """
+    if delay < 0:
+        raise RangeError('delay', delay, 0, np.inf, 'ticks')
     planner = Planner(task)
     q = task.start
     T = controller.T

@@ -210,8 +210,9 @@ def save(figure: Figure, path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise FileError(f'cannot write {path}: {error.strerror}') from None
+    except (OSError, ValueError) as error:  # ValueError: no picture ends like that
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise FileError(f'cannot write {path}: {reason}') from None
 
 
 def _lines(remarks: Remarks) -> list[str]:

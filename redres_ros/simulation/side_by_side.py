@@ -8,8 +8,10 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from redres_ros.controller import Controller
+from redres_ros.errors import ArrayError
 from redres_ros.laws import Law, make_law
 from redres_ros.limits import Limit
+from redres_ros.parameter import several
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.comparison import Effort, label, picture, tables
@@ -43,11 +45,11 @@ class Comparison:
 
 
 def compare(
-    laws: Iterable[str | Law],
-    task: str | WaypointTask = 'rectangle',
+    laws: str | Iterable[str | Law],
+    task: str | Path | WaypointTask = 'rectangle',
     *,
     T: float = 0.002,
-    limits: Iterable[str | Limit] = (),
+    limits: str | Iterable[str | Limit] = (),
     model: RobotModel | None = None,
 ) -> Comparison:
     """Laws side by side on one task, in the ideal loop.
@@ -62,16 +64,19 @@ def compare(
     Raises:
         RedresError: A name or a figure that is not allowed.
     """
-    task = load_task(task) if isinstance(task, str) else task
+    if not isinstance(task, WaypointTask):
+        task = load_task(str(task))
     model = model or RobotModel.named(task.robot)
-    limits = tuple(limits)
+    limits = several(limits)
     recordings = {}
     efforts = {}
-    for each in laws:
+    for each in several(laws):
         law = make_law(each) if isinstance(each, str) else each
         name = label(law)
         recordings[name] = run(Controller(model, law, T, limits=limits), task)
         efforts[name] = Effort.of(recordings[name], model)
+    if not recordings:
+        raise ArrayError('laws is empty; expected at least one')
     return Comparison(recordings, efforts, f'{task.robot}, T = {1e3 * T:g} ms')
 
 
@@ -85,14 +90,17 @@ def plot(
         path: Where to write it; None: nowhere, as in a notebook, which shows what is returned.
 
     Raises:
+        ArrayError: There is no motion.
         FileError: The file cannot be written.
     """
     if isinstance(what, Comparison):
         figure = picture(what.recordings, what.title)
     elif isinstance(what, Recording):
         figure = picture({'motion': what}, what.ending)
-    else:
+    elif what:
         figure = picture(what, '')
+    else:
+        raise ArrayError('there is no motion to draw; expected at least one')
     if path is not None:
         save(figure, Path(path))
     return figure
