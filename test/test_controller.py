@@ -358,6 +358,7 @@ def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway)
 # With the cylinders, whose wrist weighs next to nothing, a switch may take the arm through a
 # configuration that neither
 # law alone would pass, and from there fling it; so may one just before the stretched arm at 7 s.
+@pytest.mark.slow
 @pytest.mark.parametrize('time', [1.5, 4.5])
 @pytest.mark.parametrize(
     ('old', 'new'), list(permutations([law for law in LAWS if law != 'minimum_torque'], 2))

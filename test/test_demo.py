@@ -212,7 +212,7 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
 
 def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
     options = ('--law', 'minimum_velocity', '--limits', 'none')
-    done = demo(tmp_path, '--lockstep', '--composed', *options)
+    done = demo(tmp_path, *IN_LOCKSTEP, '--composed', *options)
     assert done.returncode == 1, done.stdout + done.stderr
     assert 'protective stop' in summary(tmp_path)['stop_reason']
     assert summary(tmp_path)['task'] == 'NOT finished'

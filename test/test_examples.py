@@ -133,7 +133,7 @@ def test_behind_ros2_control_the_controller_answers_and_moves_the_arm(
             for name, values in own.items()
         ]
         try:
-            answered, moved = run('behind_ros2_control', '--seconds', '15').splitlines()
+            answered, moved = run('behind_ros2_control', '--seconds', '9').splitlines()
         finally:
             for node in nodes:
                 node.end()

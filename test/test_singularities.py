@@ -67,6 +67,13 @@ def driven(
     return commands
 
 
+@cache
+def led_inward(arm: str, law: str) -> list[Command]:
+    """Commands of 0.8 s straight away from the stretched arm."""
+    q, outward = stretched(arm)
+    return driven(arm, law, q, [-SPEED * outward] * 400)
+
+
 def check(arm: str, commands: list[Command]) -> None:
     """Accelerations within limits."""
     allowed = np.array(ARMS[arm].acceleration_limit) * (1.0 + 1e-9)
@@ -86,8 +93,7 @@ def test_most_arms_can_be_stretched():
 @EVERY_LAW
 def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law):
     q, outward = stretched(arm)
-    inward = -SPEED * outward
-    commands = driven(arm, law, q, [inward] * 400)
+    commands = led_inward(arm, law)
     check(arm, commands)
     assert still(commands) <= 2
     x, _ = model_of(arm).tip(q)
@@ -99,9 +105,9 @@ def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law
 @EVERY_LAW
 def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(arm, law):
     """In between, the joints get up to speed and brake again as fast as they may."""
-    q, outward = stretched(arm)
+    _, outward = stretched(arm)
     inward = -SPEED * outward
-    commands = driven(arm, law, q, [inward] * 400)
+    commands = led_inward(arm, law)
     losses = [np.linalg.norm(command.lost) for command in commands]
     assert max(losses[round(0.05 / T) :]) < 1e-9  # a planar arm always lacks a direction
     for command in commands[350:]:
@@ -109,13 +115,14 @@ def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(a
         assert command.J @ command.dq == pytest.approx(inward, abs=1e-9)
 
 
+@pytest.mark.slow
 @EVERY_STRETCHED
 @EVERY_LAW
 def test_into_it_and_back_again(arm, law):
     """Outward until the arm is stretched, on against its end, and inward."""
     model = model_of(arm)
-    q, outward = stretched(arm)
-    bent = driven(arm, law, q, [-SPEED * outward] * 400)[-1].q_ref
+    _, outward = stretched(arm)
+    bent = led_inward(arm, law)[-1].q_ref
     ways = [SPEED * outward] * 600 + [-SPEED * outward] * 600
     commands = driven(arm, law, bent, ways)
     check(arm, commands)
@@ -233,7 +240,7 @@ def arc(arm: str, width: float) -> tuple[np.ndarray, Path]:
     q, outward = stretched(arm)
     x_far, _ = model_of(arm).tip(q)
     way = width * tangent(arm)
-    bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 400)[-1].q_ref
+    bent = led_inward(arm, 'minimum_velocity')[-1].q_ref
     x, _ = model_of(arm).tip(bent)
     depth = float((x_far - x) @ outward)
 
@@ -257,6 +264,7 @@ def test_through_it(arm, law):
     assert max(error for _, _, error in found) < 1.5e-3
 
 
+@pytest.mark.slow
 @EVERY_STRETCHED
 def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm):
     """The middle of an arc of 20 cm is 5 mm and more out of reach; it crept there for ever."""
@@ -278,7 +286,7 @@ def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
     """Far faster towards the end than it could stop: what is too much is left, and no other way."""
     q, outward = stretched(arm)
     model = model_of(arm)
-    bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 100)[-1].q_ref
+    bent = led_inward(arm, 'minimum_velocity')[99].q_ref
     sideways = SPEED * tangent(arm)
     ways = [SPEED * outward + sideways] * 200
     commands = driven(arm, 'minimum_velocity', bent, ways, BRAKING)
@@ -294,8 +302,8 @@ def test_beside_the_end_of_the_reach_the_arm_brakes_before_it(arm):
 @EVERY_STRETCHED
 def test_beside_the_end_of_the_reach_the_direction_is_kept_unless_it_is_to_brake(arm):
     """One share of the whole velocity, down to where directions are damped."""
-    q, outward = stretched(arm)
-    bent = driven(arm, 'minimum_velocity', q, [-SPEED * outward] * 100)[-1].q_ref
+    _, outward = stretched(arm)
+    bent = led_inward(arm, 'minimum_velocity')[99].q_ref
     dx = SPEED * (outward + tangent(arm))
     commands = driven(arm, 'minimum_velocity', bent, [dx] * 60)
     assert 0.0 < commands[0].s < 1.0
