@@ -9,7 +9,6 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -291,7 +290,6 @@ def test_who_is_interrupted_before_the_nodes_say_anything_gets_no_motion(tmp_pat
     model = RobotModel.named('lwr4_paper')
     options = DemoOptions(name, 'minimum_velocity', 500.0)
     early = Demo(options, load_task(name), model, make_law, tmp_path)
-    early._nodes = [SimpleNamespace(name='sim'), SimpleNamespace(name='planner')]
     (tmp_path / 'planner.tape').touch()
     outcome = early.outcome(Ending(None, interrupted=True))
     assert outcome.motion is None and outcome.interrupted

@@ -2,10 +2,8 @@
 
 import math
 import os
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +11,13 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from redres_ros.demo.client import call, read_parameters, set_parameters
+from redres_ros.demo.crew import NODES, Crew
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.onlooker import PLANNER, REASON, SESSION, Onlooker
 from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome
-from redres_ros.demo.processes import NodeProcess, remember_files
+from redres_ros.demo.processes import remember_files
 from redres_ros.demo.replay import FINISHED, read_log, replay
-from redres_ros.demo.tape import TOPICS, read_tape
+from redres_ros.demo.tape import read_tape
 from redres_ros.demo.wanted import DemoError, DemoOptions, Ending
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
@@ -26,17 +25,13 @@ from redres_ros.nodes.runtime import spun
 from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
 from redres_ros.robot_session import COMMANDING
-from redres_ros.signals import handled
 from redres_ros.simulation.closed_loop import PATIENCE
 from redres_ros.waypoints import WaypointTask
 
 # [s] from starting the processes to command mode, and to the first motion. The first start after an
 # installation compiles what keeps the limits; on a busy machine that takes most of a minute.
 START_PATIENCE = 120.0
-LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
-# [s] that an ordinary machine may stall; the fake arm's clock then stands still
-CLOCK_PATIENCE = 5.0
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _LOOK = 0.02  # [s] between looks at the state of things
@@ -73,8 +68,7 @@ class Demo:
         self._T = 1.0 / options.rate
         for name in (options.law, *(name for name, _ in options.switches)):
             law(name).check_damping(self._T)
-        self._nodes: list[NodeProcess] = []
-        self._views: list[NodeProcess] = []
+        self._crew = Crew(options, task, law(options.law), out)
         self._node_parameters: dict[str, dict[str, Any]] = {}  # as the nodes have them, by name
 
     @property
@@ -102,12 +96,12 @@ class Demo:
         endurance = None
         last = math.inf
         try:
-            with spun(Onlooker) as onlooker, self._processes():
+            with spun(Onlooker) as onlooker, self._crew.running():
                 self._await_robot(onlooker)
-                remember_files([os.getpid(), *(node.pid for node in self._nodes)])
+                remember_files([os.getpid(), *(node.pid for node in self._crew.nodes)])
                 if self.options.mcap:
                     self._node_parameters = {
-                        f'/{name}': read_parameters(onlooker, name) for name in self._node_names
+                        f'/{name}': read_parameters(onlooker, name) for name in NODES
                     }
                 self._run_task(onlooker, progress)
                 if self.options.duration:
@@ -121,71 +115,6 @@ class Demo:
             self.remove_tapes()  # nobody will ask for the outcome
             raise
         return Ending(endurance, interrupted, last)
-
-    @contextmanager
-    def _processes(self) -> Iterator[None]:
-        """The nodes and what shows them, as processes while the block runs.
-
-        They end in the order in which they were started, the sim first: to be left alone by the
-        controller would be a fault of its connection.
-        """
-        parameters = self._parameters()
-        if self.options.composed:
-            together: dict[str, Any] = {}
-            for own in parameters.values():
-                together |= own
-            parameters = {'composed': together}
-        try:
-            for name, own in parameters.items():
-                log = self._out / f'{name}.log'
-                tape = self._tape(name)
-                self._nodes.append(NodeProcess(name, log, own, tape=tape, topics=self._taped))
-            for name, given in self.options.views.items():
-                self._views.append(NodeProcess(name, self._out / f'{name}.log', given))
-            yield
-        finally:
-            # A second signal must not leave a process behind.
-            with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
-                for node in (*self._views, *self._nodes):
-                    node.end()
-
-    def _parameters(self) -> dict[str, dict[str, Any]]:
-        """Of each node, by its name."""
-        options = self.options
-        shared = {
-            'lockstep': options.lockstep,
-            'rate': options.rate,
-            'robot': self.task.robot,
-            'dynamics': options.dynamics,
-            **options.parameters,
-        }
-        sim: dict[str, Any] = {'start': tuple(self.task.start.tolist())}
-        if options.lockstep:
-            # Nobody keeps time, and the first state waits for the planner.
-            shared['state_timeout'] = LOCKSTEP_SILENCE
-            sim['monitor_time'] = 0.0
-        else:
-            # The robot waits for its answer, which waits for the planner.
-            sim['patience'] = CLOCK_PATIENCE
-            shared['twist_patience'] = CLOCK_PATIENCE
-        law = {'law': options.law, 'damping': self.law(options.law).damping}
-        return {
-            'sim': shared | sim,
-            'controller': shared | law,
-            'planner': shared | {'task': options.task},
-        }
-
-    @property
-    def _node_names(self) -> tuple[str, ...]:
-        return tuple(self._parameters())
-
-    @property
-    def _taped(self) -> tuple[str, ...]:
-        """The topics on the tapes; none stands for those that a run is judged by."""
-        return tuple(TOPICS) if self.options.mcap else ()
-
-    def _tape(self, name: str) -> Path:
-        return self._out / f'{name}.tape'
 
     def _await_robot(self, onlooker: Onlooker) -> None:
         until = time.monotonic() + START_PATIENCE
@@ -236,7 +165,7 @@ class Demo:
 
     def _repeat(self, onlooker: Onlooker, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""
-        before = {node.name: node.memory for node in self._nodes}
+        before = {node.name: node.memory for node in self._crew.nodes}
         duration = self.options.duration
         begun = onlooker.first_began
 
@@ -247,24 +176,20 @@ class Demo:
         while not onlooker.word(REASON) and seconds() < duration:
             self._run_task(onlooker, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
-        memory = {node.name: (before[node.name], node.memory) for node in self._nodes}
+        memory = {node.name: (before[node.name], node.memory) for node in self._crew.nodes}
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, onlooker: Onlooker) -> None:
         """Keep the nodes as long as somebody looks, or until Ctrl-C, an ordinary end here."""
         try:
-            while any(view.status is None for view in self._views):
+            while self._crew.is_watched:
                 self._check(onlooker)
                 time.sleep(_LOOK)
         except KeyboardInterrupt:
             return
 
     def _check(self, onlooker: Onlooker) -> None:
-        for node in self._nodes:
-            node.check()
-        for view in self._views:
-            if view.status:
-                view.check()
+        self._crew.check()
         if onlooker.newest and time.monotonic() - onlooker.heard_at > SILENCE:
             raise DemoError(
                 f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
@@ -272,8 +197,7 @@ class Demo:
 
     def outcome(self, ending: Ending) -> Outcome:
         """What came of the run that ended so, from the tapes, which are removed."""
-        # Who was interrupted early has begun no tape.
-        tapes = [tape for tape in self._tapes if tape.exists()]
+        tapes = self._crew.tapes
         if self.options.mcap:
             self._write_mcap(self.options.mcap, tapes)
         log = read_log(tapes, self.model.joint_names, ending.last)
@@ -303,13 +227,8 @@ class Demo:
         )
 
     def remove_tapes(self) -> None:
-        """Remove the tapes, from which the outcome is made."""
-        for tape in self._tapes:
-            tape.unlink(missing_ok=True)
-
-    @property
-    def _tapes(self) -> list[Path]:
-        return [self._tape(node.name) for node in self._nodes]
+        """Remove what the outcome is made from."""
+        self._crew.remove_tapes()
 
     def _write_mcap(self, path: Path, tapes: list[Path]) -> None:
         """All that is on the tapes, with the arm and the nodes' parameters beside it."""

@@ -25,6 +25,7 @@ class Judge:
     limits: Limits
     period: float
 
+    @np.errstate(over='ignore', invalid='ignore')  # anybody can send a glance of an arm that flies
     def acting(self, glance: Glance) -> set[tuple[str, str]]:
         """The limits at whose bounds a command is: name, and joint or what else it is about."""
         state = self.model.state(glance.q_prev, glance.dq_prev)
