@@ -112,8 +112,11 @@ class Crew:
             # The robot waits for its answer, which waits for the planner.
             sim['patience'] = _CLOCK_PATIENCE
             shared['twist_patience'] = _CLOCK_PATIENCE
-        own = (sim, {'law': options.law, 'damping': self._law.damping}, {'task': options.task})
-        return {name: shared | each for name, each in zip(NODES, own, strict=True)}
+        return {
+            'sim': shared | sim,
+            'controller': shared | {'law': options.law, 'damping': self._law.damping},
+            'planner': shared | {'task': options.task},
+        }
 
     @property
     def _taped(self) -> tuple[str, ...]:
