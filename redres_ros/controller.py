@@ -255,7 +255,7 @@ class Controller:
         if self._pace < 1.0:
             dx = self._pace * dx
         start = self._integrated(q, missed)
-        resolver = self._resolver.advanced(self.T, self.switch_time)
+        resolver = self._resolver
         state = RobotState(self.model, q, self._dq_prev)
         begun = self._begun.begun(state) if self._is_open else self._begun
         motion = self._motion
@@ -264,6 +264,7 @@ class Controller:
             motion = advanced(motion, wanted, self._dq_prev, self.T, self.switch_time)
         answer = motion.answer(state, self.task, dx, self.T)
         if resolver is not UNLIMITED:
+            resolver = resolver.advanced(self.T, self.switch_time)
             reference = state if start is q else RobotState(self.model, start, self._dq_prev)
             if not resolver.allows(answer, reference, self.T):
                 if start is not q:

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import boolean, float64, int64, types
 
-from redres_ros.kernels.compiled import compiled, direct, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, vector
 
 TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
@@ -45,24 +45,24 @@ def stopping_speed(d: float, A: float, T: float) -> float:
     return (d / T + step * N * (N + 1.0) / 2.0) / (N + 1.0)
 
 
-@compiled()
+@inlined
 def box_of_joint(
-    kind: int, figures: np.ndarray, i: int, q: float, dq_prev: float, T: float
+    kind: int, figures: np.ndarray, k: int, i: int, q: float, dq_prev: float, T: float
 ) -> tuple[float, float]:
     """The least and the largest velocity of joint i under one limit [rad/s]."""
     if kind == ACCELERATION:  # |dq - dq_prev| <= A T
-        reach = T * figures[0, i]
+        reach = T * figures[k, 0, i]
         return dq_prev - reach, dq_prev + reach
     if kind == VELOCITY:  # |dq| <= V
-        return -figures[0, i], figures[0, i]
+        return -figures[k, 0, i], figures[k, 0, i]
     if kind == POSITION:  # -beta(q - q_min) <= dq <= beta(q_max - q)
-        A = figures[2, i]
-        least = -stopping_speed(q - figures[0, i], A, T)
-        return least, stopping_speed(figures[1, i] - q, A, T)
-    return figures[0, i], figures[1, i]
+        A = figures[k, 2, i]
+        least = -stopping_speed(q - figures[k, 0, i], A, T)
+        return least, stopping_speed(figures[k, 1, i] - q, A, T)
+    return figures[k, 0, i], figures[k, 1, i]
 
 
-@compiled()
+@inlined
 def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[float, float]:
     """The part of [lower, upper] in [least, most]; where they are apart, the nearest point."""
     return min(max(least, lower), upper), max(min(most, upper), lower)
@@ -111,7 +111,7 @@ def keeps_boxes(
         upper = np.inf
         hardest = 0.0
         for k in range(len(kinds)):
-            least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
+            least, most = box_of_joint(kinds[k], figures, k, i, q[i], dq_prev[i], T)
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
             elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
@@ -157,7 +157,7 @@ def fill_boxes(
         upper = np.inf
         hardest = 0.0
         for k in range(len(kinds)):
-            least, most = box_of_joint(kinds[k], figures[k], i, q[i], dq_prev[i], T)
+            least, most = box_of_joint(kinds[k], figures, k, i, q[i], dq_prev[i], T)
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
             if least > upper + TOUCHING or most < lower - TOUCHING:

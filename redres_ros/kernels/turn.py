@@ -11,9 +11,9 @@ NEAR_HALF_A_TURN = 0.1
 
 
 @inlined
-def turn(share: float, A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A share of the turn from A to B, as `turn_between`."""
-    w = np.zeros(3)  # sin(angle) axis, half of what is antisymmetric in R = B A'
+def turn(share: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
+    """Write a share of the turn from A to B, as of `turn_between`, into w (3,)."""
+    w[:] = 0.0  # becomes sin(angle) axis, half of what is antisymmetric in R = B A'
     trace = 0.0  # of R
     for j in range(3):
         w[0] += (A[1, j] * B[2, j] - A[2, j] * B[1, j]) / 2.0
@@ -32,7 +32,6 @@ def turn(share: float, A: np.ndarray, B: np.ndarray) -> np.ndarray:
     elif sine > 0.0:
         for i in range(3):
             w[i] *= share * angle / sine
-    return w
 
 
 @compiled()
@@ -63,17 +62,22 @@ def turn_between(A: np.ndarray, B: np.ndarray) -> np.ndarray:
         A: (3, 3).
         B: (3, 3).
     """
-    return turn(1.0, A, B)
+    w = np.empty(3)
+    turn(1.0, A, B, w)
+    return w
 
 
 @direct
-@compiled(float64[::1](float64, matrix(), matrix()))
-def part_of_turn(share: float, A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A share of the turn from A to B, (3,) [rad]: with k for the share, k e.
+@compiled((float64, matrix(), matrix(), float64[::1]))
+def part_of_turn(share: float, A: np.ndarray, B: np.ndarray, e: np.ndarray) -> None:
+    """Write a share of the turn from A to B into e: with k for the share, k e.
+
+    To write takes half the time of returning an array.
 
     Args:
         share: What the turn is multiplied by.
         A: (3, 3).
         B: (3, 3).
+        e: (3,) receives the result [rad].
     """
-    return turn(share, A, B)
+    turn(share, A, B, e)

@@ -67,7 +67,8 @@ class Orientation(FrameTask):
 
     def velocity(self, state: RobotState) -> np.ndarray:
         """dx = k e, in half the time of numpy's product."""
-        dx: np.ndarray = part_of_turn(self.gain, state.rotation(self.frame), self._wanted)
+        dx = np.empty(3)
+        part_of_turn(self.gain, state.rotation(self.frame), self._wanted, dx)
         return dx
 
     @cached_property
