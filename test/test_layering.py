@@ -101,14 +101,14 @@ def test_only_nodes_and_the_command_line_import_ros_at_all():
     assert {room(file) for file in files_with(ROS)} - WITH_ROS <= {'cli'}
 
 
-FORMULAS = ('closed_form', 'factors', 'solving')
+FORMULAS = ('closed_form', 'factors')
 
 
-def test_resolution_needs_nothing_but_numpy_and_the_compiled_formulas():
+def test_resolution_needs_nothing_but_numpy_and_lapack_and_the_compiled_formula():
     modules = {found.module for found in imports() if found.file == 'resolution.py'}
+    needed = {'numpy', 'scipy.linalg.blas', 'scipy.linalg.lapack'}
     own = {'redres_ros.errors', *(f'redres_ros.kernels.{name}' for name in FORMULAS)}
-    allowed = {'numpy', 'math', 'itertools', 'functools', 'collections.abc'}
-    assert modules - own <= allowed
+    assert modules - needed - own <= {'math', 'itertools', 'functools', 'collections.abc'}
 
 
 def test_compiled_formulas_need_nothing_but_numpy_and_numba():
