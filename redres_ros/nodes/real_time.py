@@ -14,9 +14,8 @@ from redres_ros.nodes.parameters import declare
 from redres_ros.parameter import param
 
 ANY = (-1,)  # of processors; ROS has no empty arrays
-
 # Linux: while somebody holds it open with a 0 in it, no processor sleeps
-_LATENCY = '/dev/cpu_dma_latency'
+LATENCY = '/dev/cpu_dma_latency'
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2  # Linux, see mlockall(2)
@@ -62,7 +61,7 @@ def ask_kernel(node: Node) -> None:
             lambda: _set_processors(wanted.processors),
         )
     if wanted.keep_awake:
-        _try(node, 'keep_awake', 'processors that sleep', f'ls -l {_LATENCY}', _keep_awake)
+        _try(node, 'keep_awake', 'processors that sleep', f'ls -l {LATENCY}', _keep_awake)
 
 
 def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:
@@ -99,4 +98,4 @@ def _set_processors(processors: Iterable[int]) -> None:
 
 def _keep_awake() -> None:
     """It lasts until this process ends: the file stays open."""
-    os.write(os.open(_LATENCY, os.O_WRONLY), bytes(4))
+    os.write(os.open(LATENCY, os.O_WRONLY), bytes(4))

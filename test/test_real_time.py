@@ -1,16 +1,19 @@
-"""A planner in a process of its own lets the controller answer first."""
+"""What nodes do so that an answer comes in time."""
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from redres_ros.demo.processes import own_domain
+from redres_ros.nodes import real_time
 from redres_ros.nodes.planner import LonePlannerNode, PlannerNode
 
 
@@ -44,3 +47,16 @@ def test_only_a_planner_that_nobody_waits_for_leaves_time(
     planner._on_state(JointState())
     assert pauses == pytest.approx(slept)
     planner.destroy_node()
+
+
+@pytest.mark.parametrize('ros', ['keep_awake:=true'], indirect=True)
+def test_a_node_that_keeps_the_processors_awake_asks_for_a_latency_of_zero(
+    ros: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = tmp_path / 'latency'
+    device.touch()
+    monkeypatch.setattr(real_time, 'LATENCY', str(device))
+    node = Node('arm')
+    real_time.ask_kernel(node)
+    assert device.read_bytes() == bytes(4)
+    node.destroy_node()
