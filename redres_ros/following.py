@@ -95,6 +95,7 @@ class Following:
         self._answer: Reply | None = None  # to the newest state that was answered
         self._answered_cycle = 0
         self._heard_cycle = 0  # of the newest state that was believed
+        self._state_arrived = 0.0  # when that came [s]
         self._doubtful: np.ndarray | None = None  # q of a state that was not believed, (n,) [rad]
 
     @property
@@ -147,6 +148,7 @@ class Following:
             self._expecting = False  # the robot did not wait, so nobody else need
         self.q = q
         self._heard_cycle = self._cycles.number
+        self._state_arrived = now
         self._waiting = _State(stamp, self._cycles.number, q, lag, now)
         return self.answer_if_due(now)
 
@@ -167,7 +169,8 @@ class Following:
         if not self._cycles.newest:
             return None  # no state has come that it could belong to
         cycle = self._cycles.cycle(stamp) if stamp else self._cycles.number
-        self._check_age(cycle)
+        if not self._is_of_this_clock(cycle, now):
+            return None
         of_a_state = stamp > 0 and self._cycles.is_of_a_state(stamp)
         self._twist_arrival = _TwistArrival(self._cycles.number, math.inf if of_a_state else now)
         self._expecting = self._expecting or of_a_state
@@ -288,22 +291,30 @@ class Following:
         settings = self.settings
         if not linear <= settings.max_linear:
             raise TwistSpeedError(
-                f'{linear:.3g} m/s; allowed: {settings.max_linear:g} (parameter max_linear)'
+                f'{linear:.6g} m/s; allowed: {settings.max_linear:g} (parameter max_linear)'
             )
         if not angular <= settings.max_angular:
             raise TwistSpeedError(
-                f'{angular:.3g} rad/s; allowed: {settings.max_angular:g} (parameter max_angular)'
+                f'{angular:.6g} rad/s; allowed: {settings.max_angular:g} (parameter max_angular)'
             )
 
-    def _check_age(self, cycle: int) -> None:
+    def _is_of_this_clock(self, cycle: int, now: float) -> bool:
+        """Whether a task velocity of a cycle can be judged by the robot's clock.
+
+        After a silence another robot may have begun, and its planner heard of it first. Raises
+        TwistAgeError for one that is too old or stamped too far ahead while states come.
+        """
         age = (self._cycles.number - cycle) * self._controller.T
         timeout = self.settings.command_timeout
-        if abs(age) > timeout:
-            side = 'behind' if age > 0.0 else 'ahead of'
-            raise TwistAgeError(
-                f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
-                '(parameter command_timeout; a zero stamp means now)'
-            )
+        if abs(age) <= timeout:
+            return True
+        if now - self._state_arrived > timeout:
+            return False
+        side = 'behind' if age > 0.0 else 'ahead of'
+        raise TwistAgeError(
+            f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
+            '(parameter command_timeout; a zero stamp means now)'
+        )
 
 
 class _TwistArrival(NamedTuple):

@@ -280,10 +280,21 @@ def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_ac
         assert speed(robot.ask()) == 0.0
 
 
+def test_a_task_velocity_of_a_robot_that_is_not_heard_yet_is_passed_over_without_a_word() -> None:
+    robot = make(switch_time=0.0)
+    robot.follow(1, lambda _: np.zeros(3))
+    silence = 3.0  # [s]
+    stamp = robot.stamp + round(silence * 1e9)
+    assert robot.following.enter_twist(stamp, GENTLE, robot.now + silence) is None
+    assert speed(robot.ask()) == 0.0
+
+
 def test_a_task_velocity_that_is_too_fast_is_refused_and_never_acts() -> None:
     robot = at_speed()
     other = at_speed()
     robot.ask()
+    with pytest.raises(TwistSpeedError, match='^2.0003 m/s; allowed: 2 '):
+        robot.steer(np.array((2.0003, 0.0, 0.0)))
     with pytest.raises(TwistSpeedError, match='1e\\+09 m/s; allowed: 2'):
         robot.steer(np.array((1e9, 0.0, 0.0)))
     robot.steer(velocity(robot.cycle))
