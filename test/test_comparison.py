@@ -1,5 +1,6 @@
 """`redres compare`: peaks and integrals of laws side by side."""
 
+import gc
 import os
 import re
 import subprocess
@@ -237,3 +238,25 @@ def test_a_process_that_copies_itself_has_no_other_thread(tmp_path: Path) -> Non
     threads = re.findall(r'^\[.*\]$', done.stdout, re.MULTILINE)
     assert threads or len(os.sched_getaffinity(0)) == 1
     assert all(',' not in found for found in threads)
+
+
+class Leftover:
+    """Garbage that only a search finds, and that says which process has cleared it away."""
+
+    def __init__(self, witness: Path) -> None:
+        self.witness = witness
+        self.itself = self
+
+    def __del__(self) -> None:
+        self.witness.write_text(str(os.getpid()), encoding='utf-8')
+
+
+def test_a_copy_does_not_clear_away_the_garbage_of_the_process_that_was_copied(tmp_path):
+    def collected(thing, progress):
+        gc.collect()
+        return thing
+
+    witness = tmp_path / 'cleared'
+    Leftover(witness)
+    assert in_parallel(collected, [1, 2], lambda share: None) == [1, 2]
+    assert not witness.exists() or witness.read_text(encoding='utf-8') == str(os.getpid())

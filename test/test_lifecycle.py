@@ -49,8 +49,8 @@ class TestByServices:
         """Largest joint speeds of the answers to so many states of an arm that follows."""
         speeds = []
         for _ in range(states):
-            probe._asked(probe.state(self.q))
-            if probe.stamp not in probe.answers:
+            message = probe.state(self.q)
+            if not any(probe._asked(message) for _ in range(5)):  # a machine may stall for a second
                 break
             answer = probe.answers[probe.stamp]
             self.q = np.array(answer.position)

@@ -34,7 +34,7 @@ PROBE = """import sys
 def main():
     print('{name}', sys.executable, __file__, *sys.argv[1:], sep='\\n')
 """
-FLAGS = ['--flag', 'two words']
+FLAGS = ['--ros-args', '-p', 'words:=two words']
 NO_COLCON = importlib.util.find_spec('colcon_core') is None
 
 needs_colcon = pytest.mark.skipif(

@@ -1,5 +1,6 @@
 """The same work on many things, on all processors, with one progress for the whole."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -69,6 +70,7 @@ def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Pr
 
 def _begin(work: Any, things: Sequence[Any], shares: Any) -> None:
     global _work, _things, _shares
+    gc.freeze()  # garbage of the process that was copied is its own to clear away, as nodes of ROS
     _work = work
     _things = things
     _shares = shares
