@@ -12,8 +12,13 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from redres_ros import RobotModel, RobotState, WaypointTask, load_task
+
+# A test that takes longer on a busy machine has found nothing.
+settings.register_profile('untimed', deadline=None)
+settings.load_profile('untimed')
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -37,20 +42,36 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
-    """Lines are counted in quick tests only. Counting them takes as long again."""
+    """Lines are counted while quick tests run for the first time. Counting takes as long again, and
+    with other parameters they run the same lines.
+    """
+    test, _, _ = item.nodeid.partition('[')
     counters = []
-    if item.get_closest_marker('slow') and 'coverage' in sys.modules:
-        # In a process of pytest-xdist there are two, and as one stops the other goes on.
-        from coverage import Coverage
-
-        while counter := Coverage.current():
-            counter.stop()
-            counters.append(counter)
+    if item.get_closest_marker('slow') or test in _counted:
+        counters = _stopped_counters()
+    _counted.add(test)
     try:
         return (yield)
     finally:
         for counter in reversed(counters):
             counter.start()
+
+
+_counted: set[str] = set()  # tests that have run, without their parameters
+
+
+def _stopped_counters() -> list[Any]:
+    """What counted lines, and has been stopped."""
+    counters: list[Any] = []
+    if 'coverage' not in sys.modules:
+        return counters
+    from coverage import Coverage
+
+    # In a process of pytest-xdist there are two, and as one stops the other goes on.
+    while counter := Coverage.current():
+        counter.stop()
+        counters.append(counter)
+    return counters
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

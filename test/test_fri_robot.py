@@ -283,7 +283,7 @@ EVENTS = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(EVENTS, max_size=40), st.integers(0, 2**32 - 1))
 def test_whatever_the_client_does_the_reference_keeps_velocity_and_position_limits(events, seed):
     robot = make_robot(monitor_time=0.0)

@@ -46,7 +46,6 @@ LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
 few = settings(
     max_examples=CASES // 5,
-    deadline=None,
     derandomize=CASES < 10_000,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -411,7 +411,7 @@ def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign)
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30), st.integers(5, 40))
 def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(accelerations, hold):
     guard = Guard(LIMITS, T)
