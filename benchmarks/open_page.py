@@ -66,7 +66,7 @@ def main() -> int:
                 windows.append((True, window(seconds)))
             windows.append((False, window(seconds)))
         with page(out) as address, Client(address) as client, spun(Listener) as listener:
-            time.sleep(SETTLING)  # until the controller knows the listener
+            await_events(client, listener)
             clicks = [click(client, listener, 10.5 - 0.5 * (k % 2)) for k in range(CLICKS)]
     tape = list(read_tape(out / 'robot.tape'))
     for is_open, span in windows:
@@ -190,19 +190,32 @@ class Listener(Node):
             self.heard.set()
 
 
-def click(client: Client, listener: Listener, value: float) -> float:
+def await_events(client: Client, listener: Listener) -> None:
+    """Click until the listener hears of it: DDS may tell the controller of it seconds later.
+
+    Args:
+        client: Clicks.
+        listener: Is new.
+    """
+    value = 20.0
+    while np.isinf(click(client, listener, value, patience=1.0)):
+        value += 0.5
+
+
+def click(client: Client, listener: Listener, value: float, patience: float = 5.0) -> float:
     """How long it takes until the controller has what was clicked [s].
 
     Args:
         client: Clicks.
         listener: Hears of it.
         value: Of the slider.
+        patience: How long to listen [s]; infinity is returned after that.
     """
     time.sleep(0.2)
     listener.heard.clear()
     begun = time.monotonic()
     client.move(value)
-    if not listener.heard.wait(5.0):
+    if not listener.heard.wait(patience):
         return float('inf')
     return time.monotonic() - begun
 
