@@ -141,6 +141,18 @@ def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
     assert 0.0 < steps <= 0.2 * JointLimits.of(ROBOTS[name].arm).velocity.max() / rate_of(name)
 
 
+@pytest.mark.parametrize(('bridging', 'warned'), [('hold', False), ('extrapolate', True)])
+def test_who_forwards_commands_is_told_that_ros2_control_holds(
+    bridging: str, warned: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / 'robot.yaml'
+    given = (FOLDER / 'lbr_iiwa7.yaml').read_text()
+    path.write_text(given.replace('bridging: hold', f'bridging: {bridging}'))
+    with behind_ros2_control(path) as (graph, _):
+        told = [line for name, line in graph.log if 'bridging' in line]
+    assert bool(told) is warned
+
+
 @pytest.mark.slow
 def test_after_lost_states_no_step_is_longer_than_one_cycle_allows() -> None:
     count = 0

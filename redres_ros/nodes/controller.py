@@ -97,6 +97,11 @@ class ControllerNode(ManagedNode):
         )
         following = declare(self, FollowingSettings())
         self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
+        if settings.forward_commands and following.bridging != 'hold':
+            self.get_logger().warning(
+                f'bridging is {following.bridging}: behind ros2_control, which holds, the arm '
+                'would leap after a missed state; set it to hold'
+            )
         frame = settings.base_frame or model.base_frame
         self._axes = Axes(model, frame)
         self._states = JointStateReader()
