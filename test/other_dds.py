@@ -1,7 +1,7 @@
 """A participant by Eclipse Cyclone DDS, without any ROS: hears states and commands, and steers.
 
-Prints how many states and commands it has heard, and how far the tip's joints have moved, as JSON:
-python test/other_dds.py DOMAIN SECONDS
+Prints what it has heard since the first command, and how far the joints have moved, as JSON:
+python test/other_dds.py DOMAIN STATES
 """
 
 import json
@@ -78,30 +78,35 @@ RELIABLE = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1000))
 SLOW = Twist(Vector3(0.0, -0.05, 0.0), Vector3(0.0, 0.0, 0.0))  # [m/s]
 
 
-def main(domain: int, seconds: float) -> None:
+Heard = dict[tuple[int, int], JointState]  # by their stamps
+
+
+def main(domain: int, wanted: int) -> None:
     participant = DomainParticipant(domain)
     states = DataReader(participant, Topic(participant, 'rt/joint_states', JointState), RELIABLE)
     commands = DataReader(participant, Topic(participant, 'rt/joint_command', JointState), RELIABLE)
     twists = DataWriter(
         participant, Topic(participant, 'rt/cartesian_velocity', TwistStamped), RELIABLE
     )
-    heard = []
-    answered = set()
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        heard += states.take(100)
-        answered |= {(c.header.stamp.sec, c.header.stamp.nanosec) for c in commands.take(100)}
+    asked: Heard = {}
+    answered: Heard = {}
+    while len(asked) < wanted:
+        heard = by_stamp(states)
+        answered |= by_stamp(commands)
+        if answered:  # how long the controller takes to come does not matter
+            asked |= heard
         # A zero stamp means now.
         twists.write(TwistStamped(Header(Time(0, 0), ''), SLOW))
         time.sleep(0.01)
-    asked = {(s.header.stamp.sec, s.header.stamp.nanosec) for s in heard}
-    ways = [abs(b - a) for a, b in zip(heard[0].position, heard[-1].position, strict=True)]
+    answered |= by_stamp(commands)
+    first, *_, last = asked.values()
+    ways = [abs(b - a) for a, b in zip(first.position, last.position, strict=True)]
     print(
         json.dumps(
             {
                 'states': len(asked),
-                'answered': len(asked & answered),
-                'joints': list(heard[0].name),
+                'answered': len(asked.keys() & answered.keys()),
+                'joints': list(first.name),
                 'moved': max(ways),
                 'ros': 'rclpy' in sys.modules,
             }
@@ -109,5 +114,9 @@ def main(domain: int, seconds: float) -> None:
     )
 
 
+def by_stamp(reader: DataReader[JointState]) -> Heard:
+    return {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in reader.take(100)}
+
+
 if __name__ == '__main__':
-    main(int(sys.argv[1]), float(sys.argv[2]))
+    main(int(sys.argv[1]), int(sys.argv[2]))
