@@ -15,7 +15,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from mcap.reader import make_reader
@@ -23,6 +23,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
+from redres_ros.bench.loop import PARAMETERS
 from redres_ros.demo.client import read_parameters
 from redres_ros.demo.mcap_file import McapFile
 from redres_ros.demo.processes import NodeProcess, own_domain
@@ -34,12 +35,7 @@ JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for wha
 NAMES = {f'/{topic.removeprefix("/")}': kind for topic, kind in TOPICS.items()}
 AHEAD = 50  # messages among which the next one is sought
 PADDED = (Float64MultiArray, DiagnosticArray, MarkerArray)  # inside, and with anything
-# A robot that never waits, and a task that goes on and on.
-NODES: dict[str, dict[str, Any]] = {
-    'planner': {'autostart': True},
-    'controller': {},
-    'sim': {'bridged_misses': 100, 'patience': 0.0},
-}
+NODES = ('planner', 'controller', 'sim')
 
 
 class Span(NamedTuple):
@@ -122,10 +118,10 @@ def graph(out: Path, rate: float, topics: Sequence[str]) -> Iterator[None]:
     nodes = []
     with own_domain():
         try:
-            for name, given in NODES.items():
+            for name in NODES:
                 tape = out / f'{name}.tape'
                 log = out / f'{name}.log'
-                parameters = {'rate': rate, **given}
+                parameters = {'rate': rate, **PARAMETERS.get(name, {})}
                 nodes.append(NodeProcess(name, log, parameters, tape=tape, topics=topics))
             yield
         finally:

@@ -27,6 +27,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from websockets.sync.client import ClientConnection, connect
 
+from redres_ros.bench.loop import PARAMETERS
 from redres_ros.bench.round_trips import RoundTrips
 from redres_ros.demo.processes import NodeProcess, own_domain
 from redres_ros.demo.tape import read_tape
@@ -89,16 +90,11 @@ def graph(out: Path) -> Iterator[None]:
     Args:
         out: Directory for what they print, and for the tape.
     """
-    nodes: dict[str, dict[str, Any]] = {
-        'planner': {'autostart': True},
-        'controller': {},
-        'sim': {'bridged_misses': 100, 'patience': 0.0},
-    }
     with ExitStack() as stack:
-        for name, parameters in nodes.items():
+        for name in ('planner', 'controller', 'sim'):
             tape = out / 'robot.tape' if name == 'sim' else None
             topics = TAPED if tape else ()
-            given = {'rate': RATE, **parameters}
+            given = {'rate': RATE, **PARAMETERS.get(name, {})}
             node = NodeProcess(name, out / f'{name}.log', given, tape=tape, topics=topics)
             stack.callback(node.end)
         yield

@@ -5,6 +5,7 @@ from collections import deque
 from redres_ros.errors import RedresError
 
 NANOSECONDS = 1_000_000_000
+RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
 
 _PHASE_GAIN = 0.03  # share of a stamp's residual by which the expected stamps are moved
 _RATE_GAIN = 2e-4  # the same for their distance: a robot's clock runs at a rate of its own

@@ -8,6 +8,21 @@ from redres_ros.parameter import check_parameters, param
 BRIDGING = ('extrapolate', 'hold')
 
 
+def why_it_would_leap(forward_commands: bool, bridging: str) -> str:
+    """Why the arm would leap after a missed state; empty if it would not.
+
+    Args:
+        forward_commands: Whether commands go to a controller of ros2_control.
+        bridging: One of BRIDGING.
+    """
+    if forward_commands and bridging != 'hold':
+        return (
+            f'bridging is {bridging}: a robot behind ros2_control holds its last command, '
+            'and would leap after a missed state; set bridging to hold'
+        )
+    return ''
+
+
 @dataclass(frozen=True)
 class FollowingSettings:
     """When the controller follows, waits, stands still, or begins anew.

@@ -38,7 +38,8 @@ _STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state
 _TAPED = ('joint_states', 'joint_command')
 # A real robot would leave command mode when this machine stalls, and the arm would stand still.
 _ROBOT = {'bridged_misses': 100, 'patience': 0.0}
-_PARAMETERS: dict[str, dict[str, Any]] = {
+# Of the nodes of GRAPHS: a task that goes on and on, and a robot that never waits.
+PARAMETERS: dict[str, dict[str, Any]] = {
     'planner': {'autostart': True},
     'sim': _ROBOT,
     'composed': {'autostart': True, **_ROBOT},
@@ -119,7 +120,7 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
     with own_domain(), ExitStack() as stack:
         processes: dict[str, NodeProcess] = {}
         for node in GRAPHS[name]:
-            parameters: dict[str, Any] = {'rate': rate, **_PARAMETERS.get(node, {})}
+            parameters: dict[str, Any] = {'rate': rate, **PARAMETERS.get(node, {})}
             with_robot = node == GRAPHS[name][-1]
             if with_robot and name.endswith(_AWAKE):
                 parameters['keep_awake'] = True

@@ -6,6 +6,7 @@ from pathlib import Path
 from redres_ros.check.sighting import COMMANDS, CONTROLLER, FORWARD, STATES, TWISTS, Sighting
 from redres_ros.check.verdict import Level, Verdict
 from redres_ros.demo.onlooker import REASON, SESSION
+from redres_ros.following_settings import why_it_would_leap
 from redres_ros.robot_session import COMMANDING
 
 NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
@@ -71,9 +72,8 @@ def judge_commands(seen: Sighting) -> Iterator[Verdict]:
         if not forward:
             advice = f'a robot behind ros2_control needs forward_commands, which uses {FORWARD}'
         yield Verdict(Level.FAULT, 'commands', f'nobody listens to {topic}; {advice}')
-    if forward and seen.controller['bridging'] != 'hold':
-        text = 'a robot behind ros2_control would leap after a missed state: set bridging to hold'
-        yield Verdict(Level.FAULT, 'commands', text)
+    if leap := why_it_would_leap(forward, str(seen.controller['bridging'])):
+        yield Verdict(Level.FAULT, 'commands', leap)
     for other in (COMMANDS, FORWARD):
         rivals = [name for name in seen.publishers.get(other, ()) if not _is_controller(name)]
         if rivals:

@@ -10,7 +10,6 @@ from redres_ros.cli.files import made
 from redres_ros.cli.parser import OptionError
 from redres_ros.errors import RangeError, UnknownNameError
 
-_RATES = (10.0, 2000.0)  # [Hz]
 _ROUNDS = 100.0  # of the ticks, per second of --duration
 
 
@@ -88,11 +87,13 @@ def _names(text: str) -> list[str]:
 
 
 def _numbers(text: str) -> list[float]:
+    from redres_ros.cycles import RATES
+
     try:
         rates = [float(rate) for rate in text.split(',')]
     except ValueError:
         raise OptionError(f'--rates {text}; expected numbers, as 250,500,1000') from None
     for rate in rates:
-        if not _RATES[0] <= rate <= _RATES[1]:
-            raise RangeError('--rates', rate, *_RATES, 'Hz')
+        if not RATES[0] <= rate <= RATES[1]:
+            raise RangeError('--rates', rate, *RATES, 'Hz')
     return rates

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
 _SHORTEST = 0.5  # [s]
 _LONGEST = 60.0
-_RATES = (10.0, 2000.0)  # [Hz]
 
 
 def add(commands: Any) -> None:
@@ -47,13 +46,14 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.check.judge import judge
     from redres_ros.check.sighting import Looker
     from redres_ros.check.verdict import Level
+    from redres_ros.cycles import RATES
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     if not _SHORTEST <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')
-    if not _RATES[0] <= options.rate <= _RATES[1]:
-        raise RangeError('rate', options.rate, *_RATES, 'Hz')
+    if not RATES[0] <= options.rate <= RATES[1]:
+        raise RangeError('rate', options.rate, *RATES, 'Hz')
     wanted = _wanted(options)
 
     def make() -> Looker:

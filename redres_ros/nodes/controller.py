@@ -14,13 +14,10 @@ from std_srvs.srv import SetBool
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError
 from redres_ros.following import Following, Reply
-from redres_ros.following_settings import FollowingSettings
+from redres_ros.following_settings import FollowingSettings, why_it_would_leap
 from redres_ros.laws import law_name
 from redres_ros.nodes.command_publisher import CommandPublisher
-from redres_ros.nodes.conversions import (
-    Axes,
-    JointOrder,
-)
+from redres_ros.nodes.conversions import Axes, JointOrder
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
@@ -97,11 +94,8 @@ class ControllerNode(ManagedNode):
         )
         following = declare(self, FollowingSettings())
         self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
-        if settings.forward_commands and following.bridging != 'hold':
-            self.get_logger().warning(
-                f'bridging is {following.bridging}: behind ros2_control, which holds, the arm '
-                'would leap after a missed state; set it to hold'
-            )
+        if leap := why_it_would_leap(settings.forward_commands, following.bridging):
+            self.get_logger().warning(leap)
         frame = settings.base_frame or model.base_frame
         self._axes = Axes(model, frame)
         self._states = JointStateReader()

@@ -15,7 +15,8 @@ from redres_ros.errors import ArrayError
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.vectors import check_finite
 
-TOPIC = 'controller/glance'
+_NAME = 'glance'  # below the controller's own
+TOPIC = f'controller/{_NAME}'
 PERIOD = 50_000_000  # [ns] of the robot's clock from one to the next
 
 _ROWS = 4
@@ -118,7 +119,7 @@ class Glances:
     """
 
     def __init__(self, node: Node) -> None:
-        self._telemetry = Telemetry(node, {TOPIC.rpartition('/')[2]: Float64MultiArray})
+        self._telemetry = Telemetry(node, {_NAME: Float64MultiArray})
         self._told = 0  # stamp of the newest one [ns]
         self._speed = 0.0  # the largest since then [rad/s]
         self._acceleration = 0.0  # the same [rad/s^2]
@@ -139,7 +140,7 @@ class Glances:
         self._acceleration = max(self._acceleration, norm(command.ddq))
         if elapsed >= PERIOD:
             glance = Glance.of(stamp, command, self._speed, self._acceleration)
-            self._telemetry.publish('glance', lambda: to_message(glance))
+            self._telemetry.publish(_NAME, lambda: to_message(glance))
             self._begin(stamp)
 
     def _begin(self, stamp: int) -> None:

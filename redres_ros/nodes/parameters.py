@@ -15,6 +15,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from redres_ros.cycles import RATES
 from redres_ros.errors import RedresError
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
 
@@ -158,7 +159,7 @@ def _as_type(given: RosParameter, wanted: RosParameter.Type) -> RosParameter:
 class LoopParameters:
     """Parameters of every node in the loop."""
 
-    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', 10.0, 2000.0)
+    rate: float = param(500.0, 'cycles per second, the rate of joint_states [Hz]', *RATES)
 
 
 @dataclass(frozen=True)
