@@ -85,6 +85,24 @@ def test_the_table_marks_the_least_of_each_column(capsys) -> None:
     assert marks == {'low': 6, 'high': 1}
 
 
+@pytest.mark.parametrize('width', [136, 80, 60, 40])
+def test_a_narrow_terminal_shows_every_figure_too(width, capsys, monkeypatch) -> None:
+    law = 'minimum_acceleration, k_d = 10 1/s'
+    efforts = {
+        law: Effort(1.125, 2.0625, 3.25, 4.5, 10670.0, 6.375, 7.875, '', True, 'end'),
+        'other': Effort(1.5, 2.5, 3.5, 4.75, 5.5, 6.5, 7.75, 'a1, 7.73 s', True, 'end'),
+    }
+    print_tables(*tables(efforts, 'title'))
+    words = set(capsys.readouterr().out.split())
+    monkeypatch.setenv('COLUMNS', str(width))
+    monkeypatch.setattr(sys.stdout, 'isatty', lambda: True)
+    print_tables(*tables(efforts, 'title'))
+    shown = re.sub(r'\x1b\[\d*m', '', capsys.readouterr().out)  # without bold
+    assert max(map(len, shown.splitlines())) <= width
+    figures = {word for word in words if word[0].isdigit() or word in ('other', 'title')}
+    assert figures <= set(shown.split())
+
+
 def test_the_table_says_who_stayed_within_the_limits_and_who_did_not_arrive(capsys) -> None:
     good = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, '', True, 'reached')
     bad = replace(good, violation='a2 position, 1.00 s', finished=False, ending='diverged')

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, Group, JustifyMethod
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
@@ -44,7 +44,8 @@ def table(
         caption_justify='left',
     )
     for place, head in enumerate(heads):
-        shown.add_column(Text(head), justify='right' if place else 'left', no_wrap=not place)
+        justify: JustifyMethod = 'right' if place else 'left'
+        shown.add_column(Text(head), justify=justify, no_wrap=not place, overflow='fold')
     for row in rows:
         if row:
             style = 'bold' if len(row) == 1 and len(heads) > 1 else None
@@ -71,17 +72,54 @@ def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
         if len(row) == 1:
             shown.add_section()
         shown.add_row(*map(Text, row), style='bold' if len(row) == 1 else None)
+    for column in shown.columns:
+        column.overflow = 'fold'  # the rest of a long word stands in the next line
     return shown
 
 
 def print_tables(*tables: Table) -> None:
-    """Print tables, as wide as the terminal is, or as they need to be where there is none."""
+    """Print tables, as wide as the terminal is, or as they need to be where there is none.
+
+    In a narrow terminal their rows become columns, or tables of their own, before a figure is cut
+    off.
+    """
     width: int | None = _WIDE
     if sys.stdout is not None and sys.stdout.isatty():  # it is None where it was closed
         width = None
     console = Console(width=width)
     for each in tables:
-        console.print(each)
+        console.print(_fitting(each, console))
+
+
+def _fitting(wide: Table, console: Console) -> Table | Group:
+    if not _is_cut(wide, console):
+        return wide
+    heads = [str(column.header) for column in wide.columns]
+    columns = [list(map(str, column.cells)) for column in wide.columns]
+    rows = list(zip(*columns, strict=True))
+    turned = _turned(heads, rows)
+    parts = [turned] if not _is_cut(turned, console) else [_turned(heads, [row]) for row in rows]
+    return Group(*(part for part in (wide.title, *parts, wide.caption) if part))
+
+
+def _is_cut(shown: Table, console: Console) -> bool:
+    """Whether a word does not fit into its column, or a column not into the terminal."""
+    lines = console.render_lines(shown)
+    seen = {word for line in lines for segment in line for word in segment.text.split()}
+    cells = [cell for column in shown.columns for cell in (column.header, *column.cells)]
+    return not seen.issuperset(word for cell in cells for word in str(cell).split())
+
+
+def _turned(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """A table of the same cells with a column for each row.
+
+    Args:
+        heads: Of the columns that become rows; one without any figure is left out.
+        rows: They become columns; the first cell is the head.
+    """
+    names, *figures = zip(*rows, strict=True)
+    lines = [(head, *cells) for head, cells in zip(heads[1:], figures, strict=True) if any(cells)]
+    return table([heads[0], *names], lines)
 
 
 @contextmanager
