@@ -58,8 +58,27 @@ class RangeError(RedresError):
         self.got = got
         self.lower = lower
         self.upper = upper
+        self.why = why
         remark = f' ({why})' if why else ''
         super().__init__(f'{name} is {quoted(got)}; allowed: {lower:g} to {upper:g}{remark}')
+
+    def about(self, name: str) -> 'RangeError':
+        """The same error of a value that is called so by who gave it."""
+        return RangeError(name, self.got, self.lower, self.upper, self.why)
+
+
+class RepeatedNameError(RedresError):
+    """A name that is given twice, where the second one would do nothing, or all of it twice.
+
+    Args:
+        kind: What it is the name of.
+        name: The name.
+    """
+
+    def __init__(self, kind: str, name: str) -> None:
+        self.kind = kind
+        self.name = name
+        super().__init__(f'{kind} {quoted(name)} is named twice; allowed: once')
 
 
 class ArrayError(RedresError):

@@ -8,7 +8,9 @@ from dataclasses import Field, dataclass, field, fields
 from numbers import Real
 from typing import Any, TypeVar
 
-from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.errors import RangeError, RepeatedNameError, UnknownNameError
+
+SHARED_GAINS = ('damping',)  # all laws have them
 
 _KEY = 'parameter'
 
@@ -108,7 +110,35 @@ def make(kind: str, table: Mapping[str, type[T]], name: str, gains: Mapping[str,
     for gain in gains:
         if gain not in allowed:
             raise UnknownNameError(f'gain of {name}', gain, allowed)
-    return table[name](**gains)
+    try:
+        return table[name](**gains)
+    except RangeError as error:
+        raise error.about(gain_key(name, error.name)) from None
+
+
+def gain_key(owner: str, gain: str) -> str:
+    """What a gain is called outside: by nodes, by the command line, and where it is refused.
+
+    Args:
+        owner: Name of the law, preference, task or limit.
+        gain: Name of its field. One that all laws have is called without the law's name.
+    """
+    return gain if gain in SHARED_GAINS else f'{owner}.{gain}'
+
+
+def check_once(kind: str, names: Iterable[object]) -> None:
+    """Raise RepeatedNameError for a name that is given twice; what is no name may be.
+
+    Args:
+        kind: What the names are of: limit, preference, task.
+        names: Names, or the things themselves.
+    """
+    seen = set()
+    for name in names:
+        if isinstance(name, str) and name in seen:
+            raise RepeatedNameError(kind, name)
+        if isinstance(name, str):
+            seen.add(name)
 
 
 def found(kind: str, table: Mapping[str, type[T]], base: type, thing: str | T) -> T:

@@ -144,8 +144,11 @@ REFUSED = [
     (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
     (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
     (('--limits', 'speed'), "unknown limit 'speed'; allowed: acceleration, collision, none, "),
-    (('--limit-scale', '0', '--limits', 'velocity'), 'scale is 0.0; allowed: 0.001 to 1'),
-    (('--limit-scale', 'nan', '--limits', 'velocity'), 'scale is nan; allowed: '),
+    (('--limits', 'position,position'), "limit 'position' is named twice; allowed: once"),
+    (('--limits', 'none,velocity'), '--limits none,velocity; expected names, or none alone'),
+    (('--limits', 'position', '--position.margin', 'nan'), 'position.margin is nan; allowed: 0 to'),
+    (('--limit-scale', '0', '--limits', 'velocity'), 'limit_scale is 0.0; allowed: 0.001 to 1'),
+    (('--limit-scale', 'nan', '--limits', 'velocity'), 'limit_scale is nan; allowed: '),
     (('--limit-scale', '0.5'), '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
     (('--task-scaling-rate', '1'), '--task-scaling-rate 1 acts on limits; in use: none'),
     (('--torque-scale', 'nan'), '--torque-scale nan acts on limits; in use: none'),
@@ -155,7 +158,9 @@ REFUSED = [
     ),
     (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: elbow_height, "),
     (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, as '),
-    (('--prefer', 'posture=-1'), 'gain is -1.0; allowed: 0 to '),
+    (('--prefer', 'posture=-1'), 'posture.gain is -1.0; allowed: 0 to '),
+    (('--prefer', 'posture', 'posture=2'), "preference 'posture' is named twice; allowed: once"),
+    (('--secondary', 'axis', 'axis'), "task 'axis' is named twice; allowed: once"),
     (('--secondary', 'dance'), "unknown task 'dance'; allowed: axis, "),
     (('--posture.gain', '1'), '--posture.gain acts on the preference posture; in use: '),
     (
@@ -279,6 +284,13 @@ def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, caps
     assert said.startswith('redres')
     assert said.endswith('--help\n')
     assert said.count('\n') == 1
+
+
+def test_an_option_of_another_command_is_refused_with_the_help_that_lists_the_right_ones(capsys):
+    with pytest.raises(SystemExit):
+        main(['simulate', '--laws', 'minimum_velocity'])
+    expected = 'redres simulate: unknown: --laws minimum_velocity; see redres simulate --help\n'
+    assert capsys.readouterr().err == expected
 
 
 @pytest.mark.parametrize(
@@ -410,7 +422,7 @@ def test_a_gain_acts(springy, short, tmp_path):
     [
         (
             ('--law', 'springy', '--springy.stiffness', '-1'),
-            'stiffness is -1.0; allowed: 0 to 1000',
+            'springy.stiffness is -1.0; allowed: 0 to 1000',
         ),
         (('--springy.stiffness', '1'), '--springy.stiffness acts on the law springy; in use: '),
     ],

@@ -66,8 +66,10 @@ def test_an_error_that_nobody_can_be_told_still_has_its_status(tmp_path, redirec
     assert shell(f'{REDRES} simulate --law fastest {redirection}', tmp_path) == (status, '')
 
 
-def test_output_that_nobody_wants_is_no_error(tmp_path):
-    assert shell(f'{REDRES} laws >&-', tmp_path) == (0, '')
+def test_a_closed_output_is_told_in_one_line(tmp_path):
+    status, said = shell(f'{REDRES} laws >&-', tmp_path)
+    assert status == 1
+    assert said == ('redres laws: standard output is closed; expected an open one, as /dev/null\n')
 
 
 def test_a_table_that_nobody_wants_is_no_error(monkeypatch):

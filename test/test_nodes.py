@@ -622,6 +622,7 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
         for values, words in (
             ({'limits': ['foo']}, ('foo', 'position')),
             ({'limits': ['none', 'position']}, ('none', 'expected names')),
+            ({'limits': ['position', 'position']}, ('position', 'named twice')),
             ({'limit_scale': 2}, ('2', '1')),
             ({'orientation.gain': -1.0}, ('-1', '0')),
             ({'orientation.frame': 'knee'}, ('knee', 'link_4')),

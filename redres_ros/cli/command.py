@@ -57,11 +57,14 @@ def run_command(arguments: list[str] | None) -> int:
     # Pictures go to files. A window system that the user named for other programs may not be here.
     os.environ.pop('MPLBACKEND', None)
     command = ' '.join(['redres', *given[:1]])
+    if sys.stdout is None:  # nothing that is asked for could be told
+        _complain(f'{command}: standard output is closed; expected an open one, as /dev/null')
+        return 1
     try:
         try:
             return _run(given)
         finally:
-            _flush()
+            sys.stdout.flush()
     except BrokenPipeError:  # who read our output, as in `redres laws | head`, has gone
         _let_go_of(sys.stdout)
         return 1
@@ -75,7 +78,10 @@ def _run(given: list[str]) -> int:
         sys.stderr.write(_BEGINNING)
         return 2
     _load_plugins(given)
-    options = make_parser().parse_args(given)
+    options, others = make_parser().parse_known_args(given)
+    if others:
+        program = f'redres {options.command}'
+        Parser(prog=program).error(f'unknown: {" ".join(" ".join(others).split())}')
     status: int = options.run(options)
     return status
 
@@ -97,11 +103,6 @@ def _parts(word: str) -> list[str]:
     return [word]
 
 
-def _flush() -> None:
-    if sys.stdout is not None:  # as it is when the process was started without one
-        sys.stdout.flush()
-
-
 def _line(error: BaseException) -> str:
     """An error in one line, with a remedy where there is one."""
     if isinstance(error, ModuleNotFoundError):
@@ -120,10 +121,11 @@ def _line(error: BaseException) -> str:
 
 def _complain(line: str) -> None:
     try:
-        _flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except OSError:
         _let_go_of(sys.stdout)
-    if sys.stderr is None:  # as for sys.stdout in _flush
+    if sys.stderr is None:  # as it is when the process was started without one
         return
     try:
         print(line, file=sys.stderr, flush=True)

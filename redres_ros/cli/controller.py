@@ -129,8 +129,10 @@ def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]
 
 def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
     """The preferences with their gains. Raises RedresError for a name or a gain that is wrong."""
+    from redres_ros.parameter import check_once
     from redres_ros.preferences import make_preference
 
+    check_once('preference', (text.partition('=')[0] for text in options.prefer or ()))
     preferences = []
     for text in options.prefer or ():
         name, equals, own = text.partition('=')
@@ -143,8 +145,10 @@ def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
 
 def find_secondary_tasks(options: argparse.Namespace) -> 'tuple[str | Task, ...]':
     """The further tasks; one without gains of its own holds the value of the start."""
+    from redres_ros.parameter import check_once
     from redres_ros.tasks import make_task
 
+    check_once('task', options.secondary or ())
     tasks: list[str | Task] = []
     for name in options.secondary or ():
         gains = gains_of(options, 'task', name)
@@ -153,12 +157,16 @@ def find_secondary_tasks(options: argparse.Namespace) -> 'tuple[str | Task, ...]
 
 
 def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
-    """The names in --limits; empty for none. Raises UnknownNameError."""
+    """The names in --limits; empty for none. Raises RedresError for one that is not allowed."""
     if options.limits == NONE:
         return ()
     from redres_ros.limits import LIMITS
+    from redres_ros.parameter import check_once
 
     names = tuple(name.strip() for name in options.limits.split(','))
+    if NONE in names:
+        raise OptionError(f'--limits {options.limits}; expected names, or {NONE} alone')
+    check_once('limit', names)
     for name in names:
         if name not in LIMITS:
             raise UnknownNameError('limit', name, [*LIMITS, NONE])

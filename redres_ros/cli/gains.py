@@ -33,7 +33,9 @@ class Gain:
     @property
     def key(self) -> str:
         """The option's name, which is that of the ROS parameter too."""
-        return f'{self.owner}.{self.name}'
+        from redres_ros.parameter import gain_key
+
+        return gain_key(self.owner, self.name)
 
     def read(self, text: str) -> Any:
         """A value from its text. Raises argparse's own error."""

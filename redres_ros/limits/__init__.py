@@ -5,14 +5,14 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
-from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.installed import installed
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.torque import TorqueLimit
-from redres_ros.parameter import name_of, parameters
+from redres_ros.parameter import check_once, gain_key, name_of, parameters
 from redres_ros.robot_model import RobotModel
 
 LIMITS: dict[str, type[Limit]] = {
@@ -47,8 +47,11 @@ def make_limits(
     Raises:
         UnknownNameError: for a limit or a gain that does not exist.
         RangeError: for a gain or a scale outside its range.
+        RepeatedNameError: for a limit that is named twice.
         ArrayError: for figures that the arm lacks, and for a limit of another arm.
     """
+    names = tuple(names)
+    check_once('limit', names)
     for gain in gains:
         if gain not in gain_names():
             raise UnknownNameError('gain of a limit', gain, gain_names())
@@ -69,7 +72,11 @@ def make_limits(
             limit, _, field_name = gain.partition('.')
             if limit == name:
                 values[field_name] = gains[gain]
-        made.append(cls(model, **values))
+        try:
+            made.append(cls(model, **values))
+        except RangeError as error:
+            called = cls.scaled_by if error.name == 'scale' else gain_key(name, error.name)
+            raise error.about(called) from None
     return Limits(made)
 
 

@@ -12,14 +12,22 @@ from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import LIMITS, Limit, make_limits
 from redres_ros.motion import LawMotion
 from redres_ros.nodes.parameters import declare, declare_one
-from redres_ros.parameter import Names, Parameter, check_parameters, param, parameters
+from redres_ros.parameter import (
+    SHARED_GAINS,
+    Names,
+    Parameter,
+    check_once,
+    check_parameters,
+    gain_key,
+    param,
+    parameters,
+)
 from redres_ros.preferences import PREFERENCES, Preference, make_preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import TASKS, Task, make_task
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
-_SHARED = {'damping'}  # gains that all laws have are called without the law's name
 _SCALES = {'scale'}  # of a limit, given by limit_scale and torque_scale
 # Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
 _NODES_OWN = {'acceleration.reach': 0.02}
@@ -35,6 +43,7 @@ class MotionSettings:
 
     Raises:
         NoneError: The word for none stands beside names.
+        RepeatedNameError: A name stands twice.
     """
 
     law: str = param(
@@ -62,8 +71,10 @@ class MotionSettings:
     def __post_init__(self) -> None:
         check_parameters(self)
         for name in ('limits', 'preferences', 'secondary_tasks'):
-            if NONE in getattr(self, name) and getattr(self, name) != (NONE,):
-                raise NoneError(f'{name} are {list(getattr(self, name))}; expected names or {NONE}')
+            words = getattr(self, name)
+            if NONE in words and words != (NONE,):
+                raise NoneError(f'{name} are {list(words)}; expected names or {NONE}')
+            check_once(f'{name}:', words)
 
 
 class Wanted(NamedTuple):
@@ -181,11 +192,11 @@ def all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
     for table in (LAWS, LIMITS, PREFERENCES, TASKS):
         for name, cls in table.items():
             for field, parameter in parameters(cls).items():
-                key = _key(name, field.name)
+                key = gain_key(name, field.name)
                 if key in seen or field.default == () or _is_scale(table, field.name):
                     continue
                 seen.add(key)
-                upper = 1.0 / T if key in _SHARED else parameter.upper
+                upper = 1.0 / T if key in SHARED_GAINS else parameter.upper
                 default = _NODES_OWN.get(key, field.default)
                 yield key, default, replace(parameter, upper=upper, live=True)
 
@@ -201,13 +212,9 @@ def _is_of_limit(key: str) -> bool:
     return any(field.name == gain for field in parameters(LIMITS[name]))
 
 
-def _key(name: str, gain: str) -> str:
-    return gain if gain in _SHARED else f'{name}.{gain}'
-
-
 def _own(table: Mapping[str, type], name: str, gains: Mapping[str, Any]) -> dict[str, Any]:
     """The gains of one entry of a table, by the names of its fields."""
-    keys = {field.name: _key(name, field.name) for field in parameters(table[name])}
+    keys = {field.name: gain_key(name, field.name) for field in parameters(table[name])}
     return {field: gains[key] for field, key in keys.items() if key in gains}
 
 
