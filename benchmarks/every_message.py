@@ -24,11 +24,11 @@ from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
 from redres_ros.bench.loop import PARAMETERS
-from redres_ros.demo.client import read_parameters
-from redres_ros.demo.mcap_file import McapFile
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.demo.recorder import GraphRecorder
 from redres_ros.demo.tape import TOPICS, read_tape
+from redres_ros.graph.client import read_parameters
+from redres_ros.graph.mcap_file import McapFile
+from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.runtime import spun
 
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way

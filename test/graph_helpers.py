@@ -20,8 +20,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from redres_ros.demo.client import call
 from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.graph.client import call
 from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun

@@ -28,8 +28,9 @@ LAYERS = (
     {'following', 'task_run'},
     {'simulation'},
     {'nodes', 'paper'},
-    {'demo'},
-    {'bench', 'check', 'view'},
+    {'graph'},
+    {'check', 'demo', 'view'},
+    {'bench'},
     {'cli'},
 )
 
@@ -93,7 +94,7 @@ def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():
     loading = {
         found.file for found in imports() if found.on_loading and re.fullmatch(ROS, found.library)
     }
-    # The page has it by way of demo/.
+    # The page has it by way of graph/.
     assert {room(file) for file in loading} == WITH_ROS - {'view'}
 
 

@@ -16,8 +16,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
-from redres_ros.demo.client import call
 from redres_ros.demo.processes import own_domain
+from redres_ros.graph.client import call
 from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode

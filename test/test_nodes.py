@@ -26,10 +26,10 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.controller import Controller
-from redres_ros.demo.client import CallError, call, set_parameters
 from redres_ros.demo.processes import own_domain
 from redres_ros.following import Following
 from redres_ros.following_settings import FollowingSettings
+from redres_ros.graph.client import CallError, call, set_parameters
 from redres_ros.laws import LAWS, make_law
 from redres_ros.nodes import controller, planner, sim
 from redres_ros.nodes.conversions import to_pose

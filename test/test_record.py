@@ -26,10 +26,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from redres_ros.cli import main
-from redres_ros.demo.mcap_file import McapFile, write_tapes
-from redres_ros.demo.message_text import TypeTextError, definition_of, find_type, name_of
-from redres_ros.demo.recorder import GraphRecorder
 from redres_ros.demo.tape import TOPICS, Tape
+from redres_ros.demo.tape_to_mcap import write_tapes
+from redres_ros.graph.mcap_file import McapFile
+from redres_ros.graph.message_text import TypeTextError, definition_of, find_type, name_of
+from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel

@@ -28,8 +28,8 @@ from nightly import NIGHTLY
 from std_msgs.msg import String
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
-from redres_ros.demo.client import set_parameters
 from redres_ros.demo.processes import NodeProcess
+from redres_ros.graph.client import set_parameters
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

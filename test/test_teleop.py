@@ -19,8 +19,8 @@ from geometry_msgs.msg import TwistStamped
 from graph_helpers import Probe, await_that, graph
 
 from redres_ros.cli import main
-from redres_ros.demo.steering import HELP, WAYS, Steering
 from redres_ros.errors import RangeError
+from redres_ros.graph.steering import HELP, WAYS, Steering
 
 
 def test_the_page_shows_the_keys_as_the_command_does() -> None:

@@ -25,15 +25,14 @@ from std_msgs.msg import Float64MultiArray, Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
-from redres_ros.demo import live_arm
-from redres_ros.demo.client import CallError, read_parameters
-from redres_ros.demo.judge import Judge
-from redres_ros.demo.onlooker import PLANNER, Onlooker
-from redres_ros.demo.replay import FINISHED, MOVING
-from redres_ros.demo.sampling import Sampler
-from redres_ros.demo.settings import credible, judge_of, model_of
-from redres_ros.demo.spectator import WORDS
 from redres_ros.errors import ArrayError
+from redres_ros.graph import live_arm
+from redres_ros.graph.client import CallError, read_parameters
+from redres_ros.graph.judge import Judge
+from redres_ros.graph.onlooker import PLANNER, Onlooker
+from redres_ros.graph.sampling import Sampler
+from redres_ros.graph.settings import credible, judge_of, model_of
+from redres_ros.graph.spectator import WORDS
 from redres_ros.limits import limit_name, make_limits
 from redres_ros.nodes import glance
 from redres_ros.nodes.controller import ControllerNode
@@ -41,6 +40,7 @@ from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.glance import Figures, Glance, from_message, to_message
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
+from redres_ros.task_run import RunState
 from redres_ros.view import gate, words
 from redres_ros.view.controls import Controls
 from redres_ros.view.saved import write_page
@@ -376,7 +376,10 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         chromium.get_by_role('option', name='minimum_kinetic_energy').dispatch_event('click')
         chromium.get_by_role('checkbox', name='torque').dispatch_event('click')
         chromium.get_by_role('button', name='start').dispatch_event('click')
-        await_that(lambda: node.word(PLANNER) in (MOVING, FINISHED), 'the task')
+        await_that(
+            lambda: node.word(PLANNER) in (RunState.MOVING.value, RunState.FINISHED.value),
+            'the task',
+        )
         chromium.get_by_role('button', name='x', exact=True).dispatch_event('click')
         await_that(lambda: pushes == [60.0, 0.0], 'the push and its end')
         controller = read_parameters(node, 'controller')

@@ -7,8 +7,8 @@ import sys
 import pytest
 from rich.console import Console
 
-from redres_ros.demo.heard import STALE, Heard, NodeHealth
-from redres_ros.demo.watch_page import JointBar, line, page
+from redres_ros.graph.heard import STALE, Heard, NodeHealth
+from redres_ros.graph.watch_page import JointBar, line, page
 
 FULL = {
     'sim': Heard(NodeHealth('in command', True), 100.0),

@@ -15,8 +15,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from redres_ros.demo.client import CallError, call
-from redres_ros.demo.onlooker import REASON, SESSION
+from redres_ros.graph.client import CallError, call
+from redres_ros.graph.onlooker import REASON, SESSION
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.stamps import to_nanoseconds

@@ -63,7 +63,7 @@ def _describes(arm: 'Arm') -> str:
 def _law(options: argparse.Namespace) -> int:
     from rclpy.node import Node
 
-    from redres_ros.demo.client import set_parameters
+    from redres_ros.graph.client import set_parameters
     from redres_ros.laws import make_law
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun

@@ -46,8 +46,8 @@ def _record(options: argparse.Namespace) -> int:
     import signal
     import threading
 
-    from redres_ros.demo.mcap_file import McapFile
-    from redres_ros.demo.recorder import GraphRecorder
+    from redres_ros.graph.mcap_file import McapFile
+    from redres_ros.graph.recorder import GraphRecorder
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 

@@ -26,8 +26,8 @@ def add(commands: Any) -> None:
 
 
 def _teleop(options: argparse.Namespace) -> int:
-    from redres_ros.demo.steering import Steering
-    from redres_ros.demo.teleop import Teleop, check_terminal, steer
+    from redres_ros.graph.steering import Steering
+    from redres_ros.graph.teleop import Teleop, check_terminal, steer
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 

@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
 def _watch(options: argparse.Namespace) -> int:
     import threading
 
-    from redres_ros.demo.watch import Watch, watch
+    from redres_ros.graph.watch import Watch, watch
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 

@@ -1,1 +1,1 @@
-"""A run of the nodes from outside: start them, record them, watch them, ask them."""
+"""A run of the three nodes from start to end: processes, tapes, and what came of it."""

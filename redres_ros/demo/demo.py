@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from redres_ros.demo.client import call, read_parameters, set_parameters
 from redres_ros.demo.crew import NODES, Crew
 from redres_ros.demo.cycles import count_cycles
-from redres_ros.demo.onlooker import PLANNER, REASON, SESSION, Onlooker
 from redres_ros.demo.outcome import Endurance, MotionFigures, Outcome
 from redres_ros.demo.processes import remember_files
 from redres_ros.demo.replay import FINISHED, read_log, replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.demo.wanted import DemoError, DemoOptions, Ending
+from redres_ros.graph.client import call, read_parameters, set_parameters
+from redres_ros.graph.onlooker import PLANNER, REASON, SESSION, Onlooker
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
@@ -232,7 +232,8 @@ class Demo:
 
     def _write_mcap(self, path: Path, tapes: list[Path]) -> None:
         """All that is on the tapes, with the arm and the nodes' parameters beside it."""
-        from redres_ros.demo.mcap_file import McapFile, write_tapes
+        from redres_ros.demo.tape_to_mcap import write_tapes
+        from redres_ros.graph.mcap_file import McapFile
 
         since = time.time_ns() - time.monotonic_ns()
         with McapFile(path) as file:

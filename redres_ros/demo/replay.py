@@ -19,11 +19,12 @@ from redres_ros.planner import Reference, orientation_error
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion
 from redres_ros.simulation.recording import Recording, row
+from redres_ros.task_run import RunState
 
 V = TypeVar('V')
 
-MOVING = 'moving'  # the planner's words while a task is under way, and when it is done
-FINISHED = 'finished'
+MOVING = RunState.MOVING.value  # the planner's word while a task is under way
+FINISHED = RunState.FINISHED.value
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import viser
 
-from redres_ros.demo.client import CallError
-from redres_ros.demo.remote import Remote
-from redres_ros.demo.settings import credible
 from redres_ros.fri.faults import Faults
+from redres_ros.graph.client import CallError
+from redres_ros.graph.remote import Remote
+from redres_ros.graph.settings import credible
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
 from redres_ros.nodes.motion_parameters import NONE, named

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import viser
 
-from redres_ros.demo.live_arm import LiveArm
-from redres_ros.demo.remote import Remote
-from redres_ros.demo.settings import Values, points_of
-from redres_ros.demo.spectator import Spectator
+from redres_ros.graph.live_arm import LiveArm
+from redres_ros.graph.remote import Remote
+from redres_ros.graph.settings import Values, points_of
+from redres_ros.graph.spectator import Spectator
 from redres_ros.view import words
 from redres_ros.view.controls import Controls
 from redres_ros.view.plots import Plots

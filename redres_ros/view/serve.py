@@ -5,8 +5,8 @@ import sys
 import threading
 from dataclasses import dataclass
 
-from redres_ros.demo.remote import Remote
-from redres_ros.demo.spectator import NICENESS, Spectator
+from redres_ros.graph.remote import Remote
+from redres_ros.graph.spectator import NICENESS, Spectator
 from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.runtime import Waiting, run_nodes

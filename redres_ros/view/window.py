@@ -4,10 +4,10 @@ import os
 import sys
 import threading
 
-from redres_ros.demo.live_arm import LiveArm
-from redres_ros.demo.remote import Remote
-from redres_ros.demo.spectator import NICENESS, Spectator
 from redres_ros.fri.window import opened
+from redres_ros.graph.live_arm import LiveArm
+from redres_ros.graph.remote import Remote
+from redres_ros.graph.spectator import NICENESS, Spectator
 from redres_ros.nodes.runtime import Waiting, run_nodes
 
 _PERIOD = 0.02  # [s] from one look at the arm to the next

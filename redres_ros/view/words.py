@@ -5,9 +5,9 @@ from html import escape
 
 import numpy as np
 
-from redres_ros.demo.onlooker import PLANNER, REASON, SESSION
-from redres_ros.demo.spectator import NODES, QUALITY
-from redres_ros.demo.watch_page import is_near_an_end
+from redres_ros.graph.onlooker import PLANNER, REASON, SESSION
+from redres_ros.graph.spectator import NODES, QUALITY
+from redres_ros.graph.watch_page import is_near_an_end
 
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'

@@ -14,8 +14,8 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 
-from redres_ros.demo.steering import HELP, Steering
 from redres_ros.errors import RedresError
+from redres_ros.graph.steering import HELP, Steering
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import PUBLISH
 from redres_ros.signals import handled

@@ -9,7 +9,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomi
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.demo.client import CallError, ask, check_set, parameters_of, setting
+from redres_ros.graph.client import CallError, ask, check_set, parameters_of, setting
 from redres_ros.nodes.runtime import Waiting
 
 STEERED = ('controller', 'sim')  # the nodes whose parameters are set

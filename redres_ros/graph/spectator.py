@@ -11,8 +11,8 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 
-from redres_ros.demo.heard import STALE, Heard, NodeHealth
-from redres_ros.demo.onlooker import PLANNER, REASON, SESSION
+from redres_ros.graph.heard import STALE, Heard, NodeHealth
+from redres_ros.graph.onlooker import PLANNER, REASON, SESSION
 from redres_ros.nodes.qos import LATCHED
 
 QUALITY = 'sim/connection_quality'

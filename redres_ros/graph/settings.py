@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.demo.judge import Judge
+from redres_ros.graph.judge import Judge
 from redres_ros.limits import Limits, gain_names, make_limits
 from redres_ros.nodes.motion_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters

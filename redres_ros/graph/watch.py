@@ -11,11 +11,11 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
-from redres_ros.demo.live_arm import LiveArm
-from redres_ros.demo.remote import Remote
-from redres_ros.demo.spectator import WORDS, Spectator
-from redres_ros.demo.watch_page import NODES, JointBar, line, page
 from redres_ros.errors import RedresError
+from redres_ros.graph.live_arm import LiveArm
+from redres_ros.graph.remote import Remote
+from redres_ros.graph.spectator import WORDS, Spectator
+from redres_ros.graph.watch_page import NODES, JointBar, line, page
 from redres_ros.nodes.qos import NEWEST
 
 _REFRESH = 5.0  # [Hz]

@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from redres_ros.demo.heard import STALE, Heard, NodeHealth
+from redres_ros.graph.heard import STALE, Heard, NodeHealth
 
 _STOP_REASON = 'sim/stop_reason'
 _BAR = 33  # letters of a joint's bar

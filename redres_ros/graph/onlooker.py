@@ -7,9 +7,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from redres_ros.demo.replay import MOVING
 from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.wire import stamp_of
+from redres_ros.task_run import RunState
 
 SESSION = 'sim/session_state'
 REASON = 'sim/stop_reason'
@@ -45,7 +45,7 @@ class Onlooker(Node):
 
     def _on_word(self, topic: str, message: String) -> None:
         self._words[topic] = message.data
-        if topic == PLANNER and message.data == MOVING:
+        if topic == PLANNER and message.data == RunState.MOVING.value:
             self.began = self.newest
             self.first_began = self.first_began or self.newest
 

@@ -9,10 +9,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from redres_ros.demo.client import CallError, read_parameters
-from redres_ros.demo.mcap_file import McapFile
-from redres_ros.demo.message_text import TypeTextError, find_type
-from redres_ros.demo.sampling import Sampler
+from redres_ros.graph.client import CallError, read_parameters
+from redres_ros.graph.mcap_file import McapFile
+from redres_ros.graph.message_text import TypeTextError, find_type
+from redres_ros.graph.sampling import Sampler
 from redres_ros.nodes.qos import LATCHED
 
 _PERIOD = 0.2  # [s] from one look at what has come to the next: to look costs more than to wait

@@ -12,9 +12,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from redres_ros.demo.sampling import Sampler
-from redres_ros.demo.settings import credible, judge_of, model_of
 from redres_ros.errors import RedresError
+from redres_ros.graph.sampling import Sampler
+from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.nodes import glance
 from redres_ros.nodes.conversions import JointOrder
 from redres_ros.nodes.glance import Figures, Glance

@@ -1,6 +1,6 @@
 """A file of messages in the MCAP format, which Foxglove, PlotJuggler and rosbag2 read."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -8,8 +8,7 @@ from typing import Any, Self
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from redres_ros.demo.message_text import definition_of, name_of
-from redres_ros.demo.tape import TOPICS, read_tape
+from redres_ros.graph.message_text import definition_of, name_of
 
 _URDF = 'robot_description.urdf'
 _PARAMETERS = 'parameters.yaml'
@@ -87,19 +86,3 @@ class McapFile:
 
     def _attach(self, name: str, media_type: str, text: str, time: int) -> None:
         self._writer.add_attachment(time, time, name, media_type, text.encode())
-
-
-def write_tapes(file: McapFile, tapes: Iterable[Path], since: int) -> None:
-    """Write what nodes have said on their tapes, in the order of time.
-
-    Args:
-        file: To be written.
-        tapes: One a process.
-        since: What the monotonic clock lacks to the time of day [ns].
-    """
-    entries = [entry for tape in tapes for entry in read_tape(tape) if not entry.heard]
-    for topic in sorted({entry.topic for entry in entries}):
-        file.add_topic(f'/{topic.removeprefix("/")}', TOPICS[topic])
-    for entry in sorted(entries, key=lambda entry: entry.time):
-        at = entry.time + since
-        file.write(f'/{entry.topic.removeprefix("/")}', entry.data, at, at)
