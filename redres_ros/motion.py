@@ -23,11 +23,16 @@ _LOST = 1e-9  # of dx; less is rounding
 class Proposal:
     """What a motion would do at one tick.
 
-    dq: (n,) [rad/s]. J: (m, n), of the first task. executed: (m,), the part of dx that dq is meant
-    to execute. lost: (m,), the part that a singularity does not let through; None if there is none.
-    W: the metric. lower: the lower tasks in order. s: the share of it that limits allow. limiting:
-    'joint: limit' that acts most, or ''. dq_old: of a blend, (n,) [rad/s], what the old motion
-    would do; else None.
+    Attributes:
+        dq: (n,) [rad/s].
+        J: (m, n), of the first task.
+        executed: (m,), the part of dx that dq is meant to execute.
+        lost: (m,), the part that a singularity does not let through; None if there is none.
+        W: The metric.
+        levels: All tasks in order, with comparable rows, where there are several.
+        s: The share of `executed` that limits allow.
+        limiting: 'joint: limit' that acts most, or ''.
+        dq_old: Of a blend, (n,) [rad/s], what the old motion would do; else None.
     """
 
     dq: np.ndarray
@@ -35,7 +40,7 @@ class Proposal:
     executed: np.ndarray
     lost: np.ndarray | None
     W: Weight
-    lower: Sequence[Level] = ()
+    levels: Sequence[Level] = ()
     s: float = 1.0
     limiting: str = ''
     dq_old: np.ndarray | None = None
@@ -52,7 +57,7 @@ class Proposal:
             lost: (m,) the part of dx that cannot be executed.
         """
         return Proposal(
-            dq, self.J, self.executed, lost, self.W, self.lower, s, limiting, self.dq_old
+            dq, self.J, self.executed, lost, self.W, self.levels, s, limiting, self.dq_old
         )
 
 
@@ -110,19 +115,27 @@ class LawMotion:
         rates = dx
         if scale is not None:
             rows, rates = scaled(J, dx, scale)
-        lower: Sequence[Level] = ()
+        levels: Sequence[Level] = ()
         if self.lower_tasks:
-            lower = [_level(task, state) for task in self.lower_tasks]
-            dq, damped = resolve_in_order(((rows, rates), *lower), b, W)
+            levels = self._levels(rows, rates, state)
+            dq, damped = resolve_in_order(levels, b, W)
         else:
             dq, damped = resolve_one(rows, rates, b, W)
         if not damped:
-            return Proposal(dq, J, dx, None, W, lower)
+            return Proposal(dq, J, dx, None, W, levels)
         executed = J.dot(dq)
         if np.linalg.norm(dx - executed) > _LOST * np.linalg.norm(dx):
             dq = dq + _way_out(state, task, J, dx)
             executed = J.dot(dq)
-        return Proposal(dq, J, executed, dx - executed, W, lower)
+        return Proposal(dq, J, executed, dx - executed, W, levels)
+
+    def _levels(self, J: np.ndarray, dx: np.ndarray, state: RobotState) -> list[Level]:
+        """The tasks in order, with comparable rows; J and dx are those of the first one."""
+        levels = [(J, dx)]
+        for task in self.lower_tasks:
+            scale = task.row_scale(state.model)
+            levels.append(scaled(task.jacobian(state), task.velocity(state), scale))
+        return levels
 
     def _preferred(self, state: RobotState) -> np.ndarray | None:
         """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None for a law without
@@ -204,7 +217,7 @@ class Blend:
             (1.0 - s) * old.executed + s * new.executed,
             _mixed_loss(old.lost, new.lost, s),
             new.W,
-            new.lower,
+            new.levels,
             dq_old=old.dq,
         )
 
@@ -248,13 +261,6 @@ def after(motion: Motion, answer: Proposal) -> Motion:
     if isinstance(motion, Blend) and answer.dq_old is not None:
         return replace(motion, dq_old=answer.dq_old)
     return motion
-
-
-def _level(task: Task, state: RobotState) -> Level:
-    J = task.jacobian(state)
-    dx = task.velocity(state)
-    scale = task.row_scale(state.model)
-    return (J, dx) if scale is None else scaled(J, dx, scale)
 
 
 def _way_out(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:

@@ -7,7 +7,6 @@ order, the neighbourhood of singularities, and errors that name their reason.
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -140,20 +139,20 @@ def resolve_in_order(
     Raises:
         ArrayError: as for `resolve`.
     """
-    exact = _resolve_all_exactly(levels, b, W)
-    if exact is not None:
-        return exact, False
-    dq, damped = resolve_one(*levels[0], b, W)
-    Z = np.eye(len(b))  # (n, k) null space of the tasks so far
-    for (J_above, _), (J, dx) in pairwise(levels):
-        Z = Z.dot(_null_space(J_above.dot(Z)))
-        if not Z.shape[1]:
-            break
-        rest = dx - J.dot(dq)
-        nowhere = np.zeros(Z.shape[1])
-        z, _ = resolve_one(J.dot(Z), rest, nowhere, _within(W, Z), _largest(J), FASTEST)
-        dq = dq + Z.dot(z)
-    return dq, damped
+    J, dx = levels[0]
+    J_lower, dx_lower = _stacked_lower(levels)
+    dq = np.empty(len(b))
+    array, form = as_array(W)
+    try:
+        outcome = closed_form_in_order(J, dx, J_lower, dx_lower, b, array, form, FASTEST, dq)
+    except TypeError:  # not of float64
+        given = (J, dx, J_lower, dx_lower, b, array)
+        arrays = [np.asarray(given, np.float64) for given in given]
+        outcome = closed_form_in_order(*arrays, form, FASTEST, dq)
+    if outcome == SOLVED:
+        return dq, False
+    _check_outcome(outcome, dq, J, dx, b, W)
+    return _resolve_in_order_carefully(levels, b, W)
 
 
 def resolve_one(
@@ -194,24 +193,21 @@ def resolve_one(
     return dq, damped
 
 
-def _resolve_all_exactly(levels: Sequence[Level], b: np.ndarray, W: Weight) -> np.ndarray | None:
-    """dq (n,) that executes all tasks; None where that may not be possible."""
-    (J, dx), *lower = levels
-    J_lower, dx_lower, lower_tasks = _stacked(lower, len(b))
-    dq = np.empty(len(b))
-    array, form = as_array(W)
-    try:
-        outcome = closed_form_in_order(
-            J, dx, J_lower, dx_lower, lower_tasks, b, array, form, FASTEST, dq
-        )
-    except TypeError:  # not of float64
-        given = [np.asarray(given, np.float64) for given in (J, dx, J_lower, dx_lower)]
-        more = [np.asarray(given, np.float64) for given in (b, array)]
-        outcome = closed_form_in_order(*given, lower_tasks, *more, form, FASTEST, dq)
-    if outcome == SOLVED:
-        return dq
-    _check_outcome(outcome, dq, J, dx, b, W)
-    return None
+def _resolve_in_order_carefully(
+    levels: Sequence[Level], b: np.ndarray, W: Weight
+) -> tuple[np.ndarray, bool]:
+    """As `resolve_in_order`, one task after the other, where not all can be executed exactly."""
+    dq, damped = resolve_one(*levels[0], b, W)
+    Z = np.eye(len(b))  # (n, k) null space of the tasks so far
+    for (J_above, _), (J, dx) in pairwise(levels):
+        Z = Z.dot(_null_space(J_above.dot(Z)))
+        if not Z.shape[1]:
+            break
+        rest = dx - J.dot(dq)
+        nowhere = np.zeros(Z.shape[1])
+        z, _ = resolve_one(J.dot(Z), rest, nowhere, _within(W, Z), _largest(J), FASTEST)
+        dq = dq + Z.dot(z)
+    return dq, damped
 
 
 def _check_outcome(
@@ -224,20 +220,14 @@ def _check_outcome(
         raise ArrayError(_complaint(J, dx, b, W, dq))
 
 
-def _stacked(levels: Sequence[Level], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """J and dx of several tasks, one below the other, and the number of rows of each."""
-    if len(levels) == 1:  # nothing to copy
-        J, dx = levels[0]
-        return J, dx, _rows_of(len(dx))
-    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)])
-    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)])
-    return J, dx, _rows_of(*[len(dx) for _, dx in levels])
-
-
-@lru_cache
-def _rows_of(*tasks: int) -> np.ndarray:
-    """The numbers of rows of tasks as an array, (k,)."""
-    return np.array(tasks, np.int64)
+def _stacked_lower(levels: Sequence[Level]) -> Level:
+    """J and dx of the lower tasks, one below the other."""
+    if len(levels) == 2:  # nothing to copy
+        return levels[1]
+    first, *lower = levels
+    J = np.concatenate([first[0][:0], *(J for J, _ in lower)])
+    dx = np.concatenate([first[1][:0], *(dx for _, dx in lower)])
+    return J, dx
 
 
 def as_array(W: Weight) -> tuple[np.ndarray, int]:

@@ -112,7 +112,7 @@ class Limited:
 
     def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
-        lower = [(J, J.dot(answer.dq)) for J, _ in answer.lower]
+        lower = [(J, J.dot(answer.dq)) for J, _ in answer.levels[1:]]
         end = self._reach and self._reach.end(answer, start)
         if self._reach and end:
             answer = self._reach.slowed(answer, end)

@@ -68,14 +68,14 @@ class RobotState:
     def x(self) -> np.ndarray:
         """Tip position in the base frame, (3,) [m]."""
         if self._x is None:
-            self._x = self.model._placement(self.q, self.model._tip)[:3, 3]
+            self._x = self.model._tip_position(self.q)
         return self._x
 
     @property
     def R(self) -> np.ndarray:
         """Tip orientation in the base frame, (3, 3)."""
         if self._R is None:
-            self._R = self.model._placement(self.q, self.model._tip)[:3, :3]
+            self._R = self.model._tip_orientation(self.q)
         return self._R
 
     @property
@@ -141,11 +141,10 @@ class RobotModel:
         if arm.armature:
             self._model.armature[:] = arm.armature
         self._data = self._model.createData()
-        self._placed: np.ndarray | None = (
-            None  # q of the tip's placement in the data, if they have it
-        )
         self._tip = self._frame(arm.tip_frame)
-        self._tip_placement = self._data.oMf[self._tip]  # in the data: changes with them
+        self._tip_x = self._data.oMf[self._tip].translation  # in the data: changes with them
+        self._tip_R = self._data.oMf[self._tip].rotation
+        self._placed: np.ndarray | None = None  # the q that these two belong to, if any
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.n = self._model.nv
         self.joint_names = tuple(self._model.names[1:])
@@ -272,8 +271,8 @@ class RobotModel:
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tip position f(q), (3,) [m], and orientation, (3, 3), in the base frame."""
-        H = self._placement(finite_vector(q, self.n, 'q'), self._tip)
-        return H[:3, 3], H[:3, :3]
+        q = finite_vector(q, self.n, 'q')
+        return self._tip_position(q), self._tip_orientation(q)
 
     def pose(self, q: np.ndarray, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and orientation (3, 3) of a frame in the base frame.
@@ -282,8 +281,11 @@ class RobotModel:
             q: (n,) [rad].
             frame: Name of a link.
         """
-        H = self._placement(finite_vector(q, self.n, 'q'), self._frame(frame))
-        return H[:3, 3], H[:3, :3]
+        q = finite_vector(q, self.n, 'q')
+        self._placed = None
+        pin.forwardKinematics(self._model, self._data, q)
+        placement = pin.updateFramePlacement(self._model, self._data, self._frame(frame))
+        return placement.translation.copy(), placement.rotation.copy()
 
     def position(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Position of a frame's origin in the base frame, (3,) [m].
@@ -303,15 +305,21 @@ class RobotModel:
         """
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
 
-    def _placement(self, q: np.ndarray, frame: int) -> np.ndarray:
-        """Pose of a frame in the base frame, (4, 4)."""
-        if self._placed is q and frame == self._tip:
-            placement = self._tip_placement
-        else:
-            pin.forwardKinematics(self._model, self._data, q)
-            placement = pin.updateFramePlacement(self._model, self._data, frame)
-            self._placed = q if frame == self._tip else None
-        return placement.homogeneous  # a copy
+    def _tip_position(self, q: np.ndarray) -> np.ndarray:
+        if self._placed is not q:
+            self._place_tip(q)
+        return self._tip_x.copy()
+
+    def _tip_orientation(self, q: np.ndarray) -> np.ndarray:
+        if self._placed is not q:
+            self._place_tip(q)
+        return self._tip_R.copy()
+
+    def _place_tip(self, q: np.ndarray) -> None:
+        """Let the data have the tip's pose at q, as they have after its Jacobian."""
+        pin.forwardKinematics(self._model, self._data, q)
+        pin.updateFramePlacement(self._model, self._data, self._tip)
+        self._placed = q
 
     def _joint_poses(self, q: np.ndarray) -> np.ndarray:
         self._placed = None

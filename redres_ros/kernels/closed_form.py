@@ -67,92 +67,120 @@ def is_regular(R: np.ndarray, first: int, m: int, size: float) -> bool:
 
 
 @inlined
-def are_regular(J: np.ndarray, R: np.ndarray, first_task: int, lower_tasks: np.ndarray) -> bool:
-    """Whether no task needs damping in what those before it leave.
+def are_regular(R: np.ndarray, first: int) -> bool:
+    """Whether no task needs damping in what those before it leave; False also for close calls.
 
     With J = R Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
-    of those before it. Its singular values are judged against those of the whole Jacobian.
+    of those before it. Its singular values are judged against those of the whole Jacobian, whose
+    rows are as long as those of R. All lower tasks are judged as one: the smallest singular value
+    of their common block is at most that of each, and what it is judged against at least as large.
 
     Args:
-        J: (m, n) Jacobian of all tasks.
         R: (m, m) lower triangular.
-        first_task: Its number of rows.
-        lower_tasks: Those of the others.
+        first: Number of rows of the first task.
     """
-    first = 0
-    for task in range(len(lower_tasks) + 1):
-        m = first_task if task == 0 else lower_tasks[task - 1]
-        square = 0.0
-        for k in range(first, first + m):
-            square += dot(J[k], J[k])
-        if not is_regular(R, first, m, np.sqrt(square / m)):  # at most the largest
-            return False
-        first += m
-    return True
+    if not is_regular(R, 0, first, 0.0):
+        return False
+    square = 0.0  # of all elements: at least that of the largest singular value
+    for k in range(first, len(R)):
+        for j in range(k + 1):
+            square += R[k, j] ** 2
+    return first == len(R) or is_regular(R, first, len(R) - first, np.sqrt(square))
 
 
 @inlined
 def solution(
-    J: np.ndarray,
+    Q: np.ndarray,
+    R: np.ndarray,
     dx: np.ndarray,
     b: np.ndarray,
     W: np.ndarray,
     form: int,
-    Q: np.ndarray,
-    R: np.ndarray,
     fastest: float,
     dq: np.ndarray,
 ) -> int:
     """Write b + J_W^# (dx - J b), Eq. (A.13), into dq.
 
-    With W = F'F and y = F (dq - b) it is the least y with J F^-1 y = dx - J b. The rows of J F^-1
-    are made orthonormal, J F^-1 = R Q: then y = Q' R^-1 (dx - J b). That is Eq. (A.5),
-    J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition.
+    The task J dq = dx with J = R Q is the same as Q dq = R^-1 dx. Hence the result is also
+    b + Q_W^# r with r = R^-1 dx - Q b. The rows of Q are orthonormal, so without a weight
+    Q^# = Q'.
 
     Args:
-        J: (m, n).
-        dx: (m,).
+        Q: (m, n), orthonormal rows; used up.
+        R: (m, m), lower triangular; used up.
+        dx: (m,); becomes r.
         b: (n,).
         W: The weight as `form` says.
         form: IDENTITY, WEIGHT, FACTOR or SQUARE.
-        Q: (m, n) of J = R Q; used up.
-        R: (m, m); used up.
         fastest: Where dq is longer than this, it is not the answer.
         dq: (n,) receives the result.
 
     Returns:
         SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
     """
-    m, n = J.shape
-    F = W.copy()  # of W = F'F
-    if form in (WEIGHT, SQUARE) and not cholesky(W, F):
+    solve_rows(R, dx)
+    for k in range(len(dx)):
+        dx[k] -= dot(Q[k], b)
+    if form == IDENTITY:
+        add_up(Q, dx, dq)
+    elif not weighted(Q, R, dx, W, form, dq):
         return INDEFINITE
-    if form != IDENTITY:
-        for k in range(m):
-            for i in range(n):
-                Q[k, i] = J[k, i]
-            solve_transposed_factor(F, form, Q[k])
-        R[:] = 0.0
-        make_orthonormal(Q, R)  # J F^-1 = R Q
-
-    r = np.empty(m)  # R^-1 (dx - J b)
-    for k in range(m):
-        r[k] = dx[k] - dot(J[k], b)
-        for j in range(k):
-            r[k] -= R[k, j] * r[j]
-        r[k] /= R[k, k]
-    dq[:] = 0.0
-    for k in range(m):
-        for i in range(n):
-            dq[i] += Q[k, i] * r[k]  # y = Q' R^-1 (dx - J b)
-    solve_factor(F, form, dq)
     total = 0.0
-    for i in range(n):
+    for i in range(len(b)):
         dq[i] += b[i]
         total += dq[i]
     if not np.isfinite(total):
         return NOT_FINITE
     return SOLVED if dot(dq, dq) <= fastest**2 else SINGULAR
+
+
+@inlined
+def weighted(
+    Q: np.ndarray, R: np.ndarray, r: np.ndarray, W: np.ndarray, form: int, dq: np.ndarray
+) -> bool:
+    """Write J_W^# r of the Jacobian J = Q into dq; whether W is positive definite.
+
+    With W = F'F and y = F dq it is the least y with J F^-1 y = r. The rows of J F^-1 are made
+    orthonormal, J F^-1 = R Q: then y = Q' R^-1 r. That is Eq. (A.5),
+    J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition.
+
+    Args:
+        Q: (m, n), the Jacobian; used up.
+        R: (m, m), overwritten.
+        r: (m,); used up.
+        W: The weight as `form` says.
+        form: WEIGHT, FACTOR or SQUARE.
+        dq: (n,) receives the result.
+    """
+    F = W.copy()
+    if form in (WEIGHT, SQUARE) and not cholesky(W, F):
+        return False
+    for k in range(len(r)):
+        solve_transposed_factor(F, form, Q[k])
+    R[:] = 0.0
+    make_orthonormal(Q, R)
+    solve_rows(R, r)
+    add_up(Q, r, dq)
+    solve_factor(F, form, dq)
+    return True
+
+
+@inlined
+def solve_rows(R: np.ndarray, x: np.ndarray) -> None:
+    """x becomes R^-1 x, for a lower triangular R (m, m)."""
+    for k in range(len(x)):
+        for j in range(k):
+            x[k] -= R[k, j] * x[j]
+        x[k] /= R[k, k]
+
+
+@inlined
+def add_up(Q: np.ndarray, r: np.ndarray, y: np.ndarray) -> None:
+    """Write Q' r into y, for Q (m, n)."""
+    y[:] = 0.0
+    for k in range(len(r)):
+        for i in range(len(y)):
+            y[i] += Q[k, i] * r[k]
 
 
 @compiled(
@@ -189,15 +217,15 @@ def closed_form(
     m, n = J.shape
     Q = J.copy()
     R = np.zeros((m, m))
-    make_orthonormal(Q, R)
+    make_orthonormal(Q, R)  # J = R Q
     if m > n or not is_regular(R, 0, m, size):
         return SINGULAR
-    return solution(J, dx, b, W, form, Q, R, fastest, dq)
+    return solution(Q, R, dx.copy(), b, W, form, fastest, dq)
 
 
 @compiled(
     int64(
-        *(matrix(), vector(), matrix(), vector(), vector(int64)),
+        *(matrix(), vector(), matrix(), vector()),
         *(vector(), matrix(), int64, float64, float64[::1]),
     )
 )
@@ -206,7 +234,6 @@ def closed_form_in_order(
     dx_first: np.ndarray,
     J_lower: np.ndarray,
     dx_lower: np.ndarray,
-    lower_tasks: np.ndarray,
     b: np.ndarray,
     W: np.ndarray,
     form: int,
@@ -223,7 +250,6 @@ def closed_form_in_order(
         dx_first: Its velocity.
         J_lower: Jacobians of the lower tasks, one below the other.
         dx_lower: Their velocities.
-        lower_tasks: Number of rows of each.
         b: As for `closed_form`, and so are the others.
         W: The weight.
         form: What W is.
@@ -236,15 +262,14 @@ def closed_form_in_order(
     first = len(dx_first)
     m = first + len(dx_lower)
     n = len(b)
-    J = np.empty((m, n))
+    Q = np.empty((m, n))
     dx = np.empty(m)
     for k in range(m):
         for i in range(n):
-            J[k, i] = J_first[k, i] if k < first else J_lower[k - first, i]
+            Q[k, i] = J_first[k, i] if k < first else J_lower[k - first, i]
         dx[k] = dx_first[k] if k < first else dx_lower[k - first]
-    Q = J.copy()
     R = np.zeros((m, m))
-    make_orthonormal(Q, R)
-    if m > n or not are_regular(J, R, first, lower_tasks):
+    make_orthonormal(Q, R)  # J = R Q
+    if m > n or not are_regular(R, first):
         return SINGULAR
-    return solution(J, dx, b, W, form, Q, R, fastest, dq)
+    return solution(Q, R, dx, b, W, form, fastest, dq)
