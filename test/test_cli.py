@@ -2,6 +2,8 @@
 status.
 """
 
+import argparse
+import shlex
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, RobotState, load_task, make_law
 from redres_ros.cli import main
+from redres_ros.cli.command import make_parser
 from redres_ros.laws.kinematic import MinimumAcceleration
 from redres_ros.parameter import param
 from redres_ros.robots import ARMS
@@ -359,7 +362,18 @@ def test_help_is_there(command, capsys):
 def test_help_shows_no_default_that_says_nothing(command, capsys):
     shown = help_of(command, capsys)
     for nothing in ('[]', '()', 'None', 'False', ''):
-        assert f'(default: {nothing})' not in shown
+        assert f'; default: {nothing}\n' not in shown
+
+
+def test_every_command_has_examples_and_each_can_be_parsed():
+    [commands] = [a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction)]
+    for name, command in commands.choices.items():
+        examples = command.epilog.splitlines()[1:]
+        assert examples, name
+        for example in examples:
+            redres, *words = shlex.split(example.partition(' > ')[0], comments=True)
+            assert redres == 'redres'
+            assert make_parser().parse_args(words).command == name
 
 
 @pytest.mark.parametrize('command', MOTIONS)

@@ -18,10 +18,16 @@ def commands() -> Iterator[str]:
         if isinstance(command, Parser):
             command.declare_all(['--help'])
         yield from (f'## redres {name}', '', f'{plain(helps[name])}.', '')
+        yield from ('```sh', *_examples(command), '```', '')
         for group in command._action_groups:
             actions = [a for a in group._group_actions if not isinstance(a, _NOT_SHOWN)]
             if actions:
                 yield from table((group.title or '', 'default', 'is'), map(_option, actions))
+
+
+def _examples(command: argparse.ArgumentParser) -> list[str]:
+    """Command lines, one a line, as the end of the help has them."""
+    return [line.strip() for line in (command.epilog or '').splitlines()[1:]]
 
 
 def _option(action: argparse.Action) -> tuple[str, str, str]:

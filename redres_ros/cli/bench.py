@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import made
-from redres_ros.cli.parser import OptionError
+from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError, UnknownNameError
 
 _ROUNDS = 100.0  # of the ticks, per second of --duration
@@ -15,7 +15,14 @@ _ROUNDS = 100.0  # of the ticks, per second of --duration
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    bench = commands.add_parser('bench', help='how fast it is on this machine, beside others')
+    bench = add_command(
+        commands,
+        'bench',
+        'how fast it is on this machine, beside others',
+        '# everything, about six minutes',
+        '--only tick  # without ROS',
+        '--only loop --rates 500',
+    )
     bench.add_argument(
         '--only', default=','.join(_PARTS), metavar='A,B,...', help='parts to measure'
     )

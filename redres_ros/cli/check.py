@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain, add_namespace, topic_name
+from redres_ros.cli.parser import add_command
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
@@ -15,7 +16,13 @@ _LONGEST = 60.0
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    check = commands.add_parser('check', help='what is missing before a connected arm may move')
+    check = add_command(
+        commands,
+        'check',
+        'what is missing before a connected arm may move',
+        '--robot iiwa7 --rate 100  # before the controller is started',
+        '# beside a controller that runs',
+    )
     check.add_argument(
         '--duration', type=float, default=4.0, metavar='S', help='for how long to look'
     )

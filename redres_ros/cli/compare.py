@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_loop, add_motion
-from redres_ros.cli.parser import OptionError
+from redres_ros.cli.parser import OptionError, add_command
 
 if TYPE_CHECKING:
     from redres_ros.laws import Law
@@ -52,7 +52,13 @@ class _Contender:
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    compare = commands.add_parser('compare', help='laws side by side on a task, without ROS')
+    compare = add_command(
+        commands,
+        'compare',
+        'laws side by side on a task, without ROS',
+        '--laws minimum_velocity,minimum_acceleration@5 --period 0.004',
+        '--limits position,velocity,acceleration --limit-scale 0.5',
+    )
     add_motion(compare, several_laws=_LAWS)
     loop = add_loop(compare)
     loop.add_argument(

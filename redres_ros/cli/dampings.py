@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.options import add_robot
-from redres_ros.cli.parser import OptionError
+from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
 _LAWS = 'minimum_acceleration'
@@ -15,8 +15,11 @@ _PICTURE = 'dampings.png'
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    dampings = commands.add_parser(
-        'dampings', help='which damping is good, over many random tasks, without ROS'
+    dampings = add_command(
+        commands,
+        'dampings',
+        'which damping is good, over many random tasks, without ROS',
+        '--robot iiwa7 --tasks 20 --period 0.01',
     )
     add_robot(dampings, 'lwr4_paper')
     dampings.add_argument('--laws', default=_LAWS, metavar='A,B,...', help='names of `redres laws`')

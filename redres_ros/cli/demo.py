@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import add_motion, check_duration
-from redres_ros.cli.parser import OptionError
+from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
@@ -26,8 +26,14 @@ _LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    demo = commands.add_parser(
-        'demo', help='planner, controller and fake arm as ROS 2 nodes, in real time'
+    demo = add_command(
+        commands,
+        'demo',
+        'planner, controller and fake arm as ROS 2 nodes, in real time',
+        '--law minimum_velocity --limits none  # the robot stops it',
+        '--switch minimum_weighted_torque@6.5  # another law on the way',
+        '--robot my_arm.urdf --tip tool0  # your arm',
+        '--view  # steer it in a browser',
     )
     add_motion(demo, limits='position,velocity,acceleration')
     demo.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')

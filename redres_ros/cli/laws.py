@@ -5,6 +5,7 @@ import inspect
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain, add_namespace
+from redres_ros.cli.parser import add_command
 
 if TYPE_CHECKING:
     from redres_ros.robots import Arm
@@ -20,9 +21,20 @@ _HEADS = {
 
 def add(commands: Any) -> None:
     """Declare the subcommands."""
-    laws = commands.add_parser('laws', help='the laws, and what can be combined with them')
+    laws = add_command(
+        commands,
+        'laws',
+        'the laws, and what can be combined with them',
+        '# all that there is',
+        '--plugin my_laws.py  # and yours',
+    )
     laws.set_defaults(run=_laws)
-    law = commands.add_parser('law', help='switch the law of a running controller')
+    law = add_command(
+        commands,
+        'law',
+        'switch the law of a running controller',
+        'minimum_weighted_torque --damping 5 --domain 42',
+    )
     law.add_argument('name', metavar='NAME', help='see `redres laws`')
     law.add_argument(
         '--damping', type=float, metavar='K_D', help='null-space damping [1/s]; default: as it is'

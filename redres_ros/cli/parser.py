@@ -10,6 +10,9 @@ from redres_ros.errors import RedresError, quoted
 
 NONE = 'none'  # the word for no limits at all
 
+_EXAMPLES = 'examples:\n'
+_WIDTH = 54  # columns that the text of an option has in a terminal of 80
+
 
 class OptionError(RedresError):
     """An option whose text cannot be read, or that does not go with the others."""
@@ -25,9 +28,24 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
         return super()._format_usage(usage, shown, groups, prefix)
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        if action.default in (None, False, '', ()):
-            return action.help
-        return super()._get_help_string(action)
+        said = action.help or ''
+        if action.default in (None, False, '', (), argparse.SUPPRESS):
+            return said
+        return f'{said}; default: {_shown(action.default)}'
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        """As of the base class, but examples stay one a line."""
+        if text.startswith(_EXAMPLES):
+            return text
+        return super()._fill_text(text, width, indent)
+
+
+def _shown(default: Any) -> str:
+    """A default as one would write it; a list of names so that a narrow terminal can break it."""
+    if isinstance(default, float):
+        return f'{default:g}'
+    text = str(default)
+    return text if len(text) < _WIDTH else text.replace(',', ', ')
 
 
 class Parser(argparse.ArgumentParser):
@@ -73,6 +91,27 @@ class Parser(argparse.ArgumentParser):
         """As of the base class, which passes over output that cannot be written."""
         if message and file is not None:
             file.write(message)
+
+
+def add_command(commands: Any, name: str, says: str, *examples: str) -> Parser:
+    """Declare a subcommand, whose help begins with what it does and ends with examples.
+
+    Args:
+        commands: What argparse's add_subparsers gave.
+        name: Of the subcommand.
+        says: What it does, as the list of all commands says it.
+        examples: Command lines without `redres NAME`; after # a remark, where one is needed.
+    """
+    lines = [example.partition('#') for example in examples]
+    width = max(len(words.strip()) for words, *_ in lines)
+    shown = [f'  redres {name} {words.strip():<{width}}  {"".join(why)}' for words, *why in lines]
+    command: Parser = commands.add_parser(
+        name,
+        help=says,
+        description=f'{says[0].upper()}{says[1:]}.',
+        epilog=_EXAMPLES + '\n'.join(map(str.rstrip, shown)),
+    )
+    return command
 
 
 def _read_text(text: str) -> str:

@@ -6,14 +6,20 @@ from typing import Any
 
 from redres_ros.cli.files import prepare
 from redres_ros.cli.options import add_domain, add_watching_time, check_duration, topic_name
-from redres_ros.cli.parser import OptionError
+from redres_ros.cli.parser import OptionError, add_command
 
 SUFFIX = '.mcap'
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    record = commands.add_parser('record', help='the messages of running nodes into an MCAP file')
+    record = add_command(
+        commands,
+        'record',
+        'the messages of running nodes into an MCAP file',
+        'run.mcap --duration 60',
+        'run.mcap --topics joint_states,joint_command --domain 42',
+    )
     record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='made anew')
     add_watching_time(record)
     record.add_argument(

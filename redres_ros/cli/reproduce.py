@@ -4,10 +4,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from redres_ros.cli.parser import add_command
+
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    reproduce = commands.add_parser('reproduce', help="the paper's figures and claims, without ROS")
+    reproduce = add_command(
+        commands, 'reproduce', "the paper's figures and claims, without ROS", '--out figures'
+    )
     reproduce.add_argument(
         '--out',
         type=Path,

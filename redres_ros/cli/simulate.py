@@ -5,12 +5,20 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.options import add_loop, add_motion
+from redres_ros.cli.parser import add_command
 from redres_ros.errors import RangeError
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    simulate = commands.add_parser('simulate', help="the paper's ideal loop, without ROS")
+    simulate = add_command(
+        commands,
+        'simulate',
+        "the paper's ideal loop, without ROS",
+        '--law minimum_velocity --out motion.csv',
+        '--limits position,velocity,acceleration --period 0.002',
+        '--prefer posture=4 --task my_task.yaml',
+    )
     add_motion(simulate)
     loop = add_loop(simulate)
     loop.add_argument(

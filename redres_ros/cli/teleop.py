@@ -4,11 +4,18 @@ import argparse
 from typing import Any
 
 from redres_ros.cli.options import add_domain, add_namespace
+from redres_ros.cli.parser import add_command
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    teleop = commands.add_parser('teleop', help='move the tip of a running arm by keys')
+    teleop = add_command(
+        commands,
+        'teleop',
+        'move the tip of a running arm by keys',
+        '--speed 0.02  # slowly',
+        '--frame tool0 --domain 42  # along the axes of the tool',
+    )
     teleop.add_argument(
         '--speed', type=float, default=0.05, metavar='X', help='of a key that moves [m/s]'
     )

@@ -4,6 +4,7 @@ import argparse
 from typing import Any
 
 from redres_ros.cli.options import add_domain
+from redres_ros.cli.parser import add_command
 from redres_ros.errors import RangeError
 
 PORTS = (1024, 65535)
@@ -12,7 +13,9 @@ PORT = 8080
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    view = commands.add_parser('view', help='a page in the browser: see and steer running nodes')
+    view = add_command(
+        commands, 'view', 'a page in the browser: see and steer running nodes', '--domain 42'
+    )
     view.add_argument(
         '--port',
         type=int,

@@ -4,11 +4,18 @@ import argparse
 from typing import Any
 
 from redres_ros.cli.options import add_domain, add_namespace, add_watching_time, check_duration
+from redres_ros.cli.parser import add_command
 
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
-    watch = commands.add_parser('watch', help='the live state of running nodes')
+    watch = add_command(
+        commands,
+        'watch',
+        'the live state of running nodes',
+        '--domain 42',
+        '--duration 10 > watch.txt  # a line a second where no terminal is',
+    )
     add_watching_time(watch)
     add_domain(watch)
     add_namespace(watch)
