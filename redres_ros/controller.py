@@ -200,11 +200,29 @@ class Controller:
     def reset(self) -> None:
         """Forget the last command: the next update starts at the measured position, at rest."""
         self._q_ref: np.ndarray | None = None
+        self._start: np.ndarray | None = None  # from which it was integrated
         self._dq_prev = np.zeros(self.model.n)
         self._pace = 1.0  # the share of the task velocity that is asked for
         self._motion: Motion = STANDING
         self._begun = self._asked
         self._is_open = bool(self._asked.preferences or self._asked.lower_tasks)
+
+    def stand(self) -> None:
+        """Begin anew at rest, as reset() does, but from the last reference: the arm is held there.
+
+        A servo lets the arm sag by more than a joint may move in one cycle, so the measurement
+        would be a leap.
+        """
+        q_ref = self._q_ref
+        self.reset()
+        self._q_ref = q_ref
+
+    def take_back(self) -> None:
+        """Have the next update start where the last one did: that reference came too late to be
+        carried out in a cycle of its own.
+        """
+        if self._q_ref is not None:
+            self._q_ref = self._start
 
     def lag(self, q: np.ndarray) -> float:
         """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before
@@ -277,6 +295,7 @@ class Controller:
         if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
             self._refuse(dq, dx, motion, state)
         self._q_ref = q_ref
+        self._start = start
         self._dq_prev = dq
         self._motion = motion if motion is wanted else after(motion, answer)
         self._resolver = resolver

@@ -75,6 +75,11 @@ class Cycles:
         self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
         return self._go_on(stamp, arrived, cycles)
 
+    @property
+    def earliest_arrival(self) -> float:
+        """When the newest state would have come with the least delay that was seen [s]."""
+        return self.newest / NANOSECONDS + self._least_delay
+
     def cycle(self, stamp: int) -> int:
         """The cycle of a stamp [ns]: that of the state which bears it, else the nearest."""
         known = self._numbers.get(stamp)

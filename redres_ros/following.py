@@ -18,6 +18,9 @@ from redres_ros.robot_session import RobotSession
 
 _LITTLE = 0.05  # share of a task velocity with which a task hardly goes on
 _LONG = 1.0  # [s] after which that is told
+# An answer that was sent so shortly before the robot published the next state came after that.
+_TOGETHER = 0.001  # [s] that both ways take, of the state and of the answer
+_TOGETHER_SHARE = 0.25  # of a cycle, where that is less
 
 
 class LeapError(RedresError):
@@ -37,7 +40,7 @@ class Reply(NamedTuple):
 
     stamp: of the state [ns]; scaling: share of the task velocity that is carried out, 0 while the
     arm stands still by hold, for want of a task velocity, or because the robot takes no commands;
-    restarted: why the controller began anew from the measurement, empty if it went on.
+    restarted: from where the controller began anew, and why; empty if it went on.
     """
 
     stamp: int
@@ -96,6 +99,8 @@ class Following:
         self._answered_cycle = 0
         self._heard_cycle = 0  # of the newest state that was believed
         self._state_arrived = 0.0  # when that came [s]
+        self._sent = -math.inf  # when the newest answer was on its way [s]
+        self._together = min(_TOGETHER, _TOGETHER_SHARE * controller.T)  # [s]
         self._doubtful: np.ndarray | None = None  # q of a state that was not believed, (n,) [rad]
 
     @property
@@ -151,6 +156,10 @@ class Following:
         self._state_arrived = now
         self._waiting = _State(stamp, self._cycles.number, q, lag, now)
         return self.answer_if_due(now)
+
+    def note_sent(self, now: float) -> None:
+        """The newest answer is on its way at this time [s]."""
+        self._sent = now
 
     def enter_twist(self, stamp: int, dx: np.ndarray, now: float) -> Reply | None:
         """The answer to the state that waited for this task velocity, if there is one.
@@ -246,13 +255,15 @@ class Following:
         controller = self._controller
         missed = max(state.cycle - self._answered_cycle - 1, 0) if self._answered_cycle else 0
         commanding = self._session.commanding_at(state.stamp)
-        restarted = self._reason_to_restart(state, missed)
-        if restarted or not commanding or not self._answered_cycle:
+        restarted = self._begin_anew(state, missed)
+        if not commanding or not self._answered_cycle:
             controller.reset()
+        if restarted or not commanding or not self._answered_cycle:
             missed = 0
         self.skipped += missed
         if self.settings.bridging == 'hold':
             missed = 0  # the arm has not gone on
+            self._take_back_if_late(state)
         stale = self._is_stale(state, now)
         dx = self.playout.play(state.cycle)
         if self.held or stale:
@@ -267,17 +278,44 @@ class Following:
         scaling = command.s if follows else 0.0
         return Reply(state.stamp, command, scaling, restarted)
 
-    def _reason_to_restart(self, state: _State, missed: int) -> str:
-        """Why the arm is not where the last command would have it; empty if it may well be."""
-        if missed > self.settings.restart_after:
-            return f'no state came in {missed} cycles, allowed {self.settings.restart_after}'
-        allowed = self.settings.following_tolerance
-        if state.lag > allowed:
+    def _begin_anew(self, state: _State, missed: int) -> str:
+        """Begin anew where the arm is not where the last command would have it.
+
+        Args:
+            state: To be answered.
+            missed: Cycles before it that had no state.
+
+        Returns:
+            From where it begins, and why; empty where it goes on.
+        """
+        controller = self._controller
+        settings = self.settings
+        if state.lag > settings.following_tolerance:
+            controller.reset()
             return (
-                f'the arm does not follow: a joint is {state.lag:.3g} rad from its reference, '
-                f'allowed {allowed:g}'
+                f'from the measurement: the arm does not follow: a joint is {state.lag:.3g} rad '
+                f'from its reference, allowed {settings.following_tolerance:g}'
             )
-        return ''
+        if missed <= settings.restart_after:
+            return ''
+        silence = f'no state came in {missed} cycles, allowed {settings.restart_after}'
+        if settings.bridging == 'hold':
+            controller.stand()
+            return f'from the last reference, where the arm is held: {silence}'
+        controller.reset()
+        return f'from the measurement: {silence}'
+
+    def _take_back_if_late(self, state: _State) -> None:
+        """Of two answers that come in one cycle, a robot that holds carries out the second alone:
+        the first must not count, or that would be a step of two cycles.
+
+        Args:
+            state: To be answered. The last answer has come too late where this one was on its way
+                already.
+        """
+        published = min(state.arrived, self._cycles.earliest_arrival)
+        if published - self._sent < self._together:
+            self._controller.take_back()
 
     def _is_stale(self, state: _State, now: float) -> bool:
         """By its stamp, and by its arrival on the robot's clock; on ours if it is of no state."""

@@ -229,6 +229,40 @@ def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
     assert robot.ask().restarted == ''
 
 
+def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_it_sags() -> None:
+    robot = at_speed(bridging='hold')
+    reference = robot.q
+    robot.cycle += 50
+    robot.q = reference - 0.01  # [rad] more than any joint may move in a cycle
+    answer = robot.ask()
+    assert answer is not None
+    assert answer.restarted.startswith('from the last reference')
+    assert np.abs(answer.command.q_ref - reference).max() < 1e-4
+    assert speed(answer) < 0.05  # and at rest
+
+
+def test_of_two_answers_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
+    robot = at_speed(bridging='hold')
+    before = robot.q
+    robot.ask()
+    # That answer was held up, and the robot had published its next state by then.
+    robot.following.note_sent(robot.now + 0.95 * T)
+    answer = robot.ask()
+    assert answer is not None
+    np.testing.assert_allclose(answer.command.q_ref, before + T * answer.command.dq, atol=1e-15)
+
+
+@pytest.mark.parametrize('bridging', ['hold', 'extrapolate'])
+def test_answers_in_time_count_each_on_its_own(bridging: str) -> None:
+    robot = at_speed(bridging=bridging)
+    robot.ask()
+    before = robot.q
+    robot.following.note_sent(robot.now + 0.5 * T)
+    answer = robot.ask()
+    assert answer is not None
+    np.testing.assert_allclose(answer.command.q_ref, before + T * answer.command.dq, atol=1e-15)
+
+
 def test_a_single_state_to_which_no_arm_can_have_leapt_is_refused_and_changes_nothing() -> None:
     robot = at_speed()
     other = at_speed()

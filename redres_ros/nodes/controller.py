@@ -165,10 +165,11 @@ class ControllerNode(ManagedNode):
         # The planner is to know of another scaling before the state after this one.
         self._telemetry.publish_change(answer.scaling)
         self._commands.publish(answer.stamp, answer.command)
+        self._following.note_sent(time.monotonic())
         self._telemetry.publish(answer, self._controller.law)
         if answer.restarted:
             self.get_logger().warning(
-                f'starting anew from the measurement: {answer.restarted}',
+                f'starting anew {answer.restarted}',
                 throttle_duration_sec=_TELL_AGAIN,
             )
 
