@@ -77,7 +77,7 @@ class Cycles:
 
     @property
     def earliest_arrival(self) -> float:
-        """When the newest state would have come with the least delay that was seen [s]."""
+        """Time at which the newest state would have come with the least delay that was seen [s]."""
         return self.newest / NANOSECONDS + self._least_delay
 
     def cycle(self, stamp: int) -> int:

@@ -72,13 +72,16 @@ class TaskRun:
 
     The task begins when it is wanted and the controller follows. A stop or a hold interrupts it; it
     goes on from there when the controller follows again, or begins anew if the arm is elsewhere by
-    then. A finished task is over with the first interruption: nothing moves again by itself.
+    then. A finished task is over with the first interruption: nothing moves again by itself. So is
+    one under way with a robot that was started again.
 
     Args:
         T: The robot's cycle [s].
         make_planner: A new planner for a tip at (3,) [m] with orientation (3, 3).
         pacing: The task's time.
         task_space: 'position' or 'pose': what is asked for, 3-D or 6-D.
+        resume_within: A longer silence of the robot, or another clock, is a robot that was started
+            again [s]; None: the task goes on all the same.
     """
 
     def __init__(
@@ -87,12 +90,14 @@ class TaskRun:
         make_planner: Callable[[np.ndarray, np.ndarray], Planner],
         pacing: Pacing,
         task_space: str = 'position',
+        resume_within: float | None = None,
     ) -> None:
         self.state = RunState.IDLE
         self.begun = 0  # stamp of the state at which the task began [ns]
         self._make_planner = make_planner
         self._turns = task_space == 'pose'
         self._pacing = pacing
+        self._resume_within = resume_within
         self._cycles = Cycles(round(NANOSECONDS * T))
         self._planner: Planner | None = None
         self._x_d = np.zeros(3)  # asked for last [m]
@@ -148,9 +153,11 @@ class TaskRun:
         """
         is_new = not stamp or stamp != self._cycles.newest
         if is_new:
+            before = self._cycles.newest
             cycles = self._cycles.enter(stamp, now)
             if cycles == 0:
                 self._pacing.interrupt()
+                self._give_up_after((stamp - before) / NANOSECONDS)
             self._pacing.advance(cycles)
         if is_new or self._step is None:
             self._step = self._respond(stamp, x, R, lost)
@@ -171,6 +178,18 @@ class TaskRun:
         self._x_d = reference.x_d
         self.state = RunState.FINISHED if reference.finished else RunState.MOVING
         return Step(stamp, reference.dx, reference)
+
+    def _give_up_after(self, silence: float) -> None:
+        """Stop a task that was begun with another robot, or long ago: somebody may be near the arm.
+
+        Args:
+            silence: From the last stamp to this one [s]; negative for another clock.
+        """
+        if self._resume_within is None or 0.0 < silence <= self._resume_within:
+            return
+        begun = self._planner is not None
+        if begun and self.state in (RunState.WAITING, RunState.MOVING):
+            self.stop()
 
     def _interrupt(self) -> None:
         if self.state is RunState.FINISHED:

@@ -155,6 +155,29 @@ def test_a_start_on_a_stopped_robot_is_refused_with_the_reason_and_the_remedy(
     assert 'under way already' in resting.graph.call('planner/start').message
 
 
+@pytest.mark.parametrize(('silence', 'goes_on'), [(1.5, True), (2.5, False)])
+def test_after_a_long_silence_of_the_robot_nothing_moves_until_it_is_asked_for(
+    resting: VirtualRun, silence: float, goes_on: bool
+) -> None:
+    task = resting.nodes['planner']._run
+    assert resting.graph.call('planner/start').success
+    resting.run(1.0)
+    assert task.state is RunState.MOVING
+    for listener in ('controller', 'planner'):
+        resting.graph.faults['joint_states', listener] = lambda message, now: []
+    resting.run(silence)
+    resting.graph.faults.clear()
+    resting.graph.call('sim/reset')
+    assert resting.run_until(lambda: resting.commanding, 2.0)
+    resting.run(0.5)
+    assert (task.state is RunState.MOVING) is goes_on
+    told = [line for node, line in resting.graph.log if 'the task is over' in line]
+    assert len(told) == (not goes_on)
+    assert resting.graph.call('planner/start').success
+    resting.run(0.5)
+    assert task.state is RunState.MOVING
+
+
 def test_a_task_that_was_started_before_the_controller_was_there_begins_without_a_snap(
     undisturbed: float,
 ) -> None:

@@ -47,6 +47,13 @@ class PlannerParameters(ListenerParameters):
     autostart: bool = param(
         False, 'begin as soon as the robot takes commands instead of waiting for planner/start'
     )
+    resume_within: float = param(
+        2.0,
+        'silence of joint_states after which a task under way goes on by itself; after a longer '
+        'one, as of a driver that was started again, it is over, unless autostart is set [s]',
+        0.0,
+        1e6,
+    )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
     headstart: float = param(
@@ -80,7 +87,8 @@ class PlannerNode(ManagedNode):
         T = 1.0 / self._settings.rate
         self._T = T
         pacing = Pacing(T, self._settings.lockstep)
-        self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space)
+        resume_within = None if self._settings.autostart else self._settings.resume_within
+        self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space, resume_within)
         self._first_task = make_task(self._robot.task_space)
         self._asked: np.ndarray | None = None  # dx of the newest step
         self._tip: tuple[np.ndarray, np.ndarray] | None = None  # at the newest state
@@ -138,7 +146,14 @@ class PlannerNode(ManagedNode):
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
         lost = self._lost(q) if self._run.is_due else None
+        asking = self._run.state in (RunState.WAITING, RunState.MOVING)
         step = self._run.enter_state(stamp, x, R, time.monotonic(), lost)
+        if asking and self._run.state is RunState.IDLE:
+            self.get_logger().warning(
+                'the robot was started again, or silent for more than '
+                f'{self._settings.resume_within:g} s (resume_within): the task is over; '
+                'planner/start begins it anew'
+            )
         self._asked = None if step is None else step.dx
         if step is not None:
             self._publish(step, R)
