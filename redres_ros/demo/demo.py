@@ -35,6 +35,7 @@ SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _LOOK = 0.02  # [s] between looks at the state of things
+_ANSWER = 30.0  # [s] for the answer of a node that is there, and may stall
 
 
 class Demo:
@@ -101,7 +102,7 @@ class Demo:
                 remember_files([os.getpid(), *(node.pid for node in self._crew.nodes)])
                 if self.options.mcap:
                     self._node_parameters = {
-                        f'/{name}': read_parameters(onlooker, name) for name in NODES
+                        f'/{name}': read_parameters(onlooker, name, _ANSWER) for name in NODES
                     }
                 self._run_task(onlooker, progress)
                 if self.options.duration:
@@ -127,9 +128,11 @@ class Demo:
             time.sleep(_LOOK)
 
     def _ready(self, onlooker: Onlooker) -> bool:
-        """Whether the task may begin: the robot is in command mode, or, in lock-step, waits for its
-        first answer.
+        """Whether the task may begin: the planner is there and the robot in command mode, or, in
+        lock-step, waits for its first answer.
         """
+        if not onlooker.count_services('planner/start'):
+            return False
         if self.options.lockstep:
             topics = ('joint_command', 'cartesian_velocity')
             return bool(onlooker.newest) and all(map(onlooker.count_publishers, topics))
@@ -147,7 +150,8 @@ class Demo:
                 return
             t = (onlooker.newest - onlooker.began) / 1e9
             while switches and t >= switches[0][1]:
-                set_parameters(onlooker, 'controller', {'law': switches.pop(0)[0]})
+                law, _ = switches.pop(0)
+                set_parameters(onlooker, 'controller', {'law': law}, _ANSWER)
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
         time.sleep(SETTLING)
@@ -156,7 +160,7 @@ class Demo:
         """Wait until the planner has begun, or the robot is stopped."""
         before = onlooker.began
         until = time.monotonic() + START_PATIENCE
-        call(onlooker, Trigger, 'planner/start', Trigger.Request())
+        call(onlooker, Trigger, 'planner/start', Trigger.Request(), _ANSWER)
         while onlooker.began == before and not onlooker.word(REASON):
             self._check(onlooker)
             if time.monotonic() > until:

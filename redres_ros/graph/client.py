@@ -19,11 +19,12 @@ class CallError(RedresError):
     """A service that is not there, does not answer, or says no."""
 
 
+PATIENCE = 5.0  # [s] for a service to be found, and for its answer
 _ASK_AGAIN = 1.0  # [s]
 _LOOK = 0.001  # [s] between looks at whether an answer has come
 
 
-def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.0) -> Any:
+def call(node: Node, kind: type, service: str, request: Any, timeout: float = PATIENCE) -> Any:
     """The response of a service.
 
     A server drops the answer to a client that it has not discovered yet, so the request is made
@@ -46,7 +47,7 @@ def call(node: Node, kind: type, service: str, request: Any, timeout: float = 5.
         node.destroy_client(client)
 
 
-def ask(client: Client, request: Any, timeout: float = 5.0) -> Any:
+def ask(client: Client, request: Any, timeout: float = PATIENCE) -> Any:
     """The response to a client that stays, as with `call`.
 
     Args:
@@ -87,19 +88,22 @@ def _first(futures: Sequence[Future], until: float) -> Any:
     return None
 
 
-def set_parameters(node: Node, of: str, values: Mapping[str, Any]) -> None:
+def set_parameters(
+    node: Node, of: str, values: Mapping[str, Any], timeout: float = PATIENCE
+) -> None:
     """Set all parameters of another node or none.
 
     Args:
         node: Asks; must be spun by somebody else.
         of: Name of the other node.
         values: By the names of the parameters.
+        timeout: How long to wait for the node, and for its answer [s].
 
     Raises:
         CallError: The node does not answer, or refuses, with its reason.
     """
     service = f'{of}/set_parameters_atomically'
-    check_set(of, call(node, SetParametersAtomically, service, setting(values)))
+    check_set(of, call(node, SetParametersAtomically, service, setting(values), timeout))
 
 
 def setting(values: Mapping[str, Any]) -> SetParametersAtomically.Request:
@@ -119,17 +123,18 @@ def check_set(of: str, response: SetParametersAtomically.Response) -> None:
         raise CallError(f'{of} refused: {response.result.reason}')
 
 
-def read_parameters(node: Node, of: str) -> dict[str, Any]:
+def read_parameters(node: Node, of: str, timeout: float = PATIENCE) -> dict[str, Any]:
     """All parameters of another node that have a value.
 
     Args:
         node: Asks; must be spun by somebody else.
         of: Name of the other node.
+        timeout: How long to wait for the node, and for each answer [s].
 
     Raises:
         CallError: The node does not answer.
     """
-    read = parameters_of(of, partial(call, node))
+    read = parameters_of(of, partial(call, node, timeout=timeout))
     return {name: _plain(value) for name, value in read.items()}
 
 

@@ -151,7 +151,10 @@ class Watchdog:
 
     def feed(self) -> None:
         """A message has come."""
-        self._last = time.monotonic()
+        now = time.monotonic()
+        if now - self._last > self._timeout:
+            self._last_silence = now  # which the timer may have missed, where the machine stalls
+        self._last = now
         self.silent = False
 
     def _look(self) -> None:
