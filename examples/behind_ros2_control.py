@@ -37,9 +37,8 @@ class Robot(Node):
         self.period = 1.0 / rate
         self.q = task.start
         self.names = [GRIPPER[0], *RobotModel.named(task.robot).joint_names, GRIPPER[1]]
-        self.states = 0  # sent since the first command came
-        self.commands = 0
-        self.way: list[np.ndarray] = []  # positions asked for, one for each command
+        self.states = 0  # sent since the arm began to move
+        self.way: list[np.ndarray] = []  # positions asked for since then, one for each command
         self.random = random.Random(0)
         self.publisher = self.create_publisher(JointState, 'joint_states', 10)
         self.create_subscription(
@@ -48,9 +47,10 @@ class Robot(Node):
 
     def on_command(self, message: Float64MultiArray) -> None:
         """The arm is where it is told to be."""
+        before = self.q
         self.q = np.array(message.data)
-        self.way.append(self.q)
-        self.commands += 1
+        if self.way or not np.array_equal(self.q, before):
+            self.way.append(self.q)
 
     def publish_state(self) -> None:
         """A state, stamped a little too early or too late."""
@@ -60,14 +60,18 @@ class Robot(Node):
         stamp = self.get_clock().now() + rclpy.duration.Duration(seconds=jitter)
         message.header.stamp = stamp.to_msg()
         self.publisher.publish(message)
-        self.states += self.commands > 0
+        self.states += bool(self.way)
 
 
 def run(robot: Robot, seconds: float) -> None:
-    """One cycle after the other; after being held up, in no burst."""
-    begin = time.monotonic()
-    due = begin
-    while due < begin + seconds:
+    """One cycle after the other until so much time has passed in motion.
+
+    Args:
+        robot: After being held up it goes on in no burst.
+        seconds: How long.
+    """
+    due = time.monotonic()
+    while robot.states * robot.period < seconds:
         robot.publish_state()
         due = max(due + robot.period, time.monotonic())
         while time.monotonic() < due:
@@ -75,7 +79,7 @@ def run(robot: Robot, seconds: float) -> None:
 
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument('--seconds', type=float, default=20.0)
+parser.add_argument('--seconds', type=float, default=20.0, help='of motion')
 parser.add_argument('--rate', type=float, default=100.0, help='cycles per second')
 options = parser.parse_args()
 
@@ -83,7 +87,7 @@ rclpy.init()
 robot = Robot(options.rate)
 with contextlib.suppress(KeyboardInterrupt):
     run(robot, options.seconds)
-print(f'answered {100.0 * robot.commands / max(robot.states, 1):.1f} % of {robot.states} states')
+print(f'answered {100.0 * len(robot.way) / max(robot.states, 1):.1f} % of {robot.states} states')
 if robot.way:
     moved = float(np.abs(robot.way[-1] - robot.way[0]).max())
     print(f'one joint has moved by {moved:.3f} rad')

@@ -1,7 +1,7 @@
 """Fixtures that several test files share, and what spares time."""
 
 import os
-import re
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +22,12 @@ settings.load_profile('untimed')
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have the limits compiled before tests that wait for a node, and by one process alone."""
+    """Have the limits compiled before tests that wait for a node, and by one process alone.
+
+    A shell's background jobs are born deaf to Ctrl-C, and so would be what the tests start there.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, 'workerinput'):
         import redres_ros.limits  # noqa: F401
 
@@ -31,10 +36,9 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """Whether all tests of a file are left out anyway: then what they import need not be loaded."""
     if not collection_path.name.startswith('test_') or collection_path.suffix != '.py':
         return None
-    marks = re.findall(r'mark\.(\w+)', collection_path.read_text(encoding='utf-8'))
-    if config.option.markexpr == 'realtime' and 'realtime' not in marks:
-        return True
     text = collection_path.read_text(encoding='utf-8')
+    if config.option.markexpr == 'realtime' and 'mark.realtime' not in text:
+        return True
     if config.option.markexpr == 'not slow' and '\npytestmark = pytest.mark.slow\n' in text:
         return True
     return None

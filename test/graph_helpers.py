@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -21,7 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.graph.client import call
+from redres_ros.graph import client
 from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
@@ -34,14 +35,21 @@ from redres_ros.waypoints import load_task
 PERIOD = 2_000_000  # [ns]
 
 N = TypeVar('N', bound=Node)
+State = tuple[int, np.ndarray]  # stamp [ns] and q (n,) [rad]
 
 NAMES = RobotModel.named('lwr4_paper').joint_names
 START = load_task('rectangle').start
 # [rad] that a position may be off where a stream of commands begins anew: a servo's lag, and no
 # more
 JUMP = 0.02
+SLOW = 1e-3  # [rad/s] of an arm at rest
 LATE = 500_000_000  # [ns] at most by which a listener hears one topic later than another
-PATIENCE = 20.0  # [s] for what must happen, on a machine that may stall
+PATIENCE = 60.0  # [s] for what must happen, where a process may take 20 s to start
+
+# As the package has them, with the patience of tests: the node may not be there yet.
+call = partial(client.call, timeout=PATIENCE)
+set_parameters = partial(client.set_parameters, timeout=PATIENCE)
+read_parameters = partial(client.read_parameters, timeout=PATIENCE)
 
 
 class Probe(Node):
@@ -61,6 +69,7 @@ class Probe(Node):
         self.create_subscription(
             JointState, 'joint_command', self._on_answer, QoSProfile(depth=1000)
         )
+        self._asker = self.create_client(GetParameters, 'controller/get_parameters')
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
         """A list that grows by every message on a topic."""
@@ -90,13 +99,26 @@ class Probe(Node):
         return np.array(answer.position), np.array(answer.velocity)
 
     def steer(self, dx: np.ndarray, frame: str = 'world', stamp: int | None = None) -> None:
-        """Publish a task velocity, stamped as the last state unless told otherwise, and give it
-        time to arrive.
+        """Publish a task velocity, stamped as the last state unless told otherwise, and wait until
+        the controller has heard it.
         """
         self._twists.publish(
             to_twist(self.stamp if stamp is None else stamp, frame, np.asarray(dx, dtype=float))
         )
-        time.sleep(0.05)
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until the controller has heard all that was published: it answers in order."""
+        client.ask(self._asker, GetParameters.Request(), PATIENCE)
+
+    def is_answered(self, message: JointState) -> bool:
+        """Send the newest state; whether the controller, once it has heard it, answers."""
+        for _ in range(3):  # one may get lost
+            self.send(message)
+            self.settle()
+            if self.stamp in self.answers:
+                return True
+        return False
 
     def _asked(self, message: JointState) -> bool:
         self._states.publish(message)
@@ -119,7 +141,7 @@ class Witness(Node):
     def __init__(self) -> None:
         super().__init__('witness')
         self.at = 0
-        self.states: list[tuple[int, np.ndarray]] = []  # (stamp, q), in the order of arrival
+        self.states: list[State] = []  # in the order of arrival
         self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
         self.session: list[tuple[int, str]] = []
         self.reasons: list[str] = []
@@ -142,10 +164,8 @@ class Witness(Node):
     @property
     def speed(self) -> float:
         """Largest joint speed between the two newest states [rad/s]; NaN before there are two."""
-        if len(self.states) < 2:
-            return np.nan
-        (before, q_before), (now, q_now) = self.states[-2:]
-        return float(np.abs(q_now - q_before).max()) / ((now - before) / 1e9)
+        newest = self.states[-2:]
+        return speed(*newest) if len(newest) == 2 else np.nan
 
     def await_command_mode(self, beyond: int = 0) -> float:
         """Wait for command mode to begin after a stamp [ns]; how long after it that was on the
@@ -162,8 +182,14 @@ class Witness(Node):
         """Wait for the arm to come to rest; how long after a stamp [ns] that was on the robot's
         clock [s].
         """
-        await_that(lambda: self.speed < 1e-3, 'standstill')
-        return (self.at - beyond) / 1e9
+
+        def began() -> list[int]:
+            """Stamps from which on the arm rests; the next one of a robot that waited may jump."""
+            pairs = pairwise(self.states[-1000:])
+            return [at for (at, q), now in pairs if at >= beyond and speed((at, q), now) < SLOW]
+
+        await_that(lambda: bool(began()), 'standstill')
+        return (began()[0] - beyond) / 1e9
 
     def set_controller(self, **values: Any) -> SetParametersResult:
         """Set parameters of the controller, by a client that stays: quickly, and many times."""
@@ -224,6 +250,11 @@ class Witness(Node):
 
     def _on_session(self, message: String) -> None:
         self.session.append((self.at, message.data))
+
+
+def speed(before: State, now: State) -> float:
+    """Largest joint speed between two states [rad/s]."""
+    return float(np.abs(now[1] - before[1]).max()) / ((now[0] - before[0]) / 1e9)
 
 
 def await_that(

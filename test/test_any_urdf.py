@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import await_that, log_lines, nodes
+from graph_helpers import PATIENCE, await_that, log_lines, nodes
 from std_msgs.msg import String
 from test_urdf import PARTS, urdf
 
@@ -77,7 +77,7 @@ def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_
         log = tmp_path / 'controller.log'
         await_that(lambda: 'waiting for a URDF on /robot_description' in log.read_text(), 'a line')
         os.kill(processes['controller'].pid, signal.SIGTERM)
-        assert processes['controller'].wait(10.0) == 130
+        assert processes['controller'].wait(PATIENCE) == 130
     assert 'Traceback' not in log.read_text()
 
 
@@ -93,6 +93,6 @@ def test_an_arm_that_cannot_be_is_refused_in_one_line(
     node: str, parameters: dict[str, Any], words: tuple[str, ...], tmp_path: Path
 ) -> None:
     with nodes(tmp_path, **{node: parameters}) as (_, processes):
-        assert processes[node].wait(30.0) == 1
+        assert processes[node].wait(PATIENCE) == 1
     [line] = log_lines(tmp_path, node)
     assert all(word in line for word in words), line

@@ -62,7 +62,7 @@ def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
     from redres_ros.demo.processes import NodeProcess, own_domain
 
     with own_domain():
-        robot = NodeProcess('sim', tmp_path / 'sim.log', {})
+        robot = NodeProcess('sim', tmp_path / 'sim.log', {'patience': 60.0})
         try:
             [height] = numbers(run('law_behind_your_node'))
         finally:
@@ -95,9 +95,12 @@ def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
     from redres_ros.demo.processes import NodeProcess, own_domain
 
     with own_domain():
-        nodes = [NodeProcess(name, tmp_path / f'{name}.log', {}) for name in ('sim', 'controller')]
+        nodes = [
+            NodeProcess('sim', tmp_path / 'sim.log', {'patience': 60.0}),
+            NodeProcess('controller', tmp_path / 'controller.log', {}),
+        ]
         try:
-            behind, change = run('visual_servoing', '--seconds', '8').splitlines()
+            behind, change = run('visual_servoing', '--seconds', '6').splitlines()
         finally:
             for node in nodes:
                 node.end()
@@ -133,13 +136,13 @@ def test_behind_ros2_control_the_controller_answers_and_moves_the_arm(
             for name, values in own.items()
         ]
         try:
-            answered, moved = run('behind_ros2_control', '--seconds', '9').splitlines()
+            answered, moved = run('behind_ros2_control', '--seconds', '4').splitlines()
         finally:
             for node in nodes:
                 node.end()
     share, states = numbers(answered)
     assert share > 50.0  # 99.4 beside ten other processes; in bad moments a machine stalls for long
-    assert states > 300
-    assert numbers(moved)[0] > 0.3
+    assert states == 400
+    assert numbers(moved)[0] > 0.1
     log = (tmp_path / 'controller.log').read_text()
     assert log.count('ignoring gripper_left_joint, gripper_right_joint') == 1

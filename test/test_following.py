@@ -298,6 +298,35 @@ def test_an_arm_that_does_not_follow_makes_the_controller_begin_anew_and_say_why
     np.testing.assert_allclose(answer.command.q_ref, robot.references[-2] + 0.2, atol=0.01)
 
 
+def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told() -> None:
+    tolerance = 0.01  # [rad]
+    robot = make(switch_time=0.02, following_tolerance=tolerance)
+    gaps = []
+    for _ in range(150):
+        robot.q = START  # somebody has stopped it without a word
+        robot.ask()
+        gaps.append(np.abs(robot.q - START).max())
+        robot.steer(np.array((0.0, 0.2, 0.0)))
+    step = max(np.abs(np.diff(robot.references, axis=0)).max(), 0.002)
+    assert tolerance / 2.0 < max(gaps) < tolerance + step
+    assert gaps.index(max(gaps)) < 140  # it began anew
+
+
+@pytest.mark.parametrize('jump', [10, -10])  # [s]
+def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the_arm_is(
+    jump: int,
+) -> None:
+    robot = make()
+    robot.follow(300)
+    moving = robot.q
+    stamp = robot.stamp + jump * 10**9
+    answer = robot.following.enter_state(stamp, moving, robot.now + 0.6)
+    assert answer is not None
+    # At most the first share of a blend from standing still.
+    np.testing.assert_allclose(answer.command.q_ref, moving, rtol=0.0, atol=1e-6)
+    assert speed(answer) < 1e-3
+
+
 # --- task velocities that are not as they should be -----------------------------------------------
 
 

@@ -144,8 +144,6 @@ class Interrupt:
         if name == {module!r}:
             os.kill(os.getpid(), signal.SIGINT)
 
-# A shell's background jobs are born deaf to SIGINT, and so would be what the tests start there.
-signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.meta_path.insert(0, Interrupt())
 """
 

@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,14 +19,13 @@ from graph_helpers import PATIENCE
 
 pytestmark = pytest.mark.realtime
 
-CUT = 1.0  # [s]
 ROS = {
     'ROS_DOMAIN_ID': '7',
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
 }  # the namespaces are ours alone
 PARAMETERS = (
     'rate:=100.0',
-    'patience:=0.0',
+    'patience:=2.0',
     'bridged_misses:=35',
     'dynamics:=identified',
     'autostart:=true',
@@ -154,7 +152,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
     assert process.wait(PATIENCE) == 0
 
 
-def test_a_cable_cut_for_a_second_stops_the_arm_and_reset_brings_it_back(
+def test_a_cable_that_is_cut_stops_the_arm_and_reset_brings_it_back(
     hosts: tuple[str, str], tmp_path: Path
 ) -> None:
     robot, client = hosts
@@ -166,10 +164,9 @@ def test_a_cable_cut_for_a_second_stops_the_arm_and_reset_brings_it_back(
         assert float(observer.ask('await command')) > 0.0
         assert observer.ask('await motion') == 'moves'
         run('ip', '-n', robot, 'link', 'set', 'cable', 'down')
-        time.sleep(CUT)
+        assert 'timing' in observer.ask('await stop')
         run('ip', '-n', robot, 'link', 'set', 'cable', 'up')
         run('ip', '-n', robot, 'route', 'replace', 'default', 'dev', 'cable')  # went with the link
-        assert 'timing' in observer.ask('await stop')
         observer.ask('await rest')
         assert 0.0 < float(observer.ask('reset')) < RECOVERY
         assert observer.ask('await motion') == 'moves'

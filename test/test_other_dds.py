@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import NAMES
+from graph_helpers import NAMES, PATIENCE
 
 from redres_ros.demo.processes import NodeProcess, own_domain
 
@@ -28,7 +28,10 @@ SCRIPT = Path(__file__).with_name('other_dds.py')
 
 def test_without_ros_it_hears_states_and_commands_and_steers_the_arm(tmp_path: Path) -> None:
     with own_domain() as domain:
-        nodes = [NodeProcess(name, tmp_path / f'{name}.log', {}) for name in ('sim', 'controller')]
+        nodes = [
+            NodeProcess('sim', tmp_path / 'sim.log', {'patience': PATIENCE}),
+            NodeProcess('controller', tmp_path / 'controller.log', {}),
+        ]
         try:
             done = subprocess.run(
                 [sys.executable, str(SCRIPT), str(domain), '1000'],

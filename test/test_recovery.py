@@ -1,16 +1,14 @@
 """What happens when a part of the graph fails or misbehaves while the arm moves, and how it comes
 back.
 
-Real nodes over real DDS. At 100 Hz, so that what is tested is the fault and not the machine: it may
-stall for 350 ms, and for seconds where nothing is to stop the robot, which then waits for a late
-answer. Times of recovery are those of the robot's clock. With REDRES_NIGHTLY=1 the long ones take
-as long as they should.
+Real nodes over real DDS. At 100 Hz, and the robot's clock stands still for a late answer, so that
+what is tested is the fault and not the machine. Times of recovery are those of that clock. What a
+robot does that waits for nobody is told in virtual time (test_fault_matrix.py). With
+REDRES_NIGHTLY=1 the long ones take as long as they should.
 """
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,13 +21,22 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import PATIENCE, START, Probe, Witness, await_that, graph, log_lines, nodes
+import rclpy
+from graph_helpers import (
+    PATIENCE,
+    START,
+    Witness,
+    await_that,
+    graph,
+    log_lines,
+    set_parameters,
+)
 from nightly import NIGHTLY
+from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import String
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.graph.client import set_parameters
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -38,8 +45,9 @@ pytestmark = pytest.mark.realtime
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
+STALL = 2.0  # [s] for which the robot waits for an answer before it counts cycles as missed
 OWN = {
-    'sim': {'bridged_misses': BRIDGED, 'patience': 0.0},
+    'sim': {'bridged_misses': BRIDGED, 'patience': STALL},
     'controller': {'restart_after': BRIDGED},
     'planner': {'autostart': True},
 }
@@ -68,8 +76,9 @@ class Graph(NamedTuple):
         assert [state for _, state in self.witness.session if state == 'CMD'] == ['CMD']
 
     def lines(self, name: str, words: str) -> int:
-        """How many lines of a node's log hold these words."""
-        return sum(words in line for line in log_lines(self.directory, name))
+        """How many lines of the logs of all processes of a node hold these words."""
+        logs = self.directory.glob(f'{name}*.log')
+        return sum(words in line for log in logs for line in log.read_text().splitlines())
 
     def kill(self, name: str) -> None:
         """SIGKILL: no last words."""
@@ -129,49 +138,36 @@ def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
     assert not any('Traceback' in path.read_text() for path in directory.glob('*.log'))
 
 
-def goes_on(witness: Witness) -> bool:
-    """The arm moves in command mode again."""
-    witness.await_motion()
-    return witness.commanding
+def await_going_on(witness: Witness) -> None:
+    """Wait until the arm moves in command mode again."""
+    await_that(lambda: witness.commanding and witness.speed > 0.02, 'motion in command mode')
 
 
 # --- parts that fail ------------------------------------------------------------------------------
 
 
+@pytest.fixture(scope='class')
+def moving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """The arm moves."""
+    with moving_graph(tmp_path_factory.mktemp('moving')) as shared:
+        yield shared
+
+
 class TestStopped:
-    """What stops a robot that is as strict as a real one, and lets reset bring it back. These tests
-    share one graph.
-    """
+    """What stops the robot, and lets reset bring it back. These tests share one graph."""
 
-    @pytest.fixture(scope='class')
-    def moving(self, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-        with moving_graph(tmp_path_factory.mktemp('stopped')) as shared:
-            yield shared
-
-    def test_states_that_stop_for_a_second_stop_the_arm_and_reset_lets_it_go_on(
-        self, moving: Graph
-    ) -> None:
+    def test_states_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(self, moving: Graph) -> None:
         witness = moving.witness
         set_parameters(witness, 'sim', {'state_loss': 1.0})
-        time.sleep(1.0)
-        set_parameters(witness, 'sim', {'state_loss': 0.0})
         moving.await_stop('timing')
+        set_parameters(witness, 'sim', {'state_loss': 0.0})
         for name in ('controller', 'planner'):
             await_that(
                 lambda name=name: moving.lines(name, 'joint_states is back') > 0, 'the states'
             )
         witness.await_standstill(witness.at)
         assert witness.reset() < RECOVERY
-        assert goes_on(witness)
-        for name in (
-            'controller',
-            'planner',
-        ):  # the first silence is that before the sim was there; stalls may add some
-            assert (
-                moving.lines(name, 'no joint_states')
-                == moving.lines(name, 'joint_states is back')
-                < 10
-            )
+        await_going_on(witness)
         assert moving.lines('sim', 'timing') == 1
 
     def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(
@@ -184,7 +180,26 @@ class TestStopped:
         assert witness.await_standstill(lost) < STANDSTILL
         set_parameters(witness, 'sim', {'command_loss': 0.0})
         assert witness.reset() < RECOVERY
-        assert goes_on(witness)
+        await_going_on(witness)
+
+    def test_a_robot_that_starts_again_is_followed_without_restarting_anything(
+        self, moving: Graph
+    ) -> None:
+        witness = moving.witness
+        witness.assert_all_was_well()
+        silences = moving.lines('controller', 'no joint_states')
+        moving.kill('sim')
+        await_that(lambda: moving.lines('controller', 'no joint_states') > silences, 'the silence')
+        witness.states.clear()
+        witness.commands.clear()
+        killed = witness.at
+        moving.processes['sim'] = moving.start('sim')
+        witness.await_command_mode(killed + 1)
+        await_that(lambda: len(witness.states) > 1 and bool(witness.commands), 'the new robot')
+        await_going_on(witness)
+        assert not log_lines(moving.directory, 'sim_2')
+        moving.processes['controller'].check()
+        moving.processes['planner'].check()
 
     def test_of_two_controllers_neither_moves_the_arm(self, moving: Graph) -> None:
         witness = moving.witness
@@ -200,7 +215,7 @@ class TestStopped:
             lambda: moving.lines('sim', 'joint_command accepted again') == 1, 'one controller'
         )
         assert witness.reset() < RECOVERY
-        assert goes_on(witness)
+        await_going_on(witness)
 
     def test_a_controller_that_was_killed_is_succeeded_by_another_one(self, moving: Graph) -> None:
         witness = moving.witness
@@ -213,108 +228,39 @@ class TestStopped:
         await_that(lambda: len(witness.commands) > commands, 'answers')
         assert not witness.commanding  # before somebody has seen to it
         assert witness.reset() < RECOVERY
-        assert goes_on(witness)
-
-
-@pytest.fixture
-def moving(tmp_path: Path) -> Iterator[Graph]:
-    """A graph of the test's own, whose robot is as strict as a real one."""
-    with moving_graph(tmp_path) as graph_of_its_own:
-        yield graph_of_its_own
-
-
-def test_a_robot_that_starts_again_is_followed_without_restarting_anything(moving: Graph) -> None:
-    witness = moving.witness
-    witness.assert_all_was_well()
-    moving.kill('sim')
-    time.sleep(0.5)  # for its last messages
-    witness.states.clear()
-    witness.commands.clear()
-    killed = witness.at
-    moving.start('sim')
-    witness.await_command_mode(killed + 1)
-    await_that(lambda: len(witness.states) > 1 and bool(witness.commands), 'the new robot')
-    assert goes_on(witness)
-    assert not log_lines(moving.directory, 'sim_2')
-    moving.processes['controller'].check()
-    moving.processes['planner'].check()
-
-
-def test_a_clock_that_jumps_makes_the_controller_begin_anew_from_where_the_arm_is(
-    tmp_path: Path,
-) -> None:
-    with nodes(tmp_path, controller={'switch_time': 0.1, 'command_timeout': 5.0}) as (probe, _):
-        q = START
-        for jump in (10.0, -10.0, 0.5):  # [s]
-            q = cruise(probe, q)
-            if abs(jump) > 1.0:
-                time.sleep(0.6)  # a robot that starts again is silent before
-            probe.stamp += round(jump * 1e9)
-            q_ref, dq = probe.ask(q)
-            np.testing.assert_allclose(
-                q_ref, q, rtol=0.0, atol=1e-4
-            )  # the first share of a blend from standing still
-            assert np.abs(dq).max() < 1e-3
-    assert not any('refused' in line for line in log_lines(tmp_path, 'controller'))
-
-
-def cruise(probe: Probe, q: np.ndarray) -> np.ndarray:
-    """The position after as many ticks as it takes to get going."""
-    for tick in range(55):
-        if tick % 10 == 0:
-            probe.steer(np.array((0.0, 0.1, 0.0)))
-        q, dq = probe.ask(q)
-    assert np.abs(dq).max() > 0.02
-    return q
-
-
-def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told(tmp_path: Path) -> None:
-    tolerance = 0.01  # [rad]
-    settings = {'switch_time': 0.02, 'following_tolerance': tolerance, 'command_timeout': 5.0}
-    with nodes(tmp_path, controller=settings) as (probe, _):
-        gaps = []
-        for tick in range(150):  # some stopped it without a word
-            if tick % 10 == 0:
-                probe.steer(np.array((0.0, 0.2, 0.0)))
-            q_ref, dq = probe.ask(START)
-            gaps.append(np.abs(q_ref - START).max())
-        assert (
-            tolerance / 2.0 < max(gaps) < tolerance + 0.002 * np.abs(dq).max() + 0.002
-        )  # and one more step
-        assert gaps.index(max(gaps)) < 140  # it began anew
-    lines = sum('does not follow' in line for line in log_lines(tmp_path, 'controller'))
-    assert 1 <= lines < 5  # at most one in five seconds, not one a tick
+        await_going_on(witness)
 
 
 # --- computers that stall -------------------------------------------------------------------------
 
-# A process that looks at the parameters of all nodes, as `ros2 param list` does.
-JOINING = """
-import time, rclpy
-from rclpy.parameter_client import AsyncParameterClient
-rclpy.init()
-node = rclpy.create_node('joining')
-clients = [AsyncParameterClient(node, name) for name in ('sim', 'controller', 'planner')]
-until = time.monotonic() + 20.0
-while not all(client.services_are_ready() for client in clients) and time.monotonic() < until:
-    rclpy.spin_once(node, timeout_sec=0.1)
-node.destroy_node()
-rclpy.shutdown()
-"""
+
+@contextmanager
+def joined() -> Iterator[None]:
+    """A participant that looks for the parameters of all nodes, as `ros2 param list` does."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('joining', context=context)
+    try:
+        clients = [AsyncParameterClient(node, name) for name in ('sim', 'controller', 'planner')]
+        await_that(lambda: all(client.services_are_ready() for client in clients), 'the services')
+        yield
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_command_mode(
     tmp_path: Path,
 ) -> None:
     with graph(Witness) as (witness, start):
-        start('sim', tmp_path / 'sim.log')
+        start('sim', tmp_path / 'sim.log', **ALL, patience=STALL)
         await_that(lambda: bool(witness.states), 'the robot')
-        start('controller', tmp_path / 'controller.log')
+        start('controller', tmp_path / 'controller.log', **ALL)
         witness.await_command_mode()
-        start('planner', tmp_path / 'planner.log', autostart=True)
+        start('planner', tmp_path / 'planner.log', **ALL, autostart=True)
         for _ in range(2):
-            subprocess.run([sys.executable, '-c', JOINING], check=True, timeout=60.0)
-        witness.await_motion()
+            with joined():
+                witness.await_motion()
         assert [state for _, state in witness.session] == ['MON', 'CMD']
         assert not any(witness.reasons)
 
@@ -363,14 +309,15 @@ def test_a_law_switched_in_every_tick_keeps_to_the_task_and_the_limits() -> None
 # --- what the robot bears -------------------------------------------------------------------------
 
 
+@pytest.fixture(scope='class')
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """The arm moves, and goes on moving."""
+    with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
+        yield shared
+
+
 class TestUndisturbed:
     """What does not stop a robot that waits for answers. These tests share one graph."""
-
-    @pytest.fixture(scope='class')
-    def undisturbed(self, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-        """The arm moves, and goes on moving."""
-        with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
-            yield shared
 
     def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(
         self, undisturbed: Graph
@@ -380,7 +327,7 @@ class TestUndisturbed:
         assert witness.await_standstill(witness.at) < STANDSTILL
         undisturbed.assert_undisturbed()
         undisturbed.processes['planner'] = undisturbed.start('planner')
-        assert goes_on(witness)
+        await_going_on(witness)
         undisturbed.assert_undisturbed()
 
     def test_a_controller_that_stalls_for_half_a_second_is_waited_for(
@@ -405,7 +352,7 @@ class TestUndisturbed:
         witness = undisturbed.witness
         random = np.random.default_rng(0)
         refused = 0
-        sets = 10_000 if NIGHTLY else 1000
+        sets = 10_000 if NIGHTLY else 300
         for _ in range(sets):
             if random.random() < 0.5:
                 good = {
@@ -429,10 +376,6 @@ class TestUndisturbed:
     def test_a_law_switched_as_fast_as_the_graph_can_moves_the_arm_softly(
         self, undisturbed: Graph
     ) -> None:
-        until = time.monotonic() + (60.0 if NIGHTLY else 3.0)
-        switches = 0
-        while time.monotonic() < until:
-            assert undisturbed.witness.set_controller(law=GENTLE[switches % len(GENTLE)]).successful
-            switches += 1
-        assert switches > 100
+        for switch in range(20_000 if NIGHTLY else 300):
+            assert undisturbed.witness.set_controller(law=GENTLE[switch % len(GENTLE)]).successful
         undisturbed.assert_undisturbed()

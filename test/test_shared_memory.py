@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import Probe, await_that, graph
+from graph_helpers import PATIENCE, Probe, await_that, graph
 from sensor_msgs.msg import JointState
 
 from redres_ros.demo.processes import NodeProcess, own_domain, remember_files
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 def await_files(process: NodeProcess) -> set[str]:
     """What a node uses once it listens."""
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + PATIENCE
     used: set[str] = set()
     while time.monotonic() < until and sum('port' in name for name in used) < 2:
         process.check()
@@ -78,7 +78,7 @@ def test_what_was_killed_is_tidied_up_at_the_next_start_in_its_domain(tmp_path: 
         used = await_files(node)
         remember_files([node.pid])
         os.kill(node.pid, signal.SIGKILL)
-        node.wait(10.0)
+        node.wait(PATIENCE)
         assert left(used)
         with own_domain(domain):
             assert left(used) == set()

@@ -12,13 +12,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import Probe, await_that, graph
+from graph_helpers import PATIENCE, Probe, await_that, call, graph
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from redres_ros.graph.client import call
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -52,7 +51,7 @@ def robot(namespace: str, arm: str, log: Path) -> Iterator[None]:
         yield
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(20.0)
+        process.wait(PATIENCE)
 
 
 def law_of_left(name: str) -> subprocess.CompletedProcess[str]:
@@ -61,7 +60,7 @@ def law_of_left(name: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, '-m', 'redres_ros.cli', 'law', name, '--namespace', 'left'],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
     )
 

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 pytest.importorskip('viser', reason='needs the extra view')
 
-from graph_helpers import await_that, graph
+from graph_helpers import PATIENCE, await_that, graph, read_parameters
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
@@ -27,7 +27,7 @@ from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
 from redres_ros.errors import ArrayError
 from redres_ros.graph import live_arm
-from redres_ros.graph.client import CallError, read_parameters
+from redres_ros.graph.client import CallError
 from redres_ros.graph.judge import Judge
 from redres_ros.graph.onlooker import PLANNER, Onlooker
 from redres_ros.graph.sampling import Sampler
@@ -91,7 +91,7 @@ def server() -> Iterator[Any]:
 
 
 def ask(server: Any, **headers: str) -> Any:
-    connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=5.0)
+    connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=PATIENCE)
     connection.request('GET', '/', headers={key.replace('_', '-'): v for key, v in headers.items()})
     response = connection.getresponse()
     response.read()

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from virtual_graph import Fault, VirtualRun, virtual_run
+from wire_faults import off
 
 from redres_ros.share import share_path
 from redres_ros.task_run import RunState
@@ -114,6 +115,31 @@ def test_after_missed_states_the_velocity_makes_up_for_those_cycles_and_for_noth
     assert peak(accelerations('none', state=lost)) < 1.1 * (missed + 1) * undisturbed
 
 
+def test_silence_of_the_states_is_told_once_and_its_end_too() -> None:
+    loop = {'rate': 100.0}
+    sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+    controller = {**loop, 'state_timeout': 0.5}
+    with virtual_run(sim=sim, controller=controller, planner=loop) as run:
+        wire = ('joint_states', 'controller')
+
+        def told() -> list[str]:
+            words = ('no joint_states', 'joint_states is back')
+            return [line for _, line in run.graph.log if line.startswith(words)]
+
+        run.run(1.0)
+        assert told() == []
+        run.graph.faults[wire] = off()
+        run.run(1.0)
+        del run.graph.faults[wire]
+        run.run(0.015)  # a state or two do not end it
+        run.graph.faults[wire] = off()
+        run.run(2.0)
+        assert told() == ['no joint_states for 0.5 s']
+        del run.graph.faults[wire]
+        run.run(2.0)
+        assert told() == ['no joint_states for 0.5 s', 'joint_states is back']
+
+
 @pytest.fixture
 def resting() -> Iterator[VirtualRun]:
     """A robot in command mode whose planner waits to be started."""
@@ -151,8 +177,25 @@ def test_a_start_on_a_stopped_robot_is_refused_with_the_reason_and_the_remedy(
     resting.graph.call('sim/reset')
     assert resting.run_until(lambda: resting.commanding, 2.0)
     assert resting.graph.call('planner/start').success
-    resting.run(0.5)
+
+
+def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(
+    resting: VirtualRun,
+) -> None:
+    resting.graph.kept['cartesian_velocity'] = []
+
+    def speed() -> float:
+        _, twist = resting.graph.kept['cartesian_velocity'][-1]
+        linear = twist.twist.linear
+        return float(np.linalg.norm((linear.x, linear.y, linear.z)))
+
+    assert 'begins' in resting.graph.call('planner/start').message
+    resting.run(1.0)
+    under_way = speed()
+    assert under_way > 0.1
     assert 'under way already' in resting.graph.call('planner/start').message
+    resting.run(0.01)
+    assert speed() == pytest.approx(under_way, rel=0.1)
 
 
 @pytest.mark.parametrize(('silence', 'goes_on'), [(1.5, True), (2.5, False)])

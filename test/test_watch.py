@@ -150,7 +150,8 @@ def test_it_hears_the_nodes_and_tells_of_their_end(tmp_path) -> None:
     from redres_ros.demo.processes import NodeProcess, own_domain
 
     with own_domain() as domain:
-        nodes = [NodeProcess(name, tmp_path / name, {}) for name in ('controller', 'sim')]
+        loop = {'rate': 100.0}
+        nodes = [NodeProcess(name, tmp_path / name, loop) for name in ('controller', 'sim')]
         try:
             done = looked_until_heard(domain, 'CMD', 'joint velocity', 'lwr_a3_joint')
         finally:
