@@ -162,7 +162,7 @@ def test_lockstep_with_physics_is_the_same_to_the_last_bit_in_three_processes_an
     np.testing.assert_array_equal(motion(tmp_path / 'three'), motion(tmp_path / 'one'))
 
 
-POINTS = 5 if NIGHTLY else 3  # of the paper's task, in real time
+POINTS = 4 if NIGHTLY else 3  # of the paper's task, in real time
 # The second one between these times [s].
 LAWS_ON_THE_WAY = ('minimum_acceleration', 'minimum_velocity')
 SWITCHES = ('--switch', 'minimum_velocity@0.5', '--switch', 'minimum_acceleration@1.2')
