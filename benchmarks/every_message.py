@@ -11,17 +11,14 @@ import sys
 import tempfile
 import threading
 import time
-from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections import defaultdict, deque
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Float64MultiArray
-from visualization_msgs.msg import MarkerArray
 
 from redres_ros.bench.loop import PARAMETERS
 from redres_ros.demo.processes import NodeProcess, own_domain
@@ -33,8 +30,7 @@ from redres_ros.nodes.runtime import spun
 
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way
 NAMES = {f'/{topic.removeprefix("/")}': kind for topic, kind in TOPICS.items()}
-AHEAD = 50  # messages among which the next one is sought
-PADDED = (Float64MultiArray, DiagnosticArray, MarkerArray)  # inside, and with anything
+LATE = 500_000_000  # [ns] from what a node said to its publication, at most
 NODES = ('planner', 'controller', 'sim')
 
 
@@ -46,6 +42,13 @@ class Span(NamedTuple):
     begin: int
     end: int
     share: float
+
+
+class Said(NamedTuple):
+    """A message: when it was said, by the monotonic clock [ns], and its content."""
+
+    time: int
+    content: str
 
 
 class Topic(NamedTuple):
@@ -62,10 +65,11 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument('--rate', type=float, default=500.0)
     parser.add_argument('--topics', default='')
     options = parser.parse_args(arguments)
-    out = Path(tempfile.mkdtemp())
     wanted = tuple(filter(None, options.topics.split(',')))
-    span = record(out, options.seconds, options.rate, wanted)
-    topics = compare(out, span)
+    with tempfile.TemporaryDirectory() as directory:
+        out = Path(directory)
+        span = record(out, options.seconds, options.rate, wanted)
+        topics = compare(out, span)
     for name, topic in sorted(topics.items()):
         print(f'{name}: {topic.said} said, {topic.lost} lost')
     said = sum(topic.said for topic in topics.values())
@@ -136,59 +140,68 @@ def compare(out: Path, span: Span) -> dict[str, Topic]:
         out: Directory with tapes and file.
         span: What counts.
     """
+    since = time.time_ns() - time.monotonic_ns()
     heard = defaultdict(list)
     with (out / 'run.mcap').open('rb') as stream:
         for _, channel, message in make_reader(stream).iter_messages():
             if channel.topic in NAMES:
-                heard[channel.topic].append(_content(channel.topic, message.data))
+                content = _content(channel.topic, message.data)
+                heard[channel.topic].append(Said(message.publish_time - since, content))
     topics = {}
     for node in NODES:
         said = defaultdict(list)
         for entry in read_tape(out / f'{node}.tape'):
             if not entry.heard and span.begin <= entry.time < span.end:
                 topic = f'/{entry.topic.removeprefix("/")}'
-                said[topic].append(_content(topic, entry.data))
+                said[topic].append(Said(entry.time, _content(topic, entry.data)))
         for topic, each in said.items():
             topics[f'{topic} of {node}'] = Topic(len(each), missing(each, heard[topic]))
     return topics
 
 
-def _content(topic: str, data: bytes) -> bytes:
-    """What a message says, without what fills it up to whole words on the wire.
+def _content(topic: str, data: bytes) -> str:
+    """What a message says, without what fills it up to whole words on the wire: that is anything.
 
     Args:
         topic: Its name, with the slash.
         data: As it was said or heard.
     """
-    kind = NAMES[topic]
-    if kind in PADDED:
-        return repr(deserialize_message(data, kind)).encode()
-    return data.rstrip(b'\0')
+    return repr(deserialize_message(data, NAMES[topic]))
 
 
-def missing(said: Sequence[bytes], heard: Sequence[bytes]) -> int:
-    """How many messages of a topic were not heard, in their order, among others before and after.
+def missing(said: Sequence[Said], heard: Sequence[Said]) -> int:
+    """How many messages of a topic were not heard.
 
     Args:
-        said: All of some time, one at least.
-        heard: All that were recorded, and more than those.
+        said: All of some time, in their order.
+        heard: All that were recorded, before and after that time, too.
     """
-    fewest = len(said)
-    for begin, data in enumerate(heard):
-        if data == said[0] and fewest:
-            fewest = min(fewest, _missing_from(begin, said, heard))
-    return fewest
-
-
-def _missing_from(place: int, said: Sequence[bytes], heard: Sequence[bytes]) -> int:
-    """The same, where the first one was heard at a place."""
     count = 0
-    for data in said:
-        try:
-            place = heard.index(data, place, place + AHEAD) + 1
-        except ValueError:
+    waiting = deque(sorted(heard))
+    for message in said:
+        while waiting and waiting[0].time < message.time:
+            waiting.popleft()
+        place = _place_of(message, waiting)
+        if place is None:
             count += 1
+        else:
+            del waiting[place]
     return count
+
+
+def _place_of(message: Said, waiting: Iterable[Said]) -> int | None:
+    """Where the first of its content is that was published in time; None if there is none.
+
+    Args:
+        message: As it was said.
+        waiting: Those that were heard after it was said, in their order.
+    """
+    for place, other in enumerate(waiting):
+        if other.time > message.time + LATE:
+            return None
+        if other.content == message.content:
+            return place
+    return None
 
 
 if __name__ == '__main__':

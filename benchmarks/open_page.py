@@ -58,7 +58,29 @@ def main() -> int:
     """Measure and print."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 5.0
     times = int(sys.argv[2]) if len(sys.argv) > 2 else 5
-    out = Path(tempfile.mkdtemp())
+    with tempfile.TemporaryDirectory() as directory:
+        parts, clicks = measure(Path(directory), seconds, times)
+    open_ = 1e6 * RoundTrips.joined(parts[True]).times.quantile(0.5)
+    closed = 1e6 * RoundTrips.joined(parts[False]).times.quantile(0.5)
+    print(f'median {open_:.0f} us with a page, {closed:.0f} us without: {open_ / closed - 1:+.1%}')
+    for is_open, kept in parts.items():
+        medians = [round(1e6 * part.times.quantile(0.5)) for part in kept]
+        print(f'  {"with" if is_open else "without"}: {json.dumps(medians)}')
+    done = 1e3 * np.array(clicks)
+    print(f'click: median {np.median(done):.0f} ms, largest {done.max():.0f} ms of {CLICKS}')
+    return 0
+
+
+def measure(
+    out: Path, seconds: float, times: int
+) -> tuple[dict[bool, list[RoundTrips]], list[float]]:
+    """Answers by whether a page was open, and how long clicks took [s].
+
+    Args:
+        out: Directory for what the nodes print, and for the tape.
+        seconds: For which answers are timed with and without a page.
+        times: How often.
+    """
     parts: dict[bool, list[RoundTrips]] = {True: [], False: []}
     with own_domain(), graph(out):
         windows = []
@@ -72,15 +94,7 @@ def main() -> int:
     tape = list(read_tape(out / 'robot.tape'))
     for is_open, span in windows:
         parts[is_open].append(RoundTrips.from_tape(1.0 / RATE, tape, span, {}))
-    open_ = 1e6 * RoundTrips.joined(parts[True]).times.quantile(0.5)
-    closed = 1e6 * RoundTrips.joined(parts[False]).times.quantile(0.5)
-    print(f'median {open_:.0f} us with a page, {closed:.0f} us without: {open_ / closed - 1:+.1%}')
-    for is_open, kept in parts.items():
-        medians = [round(1e6 * part.times.quantile(0.5)) for part in kept]
-        print(f'  {"with" if is_open else "without"}: {json.dumps(medians)}')
-    done = 1e3 * np.array(clicks)
-    print(f'click: median {np.median(done):.0f} ms, largest {done.max():.0f} ms of {CLICKS}')
-    return 0
+    return parts, clicks
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """A robot and a listener for tests: real nodes as real processes in a ROS domain of their own."""
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -300,3 +301,10 @@ def nodes(
 def log_lines(directory: Path, name: str) -> list[str]:
     """What a node has printed."""
     return (directory / f'{name}.log').read_text().splitlines()
+
+
+def udp_sockets(pid: int) -> list[list[str]]:
+    """The lines of /proc/net/udp that belong to a process, each as its columns."""
+    links = [os.readlink(path) for path in Path(f'/proc/{pid}/fd').iterdir() if path.is_symlink()]
+    rows = [line.split() for line in Path('/proc/net/udp').read_text().splitlines()[1:]]
+    return [row for row in rows if f'socket:[{row[9]}]' in links]

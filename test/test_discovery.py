@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import Probe, await_that
+from graph_helpers import Probe, await_that, udp_sockets
 from sensor_msgs.msg import JointState
 
 from redres_ros.demo.processes import NodeProcess, own_domain
@@ -49,10 +49,8 @@ def test_another_dds_is_asked_to_stay_on_this_host_too(monkeypatch: pytest.Monke
 
 
 def udp_addresses(pid: int) -> set[str]:
-    """The local addresses of a process's UDP sockets, as /proc/net/udp has them."""
-    links = [os.readlink(path) for path in Path(f'/proc/{pid}/fd').iterdir() if path.is_symlink()]
-    rows = [line.split() for line in Path('/proc/net/udp').read_text().splitlines()[1:]]
-    return {row[1].split(':')[0] for row in rows if f'socket:[{row[9]}]' in links}
+    """The local addresses of a process's UDP sockets, as the kernel writes them."""
+    return {row[1].split(':')[0] for row in udp_sockets(pid)}
 
 
 @pytest.mark.slow

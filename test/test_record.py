@@ -2,6 +2,8 @@
 
 import json
 import re
+import signal
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -17,7 +19,7 @@ pytest.importorskip('mcap_ros2', reason='needs mcap-ros2-support, the independen
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovariance, TwistStamped
-from graph_helpers import await_that, graph
+from graph_helpers import PATIENCE, Probe, await_that, graph, udp_sockets
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nightly import NIGHTLY
@@ -26,6 +28,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from redres_ros.cli import main
+from redres_ros.demo.processes import own_domain
 from redres_ros.demo.tape import TOPICS, Tape
 from redres_ros.demo.tape_to_mcap import write_tapes
 from redres_ros.graph.mcap_file import McapFile
@@ -33,11 +36,12 @@ from redres_ros.graph.message_text import TypeTextError, definition_of, find_typ
 from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.conversions import to_joint_state, to_twist
 from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.runtime import spun
 from redres_ros.robot_model import RobotModel
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
 
-from every_message import compare, missing, record
+from every_message import Said, compare, missing, record
 
 NAMES = ('a', 'b')
 MS = 1_000_000  # [ns]
@@ -176,11 +180,13 @@ def recording(tmp_path: Path) -> Path:
         thread = threading.Thread(target=recorder.run, args=(stopped,))
         thread.start()
         await_that(lambda: numbers.get_subscription_count() == 1, 'the recorder')
+        await_that(lambda: latched.get_subscription_count() == 1, 'the recorder of the other')
         for number in range(2000):
             numbers.publish(Float64(data=float(number)))
             if number % 100 == 0:
                 stopped.wait(0.005)
-        await_that(lambda: recorder.messages == 2001, 'the messages')
+                latched.publish(String(data=f'<robot name="{number}"/>'))
+        await_that(lambda: recorder.messages == 2021, 'the messages')
         stopped.set()
         thread.join()
         recorder.close()
@@ -191,17 +197,25 @@ def test_no_message_of_a_running_graph_is_lost(recording: Path) -> None:
     found = read(recording)
     numbers = [message.data for topic, message, _ in found if topic == '/numbers']
     assert numbers == [float(number) for number in range(2000)]
-    assert [message.data for topic, message, _ in found if topic == '/robot_description'] == [
-        '<robot/>'
-    ]
+    descriptions = [message.data for topic, message, _ in found if topic == '/robot_description']
+    changed = [f'<robot name="{number}"/>' for number in range(0, 2000, 100)]
+    assert descriptions == ['<robot/>', *changed]
 
 
 def test_what_was_not_heard_is_counted() -> None:
-    said = [b'b', b'c', b'c', b'd']
-    assert missing(said, [b'a', b'b', b'b', b'c', b'c', b'd', b'e']) == 0
-    assert missing(said, [b'a', b'b', b'c', b'd', b'e']) == 1
-    assert missing(said, [b'b', b'd', b'c', b'c']) == 1
+    said = every_20_ms('bccd')
+    assert missing(said, every_20_ms('bccd', 0.001)) == 0
+    assert missing(said, every_20_ms('abbccdb', -0.04)) == 0  # began before, and goes on
+    assert missing(said, every_20_ms('-ccd', 0.001)) == 1  # the very first one
+    assert missing(said, every_20_ms('bc-d', 0.001)) == 1
+    assert missing(said, every_20_ms('bccd', -0.1)) == 4  # heard before, so it was another
+    assert missing(said, every_20_ms('bccd', 0.6)) == 4  # or far too late
     assert missing(said, []) == 4
+
+
+def every_20_ms(letters: str, delay: float = 0.0) -> list[Said]:
+    """A message for each letter."""
+    return [Said(20 * MS * k + round(1e9 * delay), each) for k, each in enumerate(letters)]
 
 
 @pytest.mark.realtime
@@ -228,3 +242,27 @@ def test_what_cannot_be_recorded_is_refused(
 ) -> None:
     assert main(['record', *arguments]) == 1
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_what_is_said_while_the_recorder_stands_still_waits_for_it(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    with own_domain(), spun(Probe) as probe:
+        numbers = probe.create_publisher(Float64, 'numbers', 10)
+        command = [sys.executable, '-m', 'redres_ros.cli', 'record', path, '--topics', 'numbers']
+        recorder = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        await_that(lambda: numbers.get_subscription_count() == 1, 'the recorder')
+        recorder.send_signal(signal.SIGSTOP)
+        for number in range(400):  # usually 255 fill a socket
+            numbers.publish(Float64(data=float(number)))
+        recorder.send_signal(signal.SIGCONT)
+        await_that(lambda: not any(map(waiting_in, udp_sockets(recorder.pid))), 'the recorder')
+        recorder.send_signal(signal.SIGINT)
+        assert recorder.communicate(timeout=PATIENCE)[0]
+    assert recorder.returncode == 0
+    assert [message.data for _, message, _ in read(path)] == [float(k) for k in range(400)]
+
+
+def waiting_in(socket: list[str]) -> bool:
+    """Whether something that has come has not been taken."""
+    return not socket[4].endswith(':00000000')

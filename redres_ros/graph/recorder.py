@@ -13,7 +13,6 @@ from redres_ros.graph.client import CallError, read_parameters
 from redres_ros.graph.mcap_file import McapFile
 from redres_ros.graph.message_text import TypeTextError, find_type
 from redres_ros.graph.sampling import Sampler
-from redres_ros.nodes.qos import LATCHED
 
 _PERIOD = 0.2  # [s] from one look at what has come to the next: to look costs more than to wait
 _SEARCH = 1.0  # [s] from one search for new topics to the next
@@ -23,6 +22,8 @@ _PARAMETERS = '/get_parameters'  # how the service ends that every node with par
 
 # Best effort, as the nodes' own subscriptions: a recorder must hold up nobody.
 _QUALITY = QoSProfile(depth=_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
+# The last message was kept for us, and those that follow must all wait for us.
+_KEPT = QoSProfile(depth=_WAITING, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class GraphRecorder(Node):
@@ -87,7 +88,7 @@ class GraphRecorder(Node):
                 publisher.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
                 for publisher in publishers
             )
-            self._sampler.add(topic, kind, LATCHED if latched else _QUALITY)
+            self._sampler.add(topic, kind, _KEPT if latched else _QUALITY)
             self._file.add_topic(topic, kind)
             self._topics.append(topic)
 
