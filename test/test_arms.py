@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from doubles import random_motion
+from witness import Witness
 
 from redres_ros import (
     LAWS,
@@ -20,7 +21,7 @@ from redres_ros import (
     make_law,
 )
 from redres_ros.errors import ArrayError
-from redres_ros.fri.plant import MujocoPlant, Witness
+from redres_ros.fri.plant import MujocoPlant
 from redres_ros.resolution import resolve
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.arm import DYNAMICS

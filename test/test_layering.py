@@ -69,10 +69,11 @@ def test_only_the_robot_model_and_the_peers_import_pinocchio():
 
 def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
     assert (
-        {'fri/plant.py'}
+        {'fri/plant.py', 'fri/mujoco_arm.py'}
         <= files_with('mujoco')
         <= {
             'fri/plant.py',
+            'fri/mujoco_arm.py',
             'fri/render.py',
             'fri/window.py',
             PEERS,

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from witness import Witness
 
 from redres_ros.errors import ArrayError, FileError, RangeError, RedresError, UnknownNameError
-from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings, Witness
+from redres_ros.fri.mujoco_arm import MujocoSettings
+from redres_ros.fri.plant import IdealPlant, MujocoPlant
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, find_arm
 

@@ -13,10 +13,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from witness import Witness
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.errors import FileError, RedresError, UnknownNameError
-from redres_ros.fri.plant import MujocoPlant, Witness
+from redres_ros.fri.plant import MujocoPlant
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.robots.joint_limits import JointLimits

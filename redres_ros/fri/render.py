@@ -68,7 +68,7 @@ def render(arm: Arm, film: Film) -> np.ndarray:
 
     Args:
         arm: Whose URDF it is.
-        film: What it does, and how large the pictures are.
+        film: What it does, and which paths are drawn.
 
     Returns:
         (N, height, width, 3) uint8.
@@ -209,17 +209,18 @@ def _add_tool(tip: mujoco.MjsBody) -> None:
 
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
-    world = spec.worldbody
-    shape = mujoco.mjtGeom
-    spec.add_texture(
-        name='sky',
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(1.0, 1.0, 1.0),
-        rgb2=(0.86, 0.91, 0.96),
-        width=64,
-        height=64,
-    )
+    _add_floor(spec)
+    _add_lights(spec)
+    spec.stat.extent = 1.4
+    spec.stat.center = _LOOK_AT
+    visual = spec.visual
+    visual.global_.offwidth, visual.global_.offheight = _SIZE
+    visual.quality.offsamples = 8
+    visual.quality.shadowsize = 4096
+
+
+def _add_floor(spec: mujoco.MjSpec) -> None:
+    """Tiles, and the stand between them and the arm."""
     spec.add_texture(
         name='tiles',
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -231,16 +232,32 @@ def _add_surroundings(spec: mujoco.MjSpec) -> None:
     )
     tiles = spec.add_material(name='tiles', reflectance=0.0, texrepeat=(2.0, 2.0), texuniform=True)
     tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = 'tiles'
-    world.add_geom(
-        type=shape.mjGEOM_PLANE, pos=(0.0, 0.0, _FLOOR), size=(0.0, 0.0, 0.1), material='tiles'
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        pos=(0.0, 0.0, _FLOOR),
+        size=(0.0, 0.0, 0.1),
+        material='tiles',
     )
-    world.add_geom(
-        type=shape.mjGEOM_CYLINDER,
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         fromto=(0.0, 0.0, _FLOOR, 0.0, 0.0, 0.0),
         size=(0.1, 0.0, 0.0),
         rgba=(0.6, 0.62, 0.65, 1.0),
     )
-    world.add_light(
+
+
+def _add_lights(spec: mujoco.MjSpec) -> None:
+    """A bright sky, a light that casts shadows, and one beside the camera."""
+    spec.add_texture(
+        name='sky',
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(1.0, 1.0, 1.0),
+        rgb2=(0.86, 0.91, 0.96),
+        width=64,
+        height=64,
+    )
+    spec.worldbody.add_light(
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         pos=(-1.8, 0.6, 3.0),
         dir=(0.5, -0.17, -0.85),
@@ -248,15 +265,10 @@ def _add_surroundings(spec: mujoco.MjSpec) -> None:
         specular=(0.4, 0.4, 0.4),
         castshadow=True,
     )
-    spec.stat.extent = 1.4
-    spec.stat.center = _LOOK_AT
-    visual = spec.visual
-    visual.headlight.ambient[:] = 0.4
-    visual.headlight.diffuse[:] = 0.3
-    visual.headlight.specular[:] = 0.1
-    visual.global_.offwidth, visual.global_.offheight = _SIZE
-    visual.quality.offsamples = 8
-    visual.quality.shadowsize = 4096
+    headlight = spec.visual.headlight
+    headlight.ambient[:] = 0.4
+    headlight.diffuse[:] = 0.3
+    headlight.specular[:] = 0.1
 
 
 if __name__ == '__main__':

@@ -19,7 +19,8 @@ from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard
 from redres_ros.fri.inbox import Inbox
-from redres_ros.fri.plant import IdealPlant, MujocoPlant, MujocoSettings
+from redres_ros.fri.mujoco_arm import MujocoSettings
+from redres_ros.fri.plant import IdealPlant, MujocoPlant
 from redres_ros.fri.robot import FriRobot
 from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
 from redres_ros.fri.session import AnswerError, Session, SessionSettings
