@@ -9,7 +9,6 @@ import numpy as np
 from redres_ros.command import Command
 from redres_ros.controller import SPEED_LIMIT
 from redres_ros.errors import DivergedError, RangeError
-from redres_ros.laws import Law
 from redres_ros.planner import Planner
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, row
@@ -45,21 +44,20 @@ def run(
     task: WaypointTask,
     *,
     delay: int = 0,
-    switches: Mapping[int, Law] | None = None,
+    at: Mapping[int, Callable[[], None]] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """The task from its start until the last point is reached, which gives no row of its own.
 
-    Where limits allow only the share s of the task velocity, the planner's clock goes on by s T:
-    the path is kept, and time is stretched. A loop that diverges or does not arrive in time is
-    returned as far as it went, with finished False.
+    A loop that diverges or does not arrive in time is returned as far as it went, with finished
+    False.
 
     Args:
         controller: Answers each state; with m = 6 the orientation is part of the task.
         task: Start and points.
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
-        switches: Tick -> law to go over to.
+        at: Tick -> what to do before it, as to switch the law.
         progress: Is told the share of the nominal duration that is over.
 
     Raises:
@@ -67,44 +65,75 @@ def run(
     """
     if delay < 0:
         raise RangeError('delay', delay, 0, np.inf, 'ticks')
-    planner = Planner(task)
-    q = task.start
+    before = at or {}
     T = controller.T
-    n = len(q)
-    has_orientation = controller.m == 6
-    nominal = task.segments * task.segment_time
-    on_the_way = deque([q] * delay)  # references not yet taken up
-    rows: list[list[float]] = []
-    late = 0.0  # [s] by which the planner's clock is behind
-    lost = None
+    nominal = task.segments * task.segment_time  # [s]
+    loop = _Loop(controller, task, delay)
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
-        if switches and k in switches:
-            controller.switch_law(switches[k])  # type: ignore[attr-defined]  # only a Controller has laws to switch
-        x, R = controller.model.tip(q)
-        reference = planner.reference(x, t - late, R if has_orientation else None, lost=lost)
-        if reference.finished:
-            ending = f'reached the last point after {t:.3f} s'
-            return Recording.of(rows, n, T, True, ending, has_orientation)
+        if k in before:
+            before[k]()
         try:
-            command = controller.update(q, reference.dx)
+            if loop.advance(t):
+                return loop.recording(f'reached the last point after {t:.3f} s', finished=True)
         except DivergedError:
-            return _diverged(rows, n, T, t, has_orientation)
-        if np.abs(command.dq).max() > SPEED_LIMIT:
-            return _diverged(rows, n, T, t, has_orientation)
-        rows.append(row(t, command, reference))
-        late += (1.0 - command.s) * T
-        lost = command.lost
-        on_the_way.append(command.q_ref)
-        q = on_the_way.popleft()
+            return loop.recording(
+                f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
+            )
         if progress and k % 100 == 0:
             progress(t / nominal)
-    ending = f'did not reach the last point within {PATIENCE * nominal:g} s'
-    return Recording.of(rows, n, T, False, ending, has_orientation)
+    return loop.recording(f'did not reach the last point within {PATIENCE * nominal:g} s')
 
 
-def _diverged(
-    rows: list[list[float]], n: int, T: float, t: float, has_orientation: bool
-) -> Recording:
-    ending = f'diverged at {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
-    return Recording.of(rows, n, T, False, ending, has_orientation)
+class _Loop:
+    """Planner, controller and an arm that is where its reference was some ticks ago.
+
+    Where limits allow only the share s of the task velocity, the planner's clock goes on by s T:
+    the path is kept, and time is stretched.
+
+    Args:
+        controller: Answers each state.
+        task: Start and points.
+        delay: Ticks by which the arm uses a reference late.
+    """
+
+    def __init__(self, controller: Client, task: WaypointTask, delay: int) -> None:
+        self._controller = controller
+        self._planner = Planner(task)
+        self._turns = controller.m == 6  # whether the orientation is part of the task
+        self._q = task.start
+        self._on_the_way = deque([task.start] * delay)  # references not yet taken up
+        self._late = 0.0  # [s] by which the planner's clock is behind
+        self._lost: np.ndarray | None = None  # of the last task velocity, (m,)
+        self._rows: list[list[float]] = []
+
+    def advance(self, t: float) -> bool:
+        """One tick at the time t [s]. True, and nothing is done, once the last point is reached.
+
+        Raises DivergedError.
+        """
+        x, R = self._controller.model.tip(self._q)
+        R_of_task = R if self._turns else None
+        reference = self._planner.reference(x, t - self._late, R_of_task, lost=self._lost)
+        if reference.finished:
+            return True
+        command = self._controller.update(self._q, reference.dx)
+        speed = float(np.abs(command.dq).max())
+        if speed > SPEED_LIMIT:
+            raise DivergedError(speed, SPEED_LIMIT, 'the scheme')
+        self._rows.append(row(t, command, reference))
+        self._late += (1.0 - command.s) * self._controller.T
+        self._lost = command.lost
+        self._on_the_way.append(command.q_ref)
+        self._q = self._on_the_way.popleft()
+        return False
+
+    def recording(self, ending: str, *, finished: bool = False) -> Recording:
+        """What was recorded so far.
+
+        Args:
+            ending: How the loop ended, in words.
+            finished: Whether the last point was reached.
+        """
+        n = len(self._q)
+        return Recording.of(self._rows, n, self._controller.T, finished, ending, self._turns)

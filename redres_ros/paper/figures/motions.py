@@ -17,7 +17,7 @@ from redres_ros.paper.figures.runs import (
     Runs,
 )
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.plots import draw_paths
+from redres_ros.simulation.paths import draw_paths
 from redres_ros.simulation.recording import Recording
 from redres_ros.waypoints import WaypointTask
 
