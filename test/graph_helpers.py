@@ -268,6 +268,14 @@ def await_that(
         time.sleep(every)
 
 
+def is_running(pid: int) -> bool:
+    """Whether a process exists and is more than an entry that nobody has waited for."""
+    try:
+        return (Path('/proc') / str(pid) / 'stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+    except OSError:
+        return False
+
+
 @contextmanager
 def graph(make: Callable[[], N]) -> Iterator[tuple[N, Callable[..., NodeProcess]]]:
     """A listener in a domain of its own, and what starts node processes that end with it."""

@@ -18,7 +18,7 @@ import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-from graph_helpers import PATIENCE, await_that
+from graph_helpers import PATIENCE, await_that, is_running
 from nightly import NIGHTLY
 
 from redres_ros.cli import main
@@ -407,14 +407,6 @@ def descendants(pid: int) -> list[int]:
         for entry in Path('/proc').iterdir()
         if entry.name.isdecimal() and _parent(entry) == pid
     ]
-
-
-def is_running(pid: int) -> bool:
-    """Whether a process exists and is more than an entry that nobody has waited for."""
-    try:
-        return (Path('/proc') / str(pid) / 'stat').read_text().rpartition(')')[2].split()[0] != 'Z'
-    except OSError:
-        return False
 
 
 def _parent(entry: Path) -> int:

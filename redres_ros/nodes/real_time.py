@@ -10,12 +10,11 @@ from pathlib import Path
 
 from rclpy.node import Node
 
+from redres_ros.nodes.awake import LATENCY, keep_awake
 from redres_ros.nodes.parameters import declare
 from redres_ros.parameter import param
 
 ANY = (-1,)  # of processors; ROS has no empty arrays
-# Linux: while somebody holds it open with a 0 in it, no processor sleeps
-LATENCY = '/dev/cpu_dma_latency'
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2  # Linux, see mlockall(2)
@@ -33,7 +32,9 @@ class RealTime:
     lock_memory: bool = param(False, 'keep all memory from being paged out')
     processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
     keep_awake: bool = param(
-        False, 'keep all processors of this computer from sleeping, which takes power'
+        False,
+        'keep processors from sleeping, which takes power: all of this computer where the kernel '
+        'permits it, otherwise those of the node, by loops of the lowest priority',
     )
 
 
@@ -61,17 +62,17 @@ def ask_kernel(node: Node) -> None:
             lambda: _set_processors(wanted.processors),
         )
     if wanted.keep_awake:
-        _try(node, 'keep_awake', 'processors that sleep', f'ls -l {LATENCY}', _keep_awake)
+        _try(node, 'keep_awake', 'processors that sleep', f'ls -l {LATENCY}', keep_awake)
 
 
-def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:
+def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], str | None]) -> None:
     try:
-        ask()
+        how = ask()
     except (OSError, ValueError) as error:  # ValueError: a processor below 0
         reason = error.strerror if isinstance(error, OSError) else str(error)
         node.get_logger().warning(f'{wanted}: {reason} ({see}); going on with {otherwise}')
     else:
-        node.get_logger().info(f'{wanted}: granted')
+        node.get_logger().info(' '.join(filter(None, (f'{wanted}: granted', how))))
 
 
 def _threads() -> Iterable[int]:
@@ -94,8 +95,3 @@ def _lock_memory() -> None:
 def _set_processors(processors: Iterable[int]) -> None:
     for thread in _threads():
         os.sched_setaffinity(thread, processors)
-
-
-def _keep_awake() -> None:
-    """It lasts until this process ends: the file stays open."""
-    os.write(os.open(LATENCY, os.O_WRONLY), bytes(4))
