@@ -42,6 +42,7 @@ pytestmark = pytest.mark.slow
 
 CASES = 10_000 if NIGHTLY else 1000
 FIRST = 10**18  # [ns] stamp of the first state
+END = 2**31 * 10**9  # [ns] which no stamp can tell any more
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
 few = settings(
@@ -166,6 +167,12 @@ def numbered(stamp: int, q: np.ndarray = START) -> JointState:
     return to_joint_state(stamp, NAMES, np.asarray(q), np.zeros(7))
 
 
+def later(newest: int) -> int:
+    """A stamp [ns] ten seconds after the newest one, or after the end of time the first one."""
+    stamp = max(newest, FIRST) + 10 * 10**9
+    return stamp if stamp < END else FIRST
+
+
 # --- into the callbacks ---------------------------------------------------------------------------
 
 
@@ -191,7 +198,7 @@ class TestCallbacks:
         assert all(map(math.isfinite, (number for _, content in outlet.sent for number in content)))
         controller._on_hold(SetBool.Request(data=False), SetBool.Response())
         newest = controller._following._cycles.newest
-        last = max(newest, FIRST) + 10 * 10**9  # any clock may begin anew
+        last = later(newest)  # any clock may begin anew
         controller._on_state(numbered(last))
         controller._on_state(numbered(last))  # without a silence before, the first proves nothing
         assert outlet.sent[-1][0] == last
@@ -215,7 +222,7 @@ class TestCallbacks:
         # feedback's limit.
         assert all(np.linalg.norm(content) < 2.0 for _, content in outlet.sent)
         planner._on_start(Trigger.Request(), Trigger.Response())
-        last = max(planner._run._cycles.newest, FIRST) + 10 * 10**9
+        last = later(planner._run._cycles.newest)
         planner._on_state(numbered(last))
         planner._on_state(numbered(last))  # without a silence before, the first proves nothing
         assert outlet.sent[-1][0] == last

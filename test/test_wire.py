@@ -32,7 +32,7 @@ def random_state(rng: random.Random) -> JointState:
     count = rng.randrange(10)
     state = JointState()
     state.header.stamp.sec = rng.randrange(-(2**31), 2**31)
-    state.header.stamp.nanosec = rng.randrange(2**32)
+    state.header.stamp.nanosec = rng.randrange(10**9)
     state.header.frame_id = random_text(rng)
     state.name = [random_text(rng) for _ in range(count)]
     state.position = [rng.gauss(0.0, 1.0) for _ in range(rng.choice((count, count, count + 1, 0)))]
@@ -54,6 +54,21 @@ def test_states_are_read_as_rclpy_reads_them():
             assert sample.stamp == stamp(state)
             assert list(sample.name) == list(state.name)
             assert list(sample.position) == list(state.position)
+
+
+@pytest.mark.parametrize('nanoseconds', [10**9, 2**32 - 1])
+def test_a_stamp_that_no_answer_could_carry_is_refused(nanoseconds: int):
+    reader = JointStateReader()
+    state = to_joint_state(0, NAMES, Q, Q)
+    twist = to_twist(0, 'world', np.zeros(6))
+    reader.read(serialize_message(state))  # the next one is read in place
+    for message in (state, twist):
+        message.header.stamp.sec = 2**31 - 1
+        message.header.stamp.nanosec = nanoseconds
+        read = reader.read if message is state else read_twist
+        for given in (message, serialize_message(message)):
+            with pytest.raises(EncodingError, match=f'{nanoseconds} ns beside its seconds'):
+                read(given)
 
 
 def test_the_next_state_of_a_device_is_read_in_place():

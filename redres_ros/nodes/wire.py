@@ -17,7 +17,6 @@ from sensor_msgs.msg import JointState
 
 from redres_ros.errors import RedresError
 from redres_ros.fri.robot_clock import NANOSECONDS
-from redres_ros.nodes.stamps import to_nanoseconds
 
 _LITTLE_ENDIAN = b'\x00\x01'  # plain CDR, what every DDS of ROS 2 sends on today's processors
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
@@ -83,7 +82,7 @@ class JointStateReader:
     def read(self, message: Any) -> JointSample:
         """What the loop needs of a message. Raises EncodingError for bytes that are none."""
         if not isinstance(message, bytes):
-            return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
+            return JointSample(_nanoseconds(message), message.name, message.position)
         for layout in self._layouts:
             if layout.is_of(message):
                 return self._read_known(message, layout)
@@ -97,7 +96,7 @@ class JointStateReader:
             position = np.frombuffer(own, np.float64, n)
         except ValueError:
             raise EncodingError(f'a JointState of {len(data)} bytes; expected more') from None
-        return JointSample(seconds * NANOSECONDS + nanoseconds, layout.name, position)
+        return JointSample(_joined(seconds, nanoseconds), layout.name, position)
 
     def _learn(self, data: bytes) -> JointSample:
         message = deserialised(data, JointState)
@@ -111,7 +110,7 @@ class JointStateReader:
         if is_as_expected:
             self._layouts.insert(0, layout)
             del self._layouts[_REMEMBERED:]
-        return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
+        return JointSample(_nanoseconds(message), message.name, message.position)
 
 
 def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
@@ -159,7 +158,7 @@ def read_twist(message: Any) -> TwistSample:
         linear = message.twist.linear
         angular = message.twist.angular
         dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-        return TwistSample(to_nanoseconds(message.header.stamp), message.header.frame_id, dx)
+        return TwistSample(_nanoseconds(message), message.header.frame_id, dx)
     try:
         seconds, nanoseconds = _STAMP.unpack_from(message)
         (length,) = _LENGTH.unpack_from(message, STAMP_END)
@@ -169,7 +168,23 @@ def read_twist(message: Any) -> TwistSample:
         dx = np.frombuffer(message, np.float64, 6, end + _gap(end, _NUMBER)).copy()
     except (struct.error, ValueError):
         raise EncodingError(f'a TwistStamped of {len(message)} bytes; expected others') from None
-    return TwistSample(seconds * NANOSECONDS + nanoseconds, frame, dx)
+    return TwistSample(_joined(seconds, nanoseconds), frame, dx)
+
+
+def _nanoseconds(message: Any) -> int:
+    """Stamp [ns] of a message that has a header. Raises EncodingError."""
+    return _joined(message.header.stamp.sec, message.header.stamp.nanosec)
+
+
+def _joined(seconds: int, nanoseconds: int) -> int:
+    """A stamp [ns] from its parts.
+
+    Raises EncodingError where the second one is more than a second: it may make a stamp that no
+    message can carry.
+    """
+    if nanoseconds >= NANOSECONDS:
+        raise EncodingError(f'a stamp with {nanoseconds} ns beside its seconds; allowed: below 1e9')
+    return seconds * NANOSECONDS + nanoseconds
 
 
 class JointStateWriter:
