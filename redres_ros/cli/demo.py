@@ -119,6 +119,10 @@ def _demo(options: argparse.Namespace) -> int:
         _say(before(demo.options, demo.model))
         _say_where(domain, demo)
         ending = demo.run(progress)
+    if ending.interrupted:
+        print(
+            f'ended; what came of it goes to {options.out}, unless Ctrl-C comes again', flush=True
+        )
     # No process is left to end, and a library would turn the exception into another error.
     with handled(partial(_end_at_once, demo), signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome(ending)

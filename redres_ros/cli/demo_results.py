@@ -78,13 +78,16 @@ def _show(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """The motion; and what another law would do with an ideal arm, unless the task was repeated."""
+    """The motion; and what another law would do with an ideal arm, where the task was done once.
+
+    Who has interrupted it waits for the terminal.
+    """
     from redres_ros.controller import Controller
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.plots import Remarks, draw_motion, in_symbols
 
     beside = {}
-    if not outcome.endurance:
+    if not (outcome.endurance or outcome.interrupted):
         laws = ['minimum_velocity', 'minimum_acceleration']
         other = next(law for law in laws if law != demo.options.law)
         controller = Controller(demo.model, demo.law(other), outcome.recording.T)

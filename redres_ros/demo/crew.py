@@ -57,7 +57,9 @@ class Crew:
         finally:
             # A second signal must not leave a process behind.
             with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
-                for process in (*self._views, *self.nodes):
+                for view in self._views:
+                    view.ask_to_end()  # nobody waits for these
+                for process in (*self.nodes, *self._views):
                     process.end()
 
     def check(self) -> None:

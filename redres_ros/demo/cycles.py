@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from redres_ros.demo.tape import Entry, stamped
 
+_NEXT = 2e9  # [ns] after the last state that counts: the state after it comes meanwhile
 _HELD_UP = 1.5  # cycles from one state to the next, beyond which the robot's clock stood still
 
 
@@ -43,7 +44,7 @@ def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int
     """
     sent: dict[int, int] = {}
     answered: dict[int, int] = {}
-    for stamp, entry in stamped(entries):
+    for stamp, entry in stamped(entries, stamps[1] + _NEXT):
         if entry.topic == 'joint_states':
             sent.setdefault(stamp, entry.time)
         elif entry.topic == 'joint_command' and entry.heard:

@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -186,6 +187,8 @@ class Demo:
     def _stay(self, onlooker: Onlooker) -> None:
         """Keep the nodes as long as somebody looks, or until Ctrl-C, an ordinary end here."""
         try:
+            # Loads what draws, so that nobody waits for that after Ctrl-C.
+            import_module('redres_ros.simulation.plots')
             while self._crew.is_watched:
                 self._check(onlooker)
                 time.sleep(_LOOK)

@@ -191,11 +191,15 @@ class NodeProcess:
         """Its exit status, once it has ended. Raises subprocess.TimeoutExpired."""
         return self._process.wait(timeout)
 
+    def ask_to_end(self) -> None:
+        """Ask it to end, as Ctrl-C would."""
+        if self.status is None:
+            self._process.send_signal(signal.SIGINT)
+
     def end(self) -> None:
         """Ask it to end, wait, and kill it if it does not; it leaves no shared memory behind."""
         used = files_of(self.pid)
-        if self.status is None:
-            self._process.send_signal(signal.SIGINT)
+        self.ask_to_end()
         try:
             self.wait(_PATIENCE)
         except subprocess.TimeoutExpired:

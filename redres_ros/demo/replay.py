@@ -161,9 +161,7 @@ def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float =
     session = []
     newest: dict[str, tuple[bytes, Any]] = {}  # data and value: many words are said every cycle
     for path in paths:
-        for stamp, entry in stamped(read_tape(path)):
-            if stamp > until:
-                continue
+        for stamp, entry in stamped(read_tape(path), until):
             if entry.topic in converters:
                 data, value = newest.get(entry.topic, (b'', None))
                 if entry.data != data:

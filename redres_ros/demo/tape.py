@@ -1,5 +1,6 @@
 """A tape: the messages that a node publishes or hears, in order, in a file."""
 
+import math
 import struct
 import time
 from collections.abc import Collection, Iterable, Iterator
@@ -57,6 +58,7 @@ TOPICS: dict[str, type] = {
 _NAMES = tuple(TOPICS)
 _WITH_STAMP = {topic for topic, kind in JUDGED.items() if hasattr(kind, 'header')}
 _HEAD = struct.Struct('<qB?I')  # time [ns], number of the topic, heard, length [bytes]
+_DISORDER = 1e9  # [ns] by which a stamp may come before a smaller one, where faults are injected
 _BUFFER = 16384  # [bytes] it is written in small pieces, so that no cycle has much to write
 
 
@@ -114,22 +116,31 @@ class Tape:
 
 
 def read_tape(path: Path) -> Iterator[Entry]:
-    """The messages in their order; up to the last whole one, if the writer was killed."""
-    content = memoryview(path.read_bytes())
-    place = 0
-    while place + _HEAD.size <= len(content):
-        at, number, heard, length = _HEAD.unpack_from(content, place)
-        place += _HEAD.size + length
-        if place <= len(content):
-            yield Entry(at, _NAMES[number], heard, bytes(content[place - length : place]))
+    """The messages in their order; up to the last whole one, if the writer was killed.
+
+    Memory is taken for one message only: who lets a demo run for an hour has a long tape.
+    """
+    with path.open('rb') as file:
+        while len(head := file.read(_HEAD.size)) == _HEAD.size:
+            at, number, heard, length = _HEAD.unpack(head)
+            data = file.read(length)
+            if len(data) == length:
+                yield Entry(at, _NAMES[number], heard, data)
 
 
-def stamped(entries: Iterable[Entry]) -> Iterator[tuple[int, Entry]]:
+def stamped(entries: Iterable[Entry], until: float = math.inf) -> Iterator[tuple[int, Entry]]:
     """Messages with their stamps [ns]. One that has none belongs to the newest stamp before it: a
     node publishes it in the same callback. 0 before the first.
+
+    Args:
+        entries: Of one tape.
+        until: The last stamp that counts. A demo with a page goes on long after it.
     """
     newest = 0
     for entry in entries:
         if entry.topic in _WITH_STAMP:
             newest = stamp_of(entry.data)
-        yield newest, entry
+        if newest > until + _DISORDER:
+            return
+        if newest <= until:
+            yield newest, entry
