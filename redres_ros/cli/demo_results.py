@@ -42,6 +42,9 @@ def check_files(options: argparse.Namespace) -> None:
 def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
     """Table to the terminal; summary.json, motion.csv and motion.png to the directory.
 
+    After Ctrl-C there is no picture. To load what draws, and to draw, would take most of the time
+    until the terminal is free again.
+
     Args:
         outcome: What came of the run.
         demo: The run.
@@ -54,8 +57,12 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
     print_tables(outcome.table(demo.title))
     if outcome.motion:
         outcome.recording.write_csv(out / 'motion.csv')
-        _draw(outcome, demo, out / 'motion.png')
-        print(f'plot {out}/motion.png, data {out}/motion.csv')
+        picture = out / 'motion.png'
+        picture.unlink(missing_ok=True)  # that of a run before
+        if not outcome.interrupted:
+            _draw(outcome, demo, picture)
+            print(f'plot {picture}')
+        print(f'data {out}/motion.csv')
         _show(outcome, demo, options)
     else:
         print('no plot and no data: the task did not begin')
@@ -78,16 +85,13 @@ def _show(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """The motion; and what another law would do with an ideal arm, where the task was done once.
-
-    Who has interrupted it waits for the terminal.
-    """
+    """The motion; and what another law would do with an ideal arm, unless the task was repeated."""
     from redres_ros.controller import Controller
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.plots import Remarks, draw_motion, in_symbols
 
     beside = {}
-    if not (outcome.endurance or outcome.interrupted):
+    if not outcome.endurance:
         laws = ['minimum_velocity', 'minimum_acceleration']
         other = next(law for law in laws if law != demo.options.law)
         controller = Controller(demo.model, demo.law(other), outcome.recording.T)
