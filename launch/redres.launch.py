@@ -11,6 +11,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from redres_ros.robots import choose_arm
+from redres_ros.robots.urdf import Urdf
 from redres_ros.share import share_path
 from redres_ros.yaml_file import read_yaml
 
@@ -49,10 +50,12 @@ def start_nodes(context: LaunchContext) -> list[Node]:
     }
     nodes = [_of_ours(name, given) for name, start in wanted.items() if start]
     # The driver of a robot publishes its frames itself.
+    description = ''
     if wanted['sim'] and given['robot'] != 'topic':
-        nodes.append(_state_publisher(given))
+        description = choose_arm(given['robot'] or _robot_in(_file(given))).description()
+        nodes.append(_state_publisher(given, description))
     if _is_true(given['rviz']):
-        nodes.append(_rviz(given))
+        nodes.append(_rviz(given, description))
     return nodes
 
 
@@ -84,13 +87,18 @@ def _parameters(name: str, given: dict[str, str]) -> dict[str, Any]:
     return {**values, 'use_sim_time': _is_true(given['use_sim_time'])}
 
 
-def _state_publisher(given: dict[str, str]) -> Node:
-    """Publishes the frames of the arm's links."""
-    description = choose_arm(given['robot'] or _robot_in(_file(given))).description()
+def _state_publisher(given: dict[str, str], description: str) -> Node:
+    """Publishes the frames of the arm's links.
+
+    Args:
+        given: The arguments.
+        description: URDF of the arm.
+    """
     return Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
         namespace=given['namespace'],
+        remappings=_own_frames(given),
         parameters=[
             {
                 'robot_description': description,
@@ -98,6 +106,13 @@ def _state_publisher(given: dict[str, str]) -> Node:
             }
         ],
     )
+
+
+def _own_frames(given: dict[str, str]) -> list[tuple[str, str]]:
+    """What keeps the frames of a robot in a namespace apart from another's of the same names."""
+    if not given['namespace']:
+        return []
+    return [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
 
 def _robot_in(file: str) -> str:
@@ -109,12 +124,26 @@ def _robot_in(file: str) -> str:
     return robot
 
 
-def _rviz(given: dict[str, str]) -> Node:
+def _rviz(given: dict[str, str], description: str) -> Node:
+    """Shows the arm as seen from its root link.
+
+    Args:
+        given: The arguments.
+        description: URDF of the arm; empty where a driver has it, and RViz shows the world.
+    """
+    arguments = ['-d', str(share_path('config/redres.rviz'))]
+    frames: list[tuple[str, str]] = []
+    if description:
+        frames = _own_frames(given)
+        urdf = Urdf.read(description)
+        [root] = urdf.links.keys() - {joint.child for joint in urdf.joints}
+        arguments += ['-f', root]
     return Node(
         package='rviz2',
         executable='rviz2',
         namespace=given['namespace'],
-        arguments=['-d', str(share_path('config/redres.rviz'))],
+        remappings=frames,
+        arguments=arguments,
         parameters=[{'use_sim_time': _is_true(given['use_sim_time'])}],
     )
 

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from redres_ros.robots import find_arm
 from redres_ros.share import share_path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -117,6 +118,25 @@ def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
     assert started(launch_file, robot='topic', sim='false').keys() == {'controller', 'planner'}
     with pytest.raises(ValueError, match="got 'no'; allowed: true or false"):
         started(launch_file, sim='no')
+
+
+def test_rviz_looks_from_the_root_link_of_any_arm(launch_file, tmp_path):
+    assert started(launch_file, rviz='true')['rviz2'].arguments[-2:] == ['-f', 'world']
+    urdf = tmp_path / 'mine.urdf'
+    description = find_arm('planar4r').description()
+    urdf.write_text(description.replace('"world"', '"table"'))
+    rviz = started(launch_file, rviz='true', robot=str(urdf))['rviz2']
+    assert rviz.arguments[-2:] == ['-f', 'table']
+    # The driver of a robot knows, and RViz can be told by hand.
+    assert '-f' not in started(launch_file, rviz='true', sim='false')['rviz2'].arguments
+
+
+def test_frames_of_a_robot_in_a_namespace_are_apart_from_those_of_another(launch_file):
+    apart = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
+    left = started(launch_file, rviz='true', namespace='left')
+    assert left['robot_state_publisher'].remappings == left['rviz2'].remappings == apart
+    alone = started(launch_file, rviz='true')
+    assert alone['robot_state_publisher'].remappings == alone['rviz2'].remappings == []
 
 
 def test_when_one_node_ends_so_do_the_others(launch_file):
