@@ -54,9 +54,10 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
 
     out = options.out
     outcome.write_json(out / 'summary.json')
-    print_tables(outcome.table(demo.title))
     if outcome.motion:
         outcome.recording.write_csv(out / 'motion.csv')
+    print_tables(outcome.table(demo.title))
+    if outcome.motion:
         picture = out / 'motion.png'
         picture.unlink(missing_ok=True)  # that of a run before
         if not outcome.interrupted:
