@@ -200,6 +200,22 @@ def entry(name: str, arguments: str, folder: Path) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.parametrize('starts', ['redres_ros.cli', 'redres_ros.nodes.runtime'])
+def test_a_process_without_an_error_output_gets_one_before_a_file_takes_its_number(starts):
+    script = f"""
+import sys
+import {starts} as module
+getattr(module, 'main', print)(['laws'])
+getattr(module, 'run_nodes', lambda **given: 0)(arguments=[])
+print(sys.stderr.fileno())
+"""
+    started = [sys.executable, '-c', script]
+    done = subprocess.run(
+        ['bash', '-c', 'exec "$@" 2>&-', 'bash', *started], capture_output=True, text=True
+    )
+    assert done.stdout.splitlines()[-1:] == ['2'], done.stdout
+
+
 @pytest.mark.parametrize('option', ['-h', '--help'])
 @pytest.mark.parametrize('name', NODES)
 def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, option):

@@ -13,7 +13,7 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
-    {'errors', 'signals'},
+    {'errors', 'signals', 'streams'},
     {'kernels'},
     {'text_file'},
     {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles'},

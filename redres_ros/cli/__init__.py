@@ -20,6 +20,9 @@ def main(arguments: list[str] | None = None) -> int:
         130 after Ctrl-C.
     """
     try:
+        from redres_ros.streams import open_error_output
+
+        open_error_output()
         from redres_ros.cli.command import run_command
 
         return run_command(arguments)

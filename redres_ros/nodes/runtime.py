@@ -25,6 +25,7 @@ from redres_ros.errors import RedresError
 from redres_ros.nodes import discovery
 from redres_ros.nodes.parameters import misspelt
 from redres_ros.nodes.real_time import ask_kernel
+from redres_ros.streams import open_error_output
 
 N = TypeVar('N', bound=Node)
 
@@ -211,6 +212,7 @@ def run_nodes(
     Returns:
         The exit status: 0, 1 after an error, or 130 after a signal before the nodes began.
     """
+    open_error_output()
     stopped = threading.Event()
     # Results are looked at; numpy's warning would be a second line.
     np.seterr(over='ignore', invalid='ignore')
