@@ -211,7 +211,10 @@ print(sys.stderr.fileno())
 """
     started = [sys.executable, '-c', script]
     done = subprocess.run(
-        ['bash', '-c', 'exec "$@" 2>&-', 'bash', *started], capture_output=True, text=True
+        ['bash', '-c', 'exec "$@" 2>&-', 'bash', *started],
+        env={**os.environ, 'ROS_DOMAIN_ID': 'none'},  # nothing is to run
+        capture_output=True,
+        text=True,
     )
     assert done.stdout.splitlines()[-1:] == ['2'], done.stdout
 
