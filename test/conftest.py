@@ -44,6 +44,20 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return None
 
 
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Words, numbers and settings as they are; pytest by itself would count them."""
+    if isinstance(val, dict):
+        shown = [f'{name}={value}' for name, value in val.items()]
+    elif isinstance(val, tuple) and all(isinstance(part, (str, int, float)) for part in val):
+        shown = [str(part) for part in val]
+    else:
+        return None
+    return ' '.join(shown)[:_LONGEST] or 'nothing'
+
+
+_LONGEST = 40  # characters of a part of an id
+
+
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
     """Lines are counted while quick tests run for the first time. Counting takes as long again, and

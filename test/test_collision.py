@@ -183,7 +183,7 @@ def test_a_ball_in_the_way_is_passed_by_no_body():
     assert commands[-1].limiting.endswith(' to ball 1: collision')
 
 
-def test_it_comes_before_torque_and_after_the_box():
+def test_collision_comes_before_torque_and_after_the_box():
     """Pushed into the floor from inside it: out again, as fast as the accelerations allow."""
     arm = 'lwr4'
     model = model_of(arm)

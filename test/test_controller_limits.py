@@ -108,7 +108,7 @@ def test_what_keeps_the_limits_is_the_closed_form_to_the_bit(law, task):
         q = command.q_ref
 
 
-def test_where_they_act_the_direction_of_the_task_is_kept(model, task):
+def test_where_limits_act_the_direction_of_the_task_is_kept(model, task):
     controller = controller_of(model, limits=BOX)
     for k in range(50):
         command = controller.update(task.start, FAST)
@@ -117,7 +117,7 @@ def test_where_they_act_the_direction_of_the_task_is_kept(model, task):
         assert ': acceleration' in command.limiting or ': velocity' in command.limiting
 
 
-def test_a_scale_makes_them_narrower(model, task):
+def test_a_scale_makes_limits_narrower(model, task):
     whole, half = (
         controller_of(model, limits=BOX, limit_scale=scale).update(task.start, FAST)
         for scale in (1.0, 0.5)
@@ -138,7 +138,7 @@ def test_torque_limits_are_kept_through_a_velocity(task):
     assert pushed > 0
 
 
-def test_they_look_from_the_reference_that_is_integrated(model, task):
+def test_limits_look_from_the_reference_that_is_integrated(model, task):
     """A servo that hangs back must not make the reference run into the end of a joint."""
     controller = controller_of(model, limits=BOX)
     for _ in range(1500):

@@ -375,7 +375,7 @@ def test_bad_options_get_one_line(
 def test_what_shows_when_the_graph_starts_gets_one_line_too(
     tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
-    done = demo(tmp_path, *arguments)
+    done = demo(tmp_path, '--composed', *arguments)
     assert done.returncode == 1
     assert_one_line(done.stderr, words)
 

@@ -59,7 +59,9 @@ def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T,
 
 @pytest.mark.parametrize('name', ['minimum_velocity', *SCHEMES])
 @pytest.mark.parametrize('damping', [10.0, 500.0])
-def test_with_any_law_they_do_on_an_arm_that_it_does_not_make_unstable(name, damping, side, heavy):
+def test_on_an_arm_that_a_law_keeps_stable_law_and_scheme_differ_by_rounding(
+    name, damping, side, heavy
+):
     assert difference(name, damping, 0.002, replace(side, segment_time=1.0), model=heavy).max < ZERO
 
 

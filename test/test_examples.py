@@ -109,7 +109,7 @@ def test_a_camera_steers_the_arm_round_a_circle(tmp_path: Path) -> None:
     assert numbers(change)[0] < 3.0
 
 
-def test_a_preference_is_defined_and_nothing_else_is_done() -> None:
+def test_the_example_of_a_preference_defines_it_and_does_nothing_else() -> None:
     assert not run('own_preference')  # test_plugins uses it
 
 

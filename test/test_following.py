@@ -378,7 +378,7 @@ def test_without_new_task_velocities_the_arm_stands_after_the_timeout(stamped: b
     assert not any(speeds[11:])
 
 
-def test_one_of_no_state_does_not_outlive_the_timeout_while_the_robots_clock_stands_still() -> None:
+def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clock_stands() -> None:
     robot = make(switch_time=0.0)
     for _ in range(20):
         robot.ask()
@@ -390,7 +390,7 @@ def test_one_of_no_state_does_not_outlive_the_timeout_while_the_robots_clock_sta
     assert answer is not None and answer.scaling == 0.0
 
 
-def test_one_of_a_state_does_not_age_while_the_robots_clock_stands_still() -> None:
+def test_a_task_velocity_of_a_state_does_not_age_while_the_robots_clock_stands() -> None:
     robot = at_speed()
     robot.cycle += 1
     answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)

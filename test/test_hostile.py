@@ -219,8 +219,7 @@ print(sys.stderr.fileno())
     assert done.stdout.splitlines()[-1:] == ['2'], done.stdout
 
 
-@pytest.mark.parametrize('option', ['-h', '--help'])
-@pytest.mark.parametrize('name', NODES)
+@pytest.mark.parametrize(('name', 'option'), [*((name, '--help') for name in NODES), ('sim', '-h')])
 def test_help_of_a_node_is_printed_and_the_node_does_not_start(tmp_path, name, option):
     status, out, err = entry(name, option, tmp_path)
     assert (status, err) == (0, '')

@@ -11,7 +11,9 @@ import many_ticks
 
 
 @pytest.mark.parametrize(('kind', 'count'), [('ticks', 1000), ('problems', 60)])
-def test_many_have_no_fault(kind: str, count: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_many_random_and_hostile_ticks_have_no_fault(
+    kind: str, count: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert many_ticks.main([kind, '--count', str(count)]) == 0
     assert 'faults: none' in capsys.readouterr().out
 

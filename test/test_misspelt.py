@@ -42,7 +42,7 @@ def test_what_another_node_of_the_process_has_is_not_misspelt(node):
     other.destroy_node()
 
 
-def test_it_is_told_in_one_line(node, monkeypatch):
+def test_a_misspelt_parameter_is_told_in_one_line(node, monkeypatch):
     lines: list[str] = []
 
     class Log:

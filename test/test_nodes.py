@@ -309,6 +309,15 @@ class TestOneController:
                 ('no stamp',),
             ),
         ],
+        ids=[
+            'another joint',
+            'a name too few',
+            'a position too few',
+            'not a number',
+            'infinite',
+            'of a second ago',
+            'without a stamp',
+        ],
     )
     def test_a_bad_state_is_not_answered_and_told_once(
         self,

@@ -42,7 +42,7 @@ def test_each_cycle_plays_the_velocity_of_its_lag_exactly(lag: int) -> None:
     np.testing.assert_array_equal(out[lag:], [along(k) for k in range(1500 - lag)])
 
 
-def test_within_the_lag_it_does_not_matter_when_they_come() -> None:
+def test_within_the_lag_it_does_not_matter_when_task_velocities_come() -> None:
     random = np.random.default_rng(0)
     arrivals: dict[int, list[int]] = {}
     for k in range(1500):
@@ -53,7 +53,7 @@ def test_within_the_lag_it_does_not_matter_when_they_come() -> None:
     np.testing.assert_array_equal(out[3:], [along(k) for k in range(1497)])
 
 
-def test_one_that_is_missing_now_and_then_hardly_shows() -> None:
+def test_a_task_velocity_that_is_missing_now_and_then_hardly_shows() -> None:
     random = np.random.default_rng(1)
     out = played({k + 1: [k] for k in range(1500) if random.random() > 0.3}, 1500)
     # A straight line through two neighbours misses a quintic by its curvature, 60 d/T^3 T^2 / 2 a
@@ -72,7 +72,7 @@ def test_a_planner_that_was_held_up_is_caught_up_with_smoothly(length: int) -> N
     np.testing.assert_array_equal(out[1460:], PERFECT[1460:])
 
 
-def test_those_that_come_late_count_as_late_and_the_cycles_as_missing() -> None:
+def test_task_velocities_that_come_late_count_as_late_and_their_cycles_as_missing() -> None:
     playout = Playout(3, T, PlayoutSettings())
     for tick in range(1, 100):
         late = 40 <= tick < 60
@@ -85,7 +85,7 @@ def test_those_that_come_late_count_as_late_and_the_cycles_as_missing() -> None:
     assert playout.late == 20
 
 
-def test_a_second_one_for_a_cycle_is_dropped() -> None:
+def test_a_second_task_velocity_for_a_cycle_is_dropped() -> None:
     playout = Playout(3, T, PlayoutSettings())
     playout.put(1, along(1))
     playout.put(1, along(500))
@@ -140,7 +140,7 @@ def test_a_jump_is_not_extrapolated() -> None:
     assert playout.missing > 0
 
 
-def test_after_clear_the_next_one_begins_from_a_standstill() -> None:
+def test_after_clear_the_next_task_velocity_begins_from_a_standstill() -> None:
     playout = Playout(3, T, PlayoutSettings())
     dx = np.array((0.0, 0.1, 0.0))
     for tick in range(200):

@@ -109,7 +109,7 @@ def test_every_arm_has_one_of_every_kind(name, arm):
 
 
 @EVERY_PREFERENCE
-def test_the_task_is_executed_beside_it(name, model, task):
+def test_the_task_is_executed_beside_a_preference(name, model, task):
     controller = Controller(model, make_law('minimum_acceleration'), T, preferences=(name,))
     q = task.start
     for _ in range(100):
@@ -157,7 +157,7 @@ GRADIENTS = {
 
 
 @pytest.mark.parametrize(('preference', 'measure', 'factor'), GRADIENTS.values(), ids=GRADIENTS)
-def test_it_is_the_gradient_of_its_measure(preference, measure, factor, model, states):
+def test_a_preference_is_the_gradient_of_its_measure(preference, measure, factor, model, states):
     for state in states[:30]:
         slopes = [
             (measure(model, state.q + e) - measure(model, state.q - e)) / (2.0 * STEP)

@@ -118,7 +118,7 @@ def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(a
 @pytest.mark.slow
 @EVERY_STRETCHED
 @EVERY_LAW
-def test_into_it_and_back_again(arm, law):
+def test_into_the_stretched_arm_and_back_again_nothing_leaps_or_sticks(arm, law):
     """Outward until the arm is stretched, on against its end, and inward."""
     model = model_of(arm)
     _, outward = stretched(arm)
@@ -134,7 +134,7 @@ def test_into_it_and_back_again(arm, law):
 
 @EVERY_STRETCHED
 @EVERY_LAW
-def test_in_it_a_standing_arm_does_not_drift(arm, law):
+def test_a_stretched_arm_that_stands_does_not_drift(arm, law):
     q, _ = stretched(arm)
     controller = Controller(model_of(arm), make_law(law), T, limits=BOX, switch_time=0.2)
     controller.update(q, np.zeros(3))
@@ -255,7 +255,7 @@ def arc(arm: str, width: float) -> tuple[np.ndarray, Path]:
 @pytest.mark.slow
 @EVERY_STRETCHED
 @pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
-def test_through_it(arm, law):
+def test_an_arc_that_touches_the_end_of_the_reach_is_followed_to_its_other_side(arm, law):
     """An arc that touches the end of the reach from within, and goes on on the other side."""
     bent, path = arc(arm, 0.05)
     found = followed(arm, law, bent, path, 6.0)
@@ -314,7 +314,7 @@ def test_beside_the_end_of_the_reach_the_direction_is_kept_unless_it_is_to_brake
 @pytest.mark.slow
 @EVERY_STRETCHED
 @EVERY_LAW
-def test_along_it(arm, law):
+def test_the_stretched_arm_swings_about_its_base(arm, law):
     """The stretched arm swings about its base."""
     q, _ = stretched(arm)
     model = model_of(arm)
