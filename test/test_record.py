@@ -180,7 +180,7 @@ def recording(tmp_path: Path) -> Path:
         thread = threading.Thread(target=recorder.run, args=(stopped,))
         thread.start()
         await_that(lambda: numbers.get_subscription_count() == 1, 'the recorder')
-        await_that(lambda: latched.get_subscription_count() == 1, 'the recorder of the other')
+        await_that(lambda: recorder.messages == 1, 'the message that was kept')
         for number in range(2000):
             numbers.publish(Float64(data=float(number)))
             if number % 100 == 0:
