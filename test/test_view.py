@@ -29,7 +29,7 @@ from redres_ros.errors import ArrayError
 from redres_ros.graph import live_arm
 from redres_ros.graph.client import CallError
 from redres_ros.graph.judge import Judge
-from redres_ros.graph.onlooker import PLANNER, Onlooker
+from redres_ros.graph.onlooker import Onlooker
 from redres_ros.graph.sampling import Sampler
 from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.graph.spectator import WORDS
@@ -38,6 +38,7 @@ from redres_ros.nodes import glance
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.glance import Figures, Glance, from_message, to_message
+from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.task_run import RunState
@@ -377,7 +378,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         chromium.get_by_role('checkbox', name='torque').dispatch_event('click')
         chromium.get_by_role('button', name='start').dispatch_event('click')
         await_that(
-            lambda: node.word(PLANNER) in (RunState.MOVING.value, RunState.FINISHED.value),
+            lambda: node.word(TASK_STATE) in (RunState.MOVING.value, RunState.FINISHED.value),
             'the task',
         )
         chromium.get_by_role('button', name='x', exact=True).dispatch_event('click')

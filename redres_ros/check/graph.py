@@ -6,7 +6,7 @@ from pathlib import Path
 from redres_ros.check.sighting import COMMANDS, CONTROLLER, FORWARD, STATES, TWISTS, Sighting
 from redres_ros.check.verdict import Level, Verdict
 from redres_ros.following_settings import why_it_would_leap
-from redres_ros.graph.onlooker import REASON, SESSION
+from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.robot_session import COMMANDING
 
 NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm

@@ -16,9 +16,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from redres_ros.graph.client import CallError, call
-from redres_ros.graph.onlooker import REASON, SESSION
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION
+from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.stamps import to_nanoseconds
 
 STATES = 'joint_states'

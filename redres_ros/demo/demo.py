@@ -19,10 +19,12 @@ from redres_ros.demo.replay import FINISHED, read_log, replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.demo.wanted import DemoError, DemoOptions, Ending
 from redres_ros.graph.client import call, read_parameters, set_parameters
-from redres_ros.graph.onlooker import PLANNER, REASON, SESSION, Onlooker
+from redres_ros.graph.onlooker import Onlooker
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.session_topics import REASON, SESSION
+from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.parameter import check_parameters
 from redres_ros.robot_model import RobotModel
 from redres_ros.robot_session import COMMANDING
@@ -145,7 +147,7 @@ class Demo:
         switches = sorted(self.options.switches, key=lambda pair: pair[1])
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
-        while t < PATIENCE * nominal and onlooker.word(PLANNER) != FINISHED:
+        while t < PATIENCE * nominal and onlooker.word(TASK_STATE) != FINISHED:
             self._check(onlooker)
             if onlooker.word(REASON):
                 return

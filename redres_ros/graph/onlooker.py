@@ -8,12 +8,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from redres_ros.nodes.qos import LATCHED, NEWEST
+from redres_ros.nodes.session_topics import REASON, SESSION
+from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.nodes.wire import stamp_of
 from redres_ros.task_run import RunState
-
-SESSION = 'sim/session_state'
-REASON = 'sim/stop_reason'
-PLANNER = 'planner/state'
 
 
 class Onlooker(Node):
@@ -29,7 +27,7 @@ class Onlooker(Node):
         self.began = 0  # stamp [ns] of the newest state when a task began last; 0 before the first
         self.first_began = 0  # and when it began first
         self._state = b''
-        self._words = {SESSION: '', REASON: '', PLANNER: ''}
+        self._words = {SESSION: '', REASON: '', TASK_STATE: ''}
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
         for topic in self._words:
             self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
@@ -45,7 +43,7 @@ class Onlooker(Node):
 
     def _on_word(self, topic: str, message: String) -> None:
         self._words[topic] = message.data
-        if topic == PLANNER and message.data == RunState.MOVING.value:
+        if topic == TASK_STATE and message.data == RunState.MOVING.value:
             self.began = self.newest
             self.first_began = self.first_began or self.newest
 

@@ -12,11 +12,11 @@ from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 
 from redres_ros.graph.heard import STALE, Heard, NodeHealth
-from redres_ros.graph.onlooker import PLANNER, REASON, SESSION
 from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.nodes.task_topics import TASK_STATE
 
-QUALITY = 'sim/connection_quality'
-WORDS = (SESSION, QUALITY, REASON, PLANNER)
+WORDS = (SESSION, QUALITY, REASON, TASK_STATE)
 NODES = ('sim', 'planner', 'controller')
 
 NICENESS = 10  # who looks on must wait for those who work, where processors are few

@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from redres_ros.graph.heard import STALE, Heard, NodeHealth
+from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.nodes.task_topics import TASK_STATE
 
-_STOP_REASON = 'sim/stop_reason'
 _BAR = 33  # letters of a joint's bar
 _NEAR = 0.06  # of the range, from an end
 _COLOURS = {
@@ -36,12 +37,12 @@ class Row:
 
 NODES: dict[str, tuple[Row, ...]] = {
     'sim': (
-        Row('sim/session_state', 'session'),
-        Row('sim/connection_quality', 'connection'),
-        Row(_STOP_REASON, 'stop reason'),
+        Row(SESSION, 'session'),
+        Row(QUALITY, 'connection'),
+        Row(REASON, 'stop reason'),
     ),
     'planner': (
-        Row('planner/state', 'state'),
+        Row(TASK_STATE, 'state'),
         Row('planner/segment', 'segment'),
         Row('planner/task_error', 'task error', 'mm', 1e3),
     ),
@@ -59,9 +60,9 @@ NODES: dict[str, tuple[Row, ...]] = {
 }
 
 _IN_LINE = {
-    'sim/session_state',
-    _STOP_REASON,
-    'planner/state',
+    SESSION,
+    REASON,
+    TASK_STATE,
     'planner/task_error',
     'controller/law',
     'controller/limiting',
@@ -144,7 +145,7 @@ def _nobody(domain: int) -> Text:
 
 def _alarms(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
     """What must not be overlooked."""
-    reason = heard.get(_STOP_REASON, Heard('', now)).value
+    reason = heard.get(REASON, Heard('', now)).value
     if reason:
         text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')
         yield Panel(text, style='bold red', expand=False)

@@ -7,16 +7,15 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Int32, String
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError
 from redres_ros.laws import make_law
 from redres_ros.motion import LawMotion
-from redres_ros.nodes.conversions import JointOrder, from_pose, to_pose
+from redres_ros.nodes.conversions import JointOrder, from_pose
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
@@ -24,12 +23,12 @@ from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.stamps import to_time
-from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.session_topics import REASON
+from redres_ros.nodes.task_topics import TaskTopics
 from redres_ros.nodes.wire import JointSample, JointStateReader, TwistWriter
 from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
-from redres_ros.planner import Planner, Reference
+from redres_ros.planner import Planner
 from redres_ros.task_run import RunState, Step, TaskRun, way_to
 from redres_ros.tasks import make_task
 from redres_ros.waypoints import load_task, task_for
@@ -94,25 +93,19 @@ class PlannerNode(ManagedNode):
         self._tip: tuple[np.ndarray, np.ndarray] | None = None  # at the newest state
         self._target: tuple[np.ndarray, np.ndarray] | None = None  # instead of the task
         self._stop_reason = ''
-        self._told_state = RunState.IDLE
-        self._told_begun = 0
         self._create_interfaces()
-        self._state_publisher.publish(String(data=self._told_state.value))
         self._start_life()
 
     def _create_interfaces(self) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
-        self._state_publisher = self.create_publisher(String, 'planner/state', LATCHED)
-        self._begun_publisher = self.create_publisher(Time, 'planner/begun', LATCHED)
-        kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
-        self._telemetry = Telemetry(self, kinds)
+        self._topics = TaskTopics(self, self._frame, self._run)
         self._markers = Markers(self, self._frame, self._task.waypoints)
         self._refusals = Refusals(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
-        self.create_subscription(String, 'sim/stop_reason', self._on_stop_reason, LATCHED)
+        self.create_subscription(String, REASON, self._on_stop_reason, LATCHED)
         self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
         self.create_service(Trigger, 'planner/start', self._on_start)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
@@ -136,7 +129,7 @@ class PlannerNode(ManagedNode):
             self._refusals.refuse('joint_states', error)
             return
         self._refusals.accept('joint_states')
-        self._tell()
+        self._topics.tell()
 
     def _enter_state(self, sample: JointSample) -> None:
         stamp = sample.stamp
@@ -167,16 +160,8 @@ class PlannerNode(ManagedNode):
 
     def _publish(self, step: Step, R: np.ndarray) -> None:
         self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
-        reference = step.reference
-        if reference is not None and self._telemetry.heard:
-            self._publish_telemetry(step.stamp, reference, R)
-
-    def _publish_telemetry(self, stamp: int, reference: Reference, R: np.ndarray) -> None:
-        publish = self._telemetry.publish
-        R_d = R if reference.R_d is None else reference.R_d
-        publish('desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d))
-        publish('task_error', lambda: float(np.linalg.norm(reference.error)))
-        publish('segment', lambda: reference.segment)
+        if step.reference is not None:
+            self._topics.show(step.stamp, step.reference, R)
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
@@ -189,7 +174,7 @@ class PlannerNode(ManagedNode):
         self._refusals.accept('target_pose')
         self._target = target
         self._run.begin_anew()
-        self._tell()
+        self._topics.tell()
 
     def _check_active(self) -> None:
         if not self.active:
@@ -227,13 +212,13 @@ class PlannerNode(ManagedNode):
             self._target = None
             self._run.start()
             response.message = f'{task}: begins as soon as the robot takes commands'
-        self._tell()
+        self._topics.tell()
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         moved = self._run.state in (RunState.WAITING, RunState.MOVING)
         self._run.stop()
-        self._tell()
+        self._topics.tell()
         response.success = True
         response.message = 'stopped' if moved else 'was not moving'
         return response
@@ -241,29 +226,20 @@ class PlannerNode(ManagedNode):
     def _begin(self) -> None:
         if self._settings.autostart:
             self._run.start()
-        self._tell()
+        self._topics.tell()
 
     def _end(self) -> None:
         self._run.stop()
-        self._tell()
+        self._topics.tell()
 
     def _forget(self) -> None:
         self._target = None
         self._tip = None
 
-    def _tell(self) -> None:
-        """What has changed of the run."""
-        if self._run.begun != self._told_begun:
-            self._told_begun = self._run.begun
-            self._begun_publisher.publish(to_time(self._told_begun))
-        if self._run.state is not self._told_state:
-            self._told_state = self._run.state
-            self._state_publisher.publish(String(data=self._told_state.value))
-
     def _health(self) -> Health:
         figures = {
             'task': self._settings.task or 'that of the arm',
-            'state': self._told_state.value,
+            'state': self._run.state.value,
             'begun at [ns]': self._run.begun,
             'messages refused': self._refusals.count,
         }
@@ -275,7 +251,7 @@ class PlannerNode(ManagedNode):
             return Health(WARN, f'the robot has stopped: {self._stop_reason}', figures)
         if self._refusals.reasons:
             return Health(WARN, self._refusals.reasons, figures)
-        return Health(OK, self._told_state.value, figures)
+        return Health(OK, self._run.state.value, figures)
 
 
 class LonePlannerNode(PlannerNode):

@@ -6,6 +6,10 @@ from std_msgs.msg import String
 from redres_ros.fri.session import Session
 from redres_ros.nodes.qos import LATCHED
 
+REASON = 'sim/stop_reason'
+SESSION = 'sim/session_state'
+QUALITY = 'sim/connection_quality'
+
 
 class SessionTopics:
     """Publishes `sim/session_state`, `sim/connection_quality` and `sim/stop_reason` as they change.
@@ -19,9 +23,9 @@ class SessionTopics:
         self._session = session
         self._logger = node.get_logger()
         # The reason comes first: who hears that a session has ended can say why.
-        topics = ('sim/stop_reason', 'sim/session_state', 'sim/connection_quality')
         self._publishers = {
-            topic: node.create_publisher(String, topic, LATCHED) for topic in topics
+            topic: node.create_publisher(String, topic, LATCHED)
+            for topic in (REASON, SESSION, QUALITY)
         }
         self._told: dict[str, str] = {}  # the newest word on each topic
         self.tell()
@@ -29,11 +33,11 @@ class SessionTopics:
     def tell(self) -> None:
         """Publish what has changed since the last call."""
         reason = self._session.reason
-        if reason and reason != self._told.get('sim/stop_reason'):
+        if reason and reason != self._told.get(REASON):
             self._logger.error(reason)
-        self._tell('sim/stop_reason', reason)
-        self._tell('sim/session_state', self._session.state.value)
-        self._tell('sim/connection_quality', self._session.quality.name)
+        self._tell(REASON, reason)
+        self._tell(SESSION, self._session.state.value)
+        self._tell(QUALITY, self._session.quality.name)
 
     def tell_again(self) -> None:
         """Have the next call of tell() publish everything: a word may have got lost."""

@@ -5,9 +5,10 @@ from html import escape
 
 import numpy as np
 
-from redres_ros.graph.onlooker import PLANNER, REASON, SESSION
-from redres_ros.graph.spectator import NODES, QUALITY
+from redres_ros.graph.spectator import NODES
 from redres_ros.graph.watch_page import is_near_an_end
+from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.nodes.task_topics import TASK_STATE
 
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
@@ -39,7 +40,7 @@ def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
     session = _told(words[SESSION] or 'not heard')
     quality = _told(words[QUALITY])
     lines.append(f'<div>Robot: <b>{session}</b> {_dim(quality and f"connection {quality}")}</div>')
-    lines.append(f'<div>Task: <b>{_told(words[PLANNER] or "not heard")}</b></div>')
+    lines.append(f'<div>Task: <b>{_told(words[TASK_STATE] or "not heard")}</b></div>')
     lines.extend(_health(node, health.get(node, 'not heard')) for node in NODES)
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 

@@ -1,0 +1,63 @@
+"""What the planner tells of its task: latched words as they change, and figures for onlookers."""
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from std_msgs.msg import Float64, Int32, String
+
+from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.stamps import to_time
+from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.planner import Reference
+from redres_ros.task_run import RunState, TaskRun
+
+TASK_STATE = 'planner/state'
+TASK_BEGUN = 'planner/begun'
+
+
+class TaskTopics:
+    """Publishes `planner/state` and `planner/begun`, and where the task is.
+
+    Args:
+        node: The planner.
+        frame: Of the poses that it tells.
+        run: What is told.
+    """
+
+    def __init__(self, node: Node, frame: str, run: TaskRun) -> None:
+        self._frame = frame
+        self._run = run
+        self._state_publisher = node.create_publisher(String, TASK_STATE, LATCHED)
+        self._begun_publisher = node.create_publisher(Time, TASK_BEGUN, LATCHED)
+        kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
+        self._telemetry = Telemetry(node, kinds)
+        self._told_state: RunState | None = None
+        self._told_begun = 0
+        self.tell()
+
+    def tell(self) -> None:
+        """Publish what has changed of the run since the last call."""
+        if self._run.begun != self._told_begun:
+            self._told_begun = self._run.begun
+            self._begun_publisher.publish(to_time(self._told_begun))
+        if self._run.state is not self._told_state:
+            self._told_state = self._run.state
+            self._state_publisher.publish(String(data=self._told_state.value))
+
+    def show(self, stamp: int, reference: Reference, R: np.ndarray) -> None:
+        """Publish where the task is, to those who listen.
+
+        Args:
+            stamp: Of the state [ns].
+            reference: What the task asks for there.
+            R: Orientation of the tip, (3, 3), which a task of positions leaves as it is.
+        """
+        if not self._telemetry.heard:
+            return
+        publish = self._telemetry.publish
+        R_d = R if reference.R_d is None else reference.R_d
+        publish('desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d))
+        publish('task_error', lambda: float(np.linalg.norm(reference.error)))
+        publish('segment', lambda: reference.segment)
