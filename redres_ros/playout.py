@@ -50,8 +50,12 @@ class _Twist(NamedTuple):
 class _Line(NamedTuple):
     """Where the task velocity goes from a known one.
 
-    slope: (m,) a cycle; until: the cycle after which the line is level; guessed: nothing newer was
-    known; dense: its source sends one a cycle.
+    Attributes:
+        start: The known one.
+        slope: Change a cycle, (m,).
+        until: Cycle after which the line is level.
+        guessed: Nothing newer was known.
+        dense: Its source sends one a cycle.
     """
 
     start: _Twist

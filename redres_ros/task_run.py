@@ -29,8 +29,10 @@ class RunState(Enum):
 class Step(NamedTuple):
     """What is asked for at a state.
 
-    stamp: of the state [ns]; dx: task velocity, (3,) [m/s], or (6,) with the angular part below
-    [rad/s]; reference: where it comes from, None while the run waits for a standstill to end.
+    Attributes:
+        stamp: Of the state [ns].
+        dx: Task velocity, (3,) [m/s], or (6,) with the angular part below [rad/s].
+        reference: Where it comes from; None while the run waits for a standstill to end.
     """
 
     stamp: int

@@ -24,7 +24,8 @@ from nightly import NIGHTLY
 from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.demo.demo import Demo
-from redres_ros.demo.wanted import DemoOptions, Ending
+from redres_ros.demo.options import DemoOptions
+from redres_ros.demo.outcome import Ending
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.demo.tape import TOPICS
-from redres_ros.demo.wanted import DemoOptions
 from redres_ros.laws import Law
 from redres_ros.signals import handled
 from redres_ros.waypoints import WaypointTask

@@ -1,6 +1,7 @@
 """What came of a demo: in numbers, in words, as a file."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -44,6 +45,21 @@ class Endurance:
 
 
 @dataclass(frozen=True)
+class Ending:
+    """How a run ended.
+
+    Attributes:
+        endurance: Where the task was repeated to the end.
+        interrupted: By Ctrl-C.
+        last: Stamp of the last state that counts [ns].
+    """
+
+    endurance: Endurance | None
+    interrupted: bool
+    last: float = math.inf
+
+
+@dataclass(frozen=True)
 class MotionFigures:
     """A recording in a few figures; a peak is (value, time [s]).
 
@@ -52,7 +68,7 @@ class MotionFigures:
         segments: How many the task has been on.
         error: Of the task, also where the arm is only behind on its way [m].
         aside: Distance from the straight way from point to point [m].
-        final_error: The same when the run ended [m].
+        final_error: Distance from the last point when the run ended [m].
         acceleration: Norm over the joints [rad/s^2].
         velocity: Norm over the joints [rad/s].
         torque: Norm over the joints [Nm].
@@ -107,10 +123,16 @@ class MotionFigures:
 class Outcome:
     """What came of it.
 
-    recording, motion, cycles: of the task; None where it did not begin. stop_reason: the robot's
-    own words, empty if it was not stopped; session: its states, as they were passed through;
-    planner_missed: states that the planner did not get; switches: (time [s], law before, law
-    after); interrupted: by Ctrl-C.
+    Attributes:
+        recording: Of the task.
+        motion: Its figures; None where it did not begin.
+        cycles: What became of the robot's cycles; None where the task did not begin.
+        stop_reason: The robot's own words; empty if it was not stopped.
+        session: Its states, as they were passed through.
+        planner_missed: States that the planner did not get.
+        switches: (time [s], law before, law after).
+        endurance: Where the task was repeated to the end.
+        interrupted: By Ctrl-C.
     """
 
     recording: Recording

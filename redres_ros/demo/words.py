@@ -1,7 +1,7 @@
 """What `redres demo` says before and after a run: what one sees, and why it matters."""
 
+from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.outcome import Outcome
-from redres_ros.demo.wanted import DemoOptions
 from redres_ros.robot_model import RobotModel
 
 

@@ -173,20 +173,24 @@ def arm_from_urdf(
             f'{arm.source}: {kinematics.n} joints move {tip_frame}; '
             f'expected at least {FEWEST_JOINTS}, as a position has three coordinates'
         )
-    start = defaults.default_start(kinematics)
-    acceleration = acceleration_limit or defaults.default_acceleration(kinematics)
     elbow = elbow_frame or defaults.default_elbow(kinematics)
-    assumptions = [] if elbow_frame else [f'the elbow is {elbow}']
+    acceleration = acceleration_limit or defaults.default_acceleration(kinematics)
+    assumptions = []
+    if not elbow_frame:
+        assumptions.append(f'the elbow is {elbow}')
     if not acceleration_limit:
-        figures = ', '.join(f'{limit:g}' for limit in acceleration)
-        assumptions.append(
-            'a URDF has no acceleration limits; '
-            f'assumed: {figures} rad/s^2 (m/s^2 of a linear joint)'
-        )
+        assumptions.append(_assumed_accelerations(acceleration))
     return replace(
         arm,
         elbow_frame=elbow,
         acceleration_limit=acceleration,
-        start=tuple(start.tolist()),
+        start=tuple(defaults.default_start(kinematics).tolist()),
         assumptions=tuple(assumptions),
+    )
+
+
+def _assumed_accelerations(limits: tuple[float, ...]) -> str:
+    figures = ', '.join(f'{limit:g}' for limit in limits)
+    return (
+        f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 (m/s^2 of a linear joint)'
     )

@@ -1,12 +1,10 @@
-"""What a run of the demo is to be, and how it ended."""
+"""What a run of the demo is to be."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from redres_ros.demo.outcome import Endurance
 from redres_ros.errors import RedresError
 
 
@@ -44,18 +42,3 @@ class DemoOptions:
     views: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     mcap: Path | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended.
-
-    Attributes:
-        endurance: Where the task was repeated to the end.
-        interrupted: By Ctrl-C.
-        last: Stamp of the last state that counts [ns].
-    """
-
-    endurance: Endurance | None
-    interrupted: bool
-    last: float = math.inf
