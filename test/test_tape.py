@@ -14,8 +14,9 @@ from std_msgs.msg import Int32, String
 
 from redres_ros.controller import Controller
 from redres_ros.demo.cycles import CycleCounts, count_cycles
+from redres_ros.demo.log import Log, read_log
 from redres_ros.demo.outcome import MotionFigures, Outcome
-from redres_ros.demo.replay import Log, read_log, replay
+from redres_ros.demo.replay import replay
 from redres_ros.demo.tape import Entry, Tape, read_tape, stamp_of, stamped
 from redres_ros.laws import make_law
 from redres_ros.nodes.stamps import to_time

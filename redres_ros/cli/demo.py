@@ -36,70 +36,79 @@ def add(commands: Any) -> None:
         '--view  # steer it in a browser',
     )
     add_motion(demo, limits='position,velocity,acceleration')
-    demo.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
-    demo.add_argument(
+    _add_run(demo.add_argument_group('run'))
+    _add_pages(demo.add_argument_group('what shows it while it runs'))
+    _add_files(demo.add_argument_group('files'))
+    demo.set_defaults(run=_demo)
+
+
+def _add_run(group: Any) -> None:
+    """How the nodes run, and for how long."""
+    group.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
+    group.add_argument(
         '--switch',
         action='append',
         metavar='LAW@SECONDS',
         help='switch the law on the way; may be repeated',
     )
-    demo.add_argument(
+    group.add_argument(
         '--plant',
         default='mujoco',
         choices=('mujoco', 'ideal'),
         help='physics, or an arm that goes exactly where it is told',
     )
-    demo.add_argument(
+    group.add_argument(
         '--lockstep',
         action='store_true',
         help='as fast as it goes and deterministic, instead of in real time',
     )
-    demo.add_argument('--composed', action='store_true', help='the three nodes in one process')
-    demo.add_argument(
+    group.add_argument('--composed', action='store_true', help='the three nodes in one process')
+    group.add_argument(
         '--duration',
         type=float,
         default=0.0,
         metavar='S',
         help='repeat the task for so long, by default the one named side_to_side; 0: once',
     )
-    demo.add_argument(
-        '--view',
-        action='store_true',
-        help='a page in the browser to see and steer the nodes, which stay until Ctrl-C',
-    )
-    demo.add_argument(
-        '--viewer', action='store_true', help="MuJoCo's window, where there is a display"
-    )
-    _add_files(demo)
-    demo.add_argument(
+    group.add_argument(
         '--domain',
         type=int,
         metavar='ID',
         help='ROS domain; default: one that nobody uses on this machine',
     )
-    demo.add_argument(
+
+
+def _add_pages(group: Any) -> None:
+    """Where one can look at the arm."""
+    group.add_argument(
+        '--view',
+        action='store_true',
+        help='a page in the browser to see and steer the nodes, which stay until Ctrl-C',
+    )
+    group.add_argument(
+        '--viewer', action='store_true', help="MuJoCo's window, where there is a display"
+    )
+
+
+def _add_files(group: Any) -> None:
+    """What is kept of the run."""
+    group.add_argument(
         '--out',
         type=Path,
         default=Path('redres_demo'),
         metavar='DIR',
         help='directory for plot, data and logs',
     )
-    demo.set_defaults(run=_demo)
-
-
-def _add_files(demo: argparse.ArgumentParser) -> None:
-    """What else of the run is kept."""
-    files = demo.add_argument_group('files beside plot and data')
-    files.add_argument(
+    group.add_argument(
         '--video', type=Path, metavar='FILE', help='a film of the motion: .mp4, .webp or .gif'
     )
-    files.add_argument(
+    group.add_argument(
         '--save-page',
         type=Path,
         metavar='FILE.html',
         help='a page that replays the motion in any browser',
     )
-    files.add_argument('--mcap', type=Path, metavar='FILE.mcap', help='all messages of the nodes')
+    group.add_argument('--mcap', type=Path, metavar='FILE.mcap', help='all messages of the nodes')
 
 
 def _demo(options: argparse.Namespace) -> int:

@@ -13,10 +13,11 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.crew import NODES, Crew
 from redres_ros.demo.cycles import count_cycles
+from redres_ros.demo.log import FINISHED, read_log
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
 from redres_ros.demo.processes import remember_files
-from redres_ros.demo.replay import FINISHED, read_log, replay
+from redres_ros.demo.replay import replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.graph.client import call, read_parameters, set_parameters
 from redres_ros.graph.onlooker import Onlooker

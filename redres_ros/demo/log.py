@@ -1,0 +1,224 @@
+"""What the nodes' tapes say of a run, by the stamps of the robot's states."""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from redres_ros.demo.tape import Entry, read_tape, stamped
+from redres_ros.nodes.conversions import JointOrder
+from redres_ros.nodes.session_topics import REASON, SESSION
+from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.task_run import RunState
+
+V = TypeVar('V')
+
+MOVING = RunState.MOVING.value  # the planner's word while a task is under way
+FINISHED = RunState.FINISHED.value
+
+
+@dataclass(frozen=True)
+class Log:
+    """What was said, by the stamp [ns] of the state that it belongs to.
+
+    Attributes:
+        states: q, (n,) [rad].
+        commands: q_ref [rad] and dq [rad/s], (n,) each.
+        desired: Position [m] and quaternion of the tip, (7,).
+        segments: The segment of the task.
+        words: Of the planner.
+        laws: Name of the law in force.
+        scalings: Share of the task velocity that the limits allow.
+        reasons: Why the robot stopped itself; empty where it takes commands.
+        session: States of the robot's session, one after the other.
+    """
+
+    states: Mapping[int, np.ndarray]
+    commands: Mapping[int, tuple[np.ndarray, np.ndarray]]
+    desired: Mapping[int, np.ndarray]
+    segments: Mapping[int, int]
+    words: Mapping[int, str]
+    laws: Mapping[int, str]
+    scalings: Mapping[int, float]
+    reasons: Mapping[int, str]
+    session: tuple[str, ...]
+
+    @property
+    def stopped_at(self) -> int | None:
+        """Stamp of the last state before the robot stopped itself; None if it did not."""
+        return min((stamp for stamp, reason in self.reasons.items() if reason), default=None)
+
+    @property
+    def reason(self) -> str:
+        """Why the robot stopped itself; empty if it did not."""
+        return '' if self.stopped_at is None else self.reasons[self.stopped_at]
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last point was reached, the last time if there were several."""
+        return bool(self.words) and self.words[max(self.words)] == FINISHED
+
+    def rounds(self) -> list[list[int]]:
+        """Stamps at which the planner had the task under way and the robot took commands, for each
+        time that the task was begun.
+        """
+        rounds: list[list[int]] = []
+        word = ''
+        for stamp in sorted(self.desired.keys() | self.words.keys()):
+            before = word
+            word = self.words.get(stamp, word)
+            if word == MOVING and before != MOVING:
+                rounds.append([])
+            stopped = self.stopped_at is not None and stamp > self.stopped_at
+            if word == MOVING and stamp in self.desired and not stopped:
+                rounds[-1].append(stamp)
+        return [stamps for stamps in rounds if stamps]
+
+    def under_way(self) -> list[int]:
+        """Stamps of the states meanwhile, those that the planner missed included."""
+        states = sorted(self.states)
+        under_way = []
+        for planned in self.rounds():
+            first = bisect_left(states, planned[0])
+            under_way += states[first : bisect_right(states, planned[-1])]
+        return under_way
+
+    def desired_at(self, stamps: list[int]) -> np.ndarray:
+        """Desired poses at some stamps, (N, 7); interpolated where the planner missed one."""
+        known = sorted(self.desired)
+        poses = np.array([self.desired[stamp] for stamp in known])  # (N, 7)
+        at = np.array(stamps) - known[0]
+        of = np.array(known) - known[0]  # [ns], small enough for a float
+        return np.column_stack([np.interp(at, of, column) for column in poses.T])
+
+    def segment_at(self, stamp: int) -> int:
+        """The segment that the task was on."""
+        return _latest(self.segments, self._segment_stamps, stamp)
+
+    def law_at(self, stamp: int) -> str:
+        """Name of the law in force."""
+        return _latest(self.laws, self._law_stamps, stamp)
+
+    def switches(self) -> tuple[tuple[float, str, str], ...]:
+        """Changes of the law while the task was under way: seconds since it began, name before,
+        name after.
+        """
+        changes = []
+        stamps = self.under_way()
+        for before, after in pairwise(stamps):
+            if self.law_at(before) != self.law_at(after):
+                seconds = (after - stamps[0]) / 1e9
+                changes.append((seconds, self.law_at(before), self.law_at(after)))
+        return tuple(changes)
+
+    def scaling_at(self, stamp: int) -> float:
+        """The share of the task velocity that the limits allowed; it is told when it changes."""
+        return _latest(self.scalings, self._scaling_stamps, stamp) if self.scalings else 1.0
+
+    @cached_property
+    def _scaling_stamps(self) -> list[int]:
+        return sorted(self.scalings)
+
+    @cached_property
+    def _law_stamps(self) -> list[int]:
+        return sorted(self.laws)
+
+    @cached_property
+    def _segment_stamps(self) -> list[int]:
+        return sorted(self.segments)
+
+
+def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float = math.inf) -> Log:
+    """What is on the tapes of one run.
+
+    Args:
+        paths: of the tapes, one a process.
+        joint_names: in the order in which positions and velocities are wanted.
+        until: the last stamp that counts [ns].
+    """
+    topics = _Topics(joint_names)
+    session = []
+    for path in paths:
+        for stamp, entry in stamped(read_tape(path)):
+            if stamp > until:
+                continue
+            if entry.topic == SESSION:
+                session.append(entry.message.data)
+            else:
+                topics.take(stamp, entry)
+    said = topics.said
+    return Log(
+        states=said['joint_states'],
+        commands=said['joint_command'],
+        desired=said['planner/desired_pose'],
+        segments=said['planner/segment'],
+        words=said[TASK_STATE],
+        laws=said['controller/law'],
+        scalings=said['controller/task_scaling'],
+        reasons=said[REASON],
+        session=tuple(session),
+    )
+
+
+class _Topics:
+    """What was said on each topic that a log is made from, by stamp.
+
+    Args:
+        joint_names: In the order in which positions and velocities are wanted.
+    """
+
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        joints = JointOrder(joint_names)
+        self._converters: dict[str, Callable[[Any], Any]] = {
+            'joint_states': joints.positions,
+            'joint_command': lambda message: (
+                joints.positions(message),
+                np.array(message.velocity),
+            ),
+            'planner/desired_pose': _pose,
+            'planner/segment': _data,
+            TASK_STATE: _data,
+            'controller/law': _data,
+            'controller/task_scaling': _data,
+            REASON: _data,
+        }
+        self.said: dict[str, dict[int, Any]] = {topic: {} for topic in self._converters}
+        # Data and value by topic: many words are said in every cycle.
+        self._newest: dict[str, tuple[bytes, Any]] = {}
+
+    def take(self, stamp: int, entry: Entry) -> None:
+        """Note what was said, if a log is made from it.
+
+        Args:
+            stamp: Of the state that it belongs to [ns].
+            entry: Of a tape.
+        """
+        topic = entry.topic
+        if topic not in self._converters:
+            return
+        data, value = self._newest.get(topic, (b'', None))
+        if entry.data != data:
+            value = self._converters[topic](entry.message)
+            self._newest[topic] = (entry.data, value)
+        self.said[topic][stamp] = value
+
+
+def _latest(values: Mapping[int, V], stamps: list[int], stamp: int) -> V:
+    """The value of the newest of the stamps up to one; the first value before all of them."""
+    return values[stamps[max(bisect_right(stamps, stamp) - 1, 0)]]
+
+
+def _pose(message: Any) -> np.ndarray:
+    x = message.pose.position
+    turn = message.pose.orientation
+    return np.array((x.x, x.y, x.z, turn.x, turn.y, turn.z, turn.w))
+
+
+def _data(message: Any) -> Any:
+    return message.data
