@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dtrsm, dtrsv
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.closed_form import (
@@ -23,6 +21,7 @@ from redres_ros.kernels.closed_form import (
     closed_form_in_order,
 )
 from redres_ros.kernels.factors import FACTOR, IDENTITY, SQUARE, WEIGHT
+from redres_ros.kernels.solving import fill_factor, solve_rows
 
 # [rad/s] beyond which a direction of a lower task counts as lost; several times what arms can do
 FASTEST = 100.0
@@ -52,14 +51,21 @@ class Factor:
 
     def solve_transposed(self, B: np.ndarray) -> np.ndarray:
         """F'^-1 B for B (n, k)."""
-        # dtrtrs would start threads, which takes milliseconds on a busy machine
-        X: np.ndarray = dtrsm(1.0, self.F, B, trans_a=1)
-        return X
+        return self._solved(B.T, transposed=True).T
 
     def solve_factor(self, b: np.ndarray) -> np.ndarray:
         """F^-1 b for b (n,)."""
-        x: np.ndarray = dtrsv(self.F, b)
-        return x
+        return self._solved(b[None], transposed=False)[0]
+
+    def _solved(self, rows: np.ndarray, transposed: bool) -> np.ndarray:
+        """F^-1 x or F'^-1 x for each of the rows x, (k, n)."""
+        X = np.array(rows, np.float64, order='C')
+        solve_rows(self._triangle(), self.form, transposed, X)
+        return X
+
+    def _triangle(self) -> np.ndarray:
+        """What is solved with, upper triangular, (n, n)."""
+        return np.asarray(self.F, np.float64)
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
         W: np.ndarray = self.F.T.dot(self.F)
@@ -74,14 +80,8 @@ class Square(Factor):
 
     form = SQUARE
 
-    def solve_transposed(self, B: np.ndarray) -> np.ndarray:
-        """M^-1 B for B (n, k)."""
-        X: np.ndarray = dpotrs(_cholesky(self.F), B)[0]
-        return X
-
-    def solve_factor(self, b: np.ndarray) -> np.ndarray:
-        """M^-1 b for b (n,)."""
-        return self.solve_transposed(b)
+    def _triangle(self) -> np.ndarray:
+        return _cholesky(self.F)
 
 
 Weight = np.ndarray | Factor | None  # None stands for the identity
@@ -293,8 +293,8 @@ def _factor(W: Weight, n: int) -> Factor | None:
 
 def _cholesky(W: np.ndarray) -> np.ndarray:
     """The upper triangular F (n, n) of W = F'F. Raises ArrayError where there is none."""
-    F, failed = dpotrf(W)
-    if failed or not math.isfinite(sum(F.diagonal().tolist())):
+    F = np.zeros(W.shape)
+    if not fill_factor(np.asarray(W, np.float64), F):
         raise _indefinite(W)
     return F
 

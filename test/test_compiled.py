@@ -15,7 +15,7 @@ from numba import float64
 from numba.core import caching
 
 from redres_ros.kernels import cache
-from redres_ros.kernels.cache import ROOM, stamp
+from redres_ros.kernels.cache import ROOM, own_folder, stamp
 from redres_ros.kernels.closed_form import closed_form
 from redres_ros.kernels.compiled import compiled, direct, vector
 from redres_ros.signals import handled, interruptible
@@ -56,6 +56,17 @@ def test_without_compiling_the_formulas_run_as_python():
         check=True,
     )
     assert done.stdout.strip() == 'turn_between'
+
+
+def test_what_is_kept_is_loaded_without_the_compiler_and_scipy():
+    """Which take longer to load than all the rest."""
+    source = 'import sys, redres_ros.nodes.controller; print(*sys.modules)'
+    done = subprocess.run(
+        [sys.executable, '-c', source], capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert 'redres_ros.kernels.closed_form' in loaded
+    assert not {'scipy.linalg', 'numba.np.linalg'} & loaded
 
 
 def test_another_type_of_argument_compiles_nothing():
@@ -106,36 +117,107 @@ print(square(np.full(3, 2.0)), sum(square.stats.cache_misses.values()))
 """
 
 
-def ask(package: Path) -> str:
-    """What a new process says of the kernel there: its answer, and how often it had to compile."""
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A package with one kernel alone."""
+    room = tmp_path / 'redres_ros' / 'kernels'
+    room.mkdir(parents=True)
+    (tmp_path / 'redres_ros' / '__init__.py').touch()
+    for name in ('__init__', 'cache', 'compiled', 'telling', 'arithmetic'):
+        shutil.copy(ROOM / f'{name}.py', room)
+    shutil.copy(ROOM.parent / 'signals.py', room.parent)
+    (room / 'square.py').write_text(KERNEL)
+    return room
+
+
+def ask(room: Path, **environment: str) -> tuple[str, str]:
+    """What a new process says of the kernel there: its answer and how often it had to compile; and
+    what else it tells.
+    """
+    package = room.parent.parent
     done = subprocess.run(
         [sys.executable, '-c', ASK],
         cwd=package,
-        env=os.environ | {'PYTHONPATH': str(package)},
+        env=os.environ | {'PYTHONPATH': str(package)} | environment,
         capture_output=True,
         text=True,
         check=True,
     )
-    return done.stdout.strip()
+    return done.stdout.strip(), done.stderr.strip()
 
 
 @pytest.mark.slow
-def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(tmp_path):
+def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(room):
     """Even where that stands in another file, of which numba by itself would not know."""
-    room = tmp_path / 'redres_ros' / 'kernels'
-    room.mkdir(parents=True)
-    (tmp_path / 'redres_ros' / '__init__.py').touch()
-    for name in ('__init__', 'cache', 'compiled', 'arithmetic'):
-        shutil.copy(ROOM / f'{name}.py', room)
-    shutil.copy(ROOM.parent / 'signals.py', room.parent)
-    (room / 'square.py').write_text(KERNEL)
-    assert ask(tmp_path) == '12.0 1'
-    assert ask(tmp_path) == '12.0 0'
+    once = (
+        'compiling the formulas, which takes a quarter of a minute: once, and kept in '
+        f'{room / "__pycache__"}'
+    )
+    assert ask(room) == ('12.0 1', once)
+    assert ask(room) == ('12.0 0', '')
     arithmetic = room / 'arithmetic.py'
     arithmetic.write_text(arithmetic.read_text().replace('total = 0.0', 'total = 1.0'))
-    assert ask(tmp_path) == '13.0 1'
+    assert ask(room) == ('13.0 1', once)
     kept = [path.name.partition('.py3')[0] for path in (room / '__pycache__').glob('square*.nb?')]
     assert kept == 2 * ['square.square-kernel']  # overwritten, and so after a move of its lines
+
+
+@pytest.mark.slow
+def test_where_neither_installation_nor_home_can_be_written_it_is_kept_among_temporary_files(
+    room, tmp_path
+):
+    (room / '__pycache__').touch()  # so that no folder can be there, even for root
+    nowhere = str(room / '__pycache__' / 'none')
+    temporary = tmp_path / 'temporary'
+    temporary.mkdir()
+    places = {'HOME': nowhere, 'XDG_CACHE_HOME': nowhere, 'TMPDIR': str(temporary)}
+    answer, told = ask(room, **places)
+    assert answer == '12.0 1'
+    assert f'kept in {temporary}/redres_ros-{os.getuid()}/' in told
+    assert ask(room, **places) == ('12.0 0', '')
+    (temporary / f'redres_ros-{os.getuid()}').chmod(0o777)  # others might have put something in
+    answer, told = ask(room, **places)
+    assert answer == '12.0 1'
+    assert told.endswith('in every process, as no folder to keep them in can be written')
+
+
+def test_a_folder_among_temporary_files_is_for_its_user_alone(tmp_path):
+    folder = own_folder(tmp_path)
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert own_folder(tmp_path) == folder
+
+
+@pytest.mark.parametrize('mode', [0o770, 0o705])
+def test_a_folder_that_others_may_enter_is_refused(tmp_path, mode):
+    own_folder(tmp_path).chmod(mode)
+    with pytest.raises(PermissionError):
+        own_folder(tmp_path)
+
+
+def test_a_folder_of_somebody_else_is_refused(tmp_path, monkeypatch):
+    folder = own_folder(tmp_path)
+    somebody = os.getuid() + 1
+    folder.rename(tmp_path / f'redres_ros-{somebody}')
+    monkeypatch.setattr(os, 'getuid', lambda: somebody)
+    with pytest.raises(PermissionError):
+        own_folder(tmp_path)
+
+
+def test_a_link_in_the_place_of_the_folder_is_refused(tmp_path):
+    elsewhere = tmp_path / 'elsewhere'
+    elsewhere.mkdir(mode=0o700)
+    own_folder(tmp_path).rmdir()
+    (tmp_path / f'redres_ros-{os.getuid()}').symlink_to(elsewhere)
+    with pytest.raises(PermissionError):
+        own_folder(tmp_path)
+
+
+def test_a_folder_that_others_could_replace_is_refused(tmp_path):
+    tmp_path.chmod(0o777)
+    with pytest.raises(PermissionError):
+        own_folder(tmp_path)
+    tmp_path.chmod(0o1777)  # as /tmp is
+    assert own_folder(tmp_path).is_dir()
 
 
 def test_the_stamp_of_a_room_changes_with_each_of_its_files(tmp_path):

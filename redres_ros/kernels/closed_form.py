@@ -118,7 +118,7 @@ def solution(
     Returns:
         SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
     """
-    solve_rows(R, dx)
+    substitute(R, dx)
     for k in range(len(dx)):
         dx[k] -= dot(Q[k], b)
     if form == IDENTITY:
@@ -159,15 +159,15 @@ def weighted(
         solve_transposed_factor(F, form, Q[k])
     R[:] = 0.0
     make_orthonormal(Q, R)
-    solve_rows(R, r)
+    substitute(R, r)
     add_up(Q, r, dq)
     solve_factor(F, form, dq)
     return True
 
 
 @inlined
-def solve_rows(R: np.ndarray, x: np.ndarray) -> None:
-    """x becomes R^-1 x, for a lower triangular R (m, m)."""
+def substitute(R: np.ndarray, x: np.ndarray) -> None:
+    """x becomes R^-1 x, for a lower triangular R (m, m), from its first row to its last."""
     for k in range(len(x)):
         for j in range(k):
             x[k] -= R[k, j] * x[j]

@@ -1,20 +1,21 @@
 """Compiling numerical functions: once, when their module is loaded, and never in the loop."""
 
-import sys
 from collections.abc import Callable
-from functools import lru_cache
+from contextlib import suppress
 from typing import Any
 
 import numba
 from numba import types
+from numba.core.typeinfer import register_dispatcher
 
-from redres_ros.kernels import cache
+from redres_ros.kernels.cache import Kept, enter
+from redres_ros.kernels.telling import tell_compiling
 from redres_ros.signals import interruptible
 
 # Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
 _IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])
 
-cache.enter()
+enter()
 
 
 def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -31,10 +32,7 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
         if not signatures:
             return _part(function, 'never')
         with interruptible():  # LLVM calls back into Python, where an interrupt would get lost
-            made = _made(function, list(signatures))
-        if not made.stats.cache_hits:
-            _tell()
-        return made
+            return _made(function, signatures)
 
     return decorate
 
@@ -55,11 +53,20 @@ def _part(function: Callable[..., Any], inline: str) -> Any:
     return numba.njit(error_model='numpy', **options)(function)
 
 
-def _made(function: Callable[..., Any], signatures: list[Any]) -> Any:
-    try:
-        return numba.njit(signatures, cache=True, error_model='numpy')(function)
-    except RuntimeError:  # numba found no folder for its cache
-        return numba.njit(signatures, error_model='numpy')(function)
+def _made(function: Callable[..., Any], signatures: tuple[Any, ...]) -> Any:
+    """As numba.njit(signatures, cache=True) makes it, but from a cache of ours."""
+    made: Any = numba.njit(error_model='numpy')(function)
+    folder = ''
+    with suppress(RuntimeError):  # there is no folder that can be written
+        made._cache = Kept(function)  # type: ignore[no-untyped-call]
+        folder = made._cache.cache_path
+    with register_dispatcher(made):  # a function may call itself
+        for signature in signatures:
+            made.compile(signature)
+    made.disable_compile()
+    if not made.stats.cache_hits:
+        tell_compiling(folder)
+    return made
 
 
 def direct(function: Any) -> Any:
@@ -72,15 +79,6 @@ def direct(function: Any) -> Any:
         return function
     (made,) = function.overloads.values()
     return made.entry_point
-
-
-@lru_cache
-def _tell() -> None:
-    """Say, once in a process and to a person, why it takes so long."""
-    if sys.stderr.isatty():
-        print(
-            'compiling the formulas, which takes a quarter of a minute, once ...', file=sys.stderr
-        )
 
 
 def vector(dtype: Any = types.float64) -> Any:

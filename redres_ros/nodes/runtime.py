@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
+from redres_ros.kernels.telling import time_compiling
 from redres_ros.nodes import discovery
 from redres_ros.nodes.parameters import misspelt
 from redres_ros.nodes.real_time import ask_kernel
@@ -222,6 +223,7 @@ def run_nodes(
     try:
         start(arguments)
         nodes = [_made(make) for make in makes]
+        _tell_compiled(nodes)
         _tell_misspelt(nodes)
         _spin(nodes, stopped, one_thread)
     except KeyboardInterrupt:
@@ -236,6 +238,13 @@ def run_nodes(
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _tell_compiled(nodes: list[Node]) -> None:
+    """Say that what this start waited for is over."""
+    seconds = time_compiling()
+    if seconds:
+        nodes[0].get_logger().info(f'compiled the formulas in {seconds:.0f} s')
 
 
 def _tell_misspelt(nodes: list[Node]) -> None:
