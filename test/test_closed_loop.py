@@ -196,9 +196,7 @@ def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():
 
 def test_switches_act_from_their_tick_on():
     plain = short()
-    controller = Controller(MODEL, make_law('minimum_acceleration'), T)
-    other = make_law('minimum_kinetic_energy')
-    switched = run(controller, one_segment(), at={500: lambda: controller.switch_law(other)})
+    switched = short(switches={500: make_law('minimum_kinetic_energy')})
     assert (plain.data[:500] == switched.data[:500]).all()
     assert np.linalg.norm(switched.vectors('dq1')[500] - plain.vectors('dq1')[500]) > 0.1
 

@@ -7,17 +7,17 @@ from extension.markdown import code, plain, table
 from redres_ros.cli.command import make_parser
 from redres_ros.cli.parser import Parser
 
+_DEFAULT = '; default: '  # what follows it in a help says a default in words
 _NOT_SHOWN = (argparse._HelpAction, argparse._SubParsersAction)
 
 
 def commands() -> Iterator[str]:
     """A section with tables of options for each."""
     [choices] = [a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction)]
-    helps = {action.dest: action.help or '' for action in choices._choices_actions}
     for name, command in choices.choices.items():
         if isinstance(command, Parser):
             command.declare_all(['--help'])
-        yield from (f'## redres {name}', '', f'{plain(helps[name])}.', '')
+        yield from (f'## redres {name}', '', plain(command.description or ''), '')
         yield from ('```sh', *_examples(command), '```', '')
         for group in command._action_groups:
             actions = [a for a in group._group_actions if not isinstance(a, _NOT_SHOWN)]
@@ -31,8 +31,14 @@ def _examples(command: argparse.ArgumentParser) -> list[str]:
 
 
 def _option(action: argparse.Action) -> tuple[str, str, str]:
+    """Names, default and meaning, as cells."""
     names = ', '.join(map(code, action.option_strings)) or code(str(action.metavar or action.dest))
     value = action.metavar if action.option_strings and action.nargs != 0 else None
-    default = '' if action.default in (None, False, '', (), argparse.SUPPRESS) else action.default
-    words = [f'{names} {value or ""}'.strip(), code(str(default)), plain(action.help or '')]
-    return words[0], words[1], words[2].replace('%%', '%')
+    meaning, _, default = plain(action.help or '').replace('%%', '%').partition(_DEFAULT)
+    if action.default not in (None, False, '', (), argparse.SUPPRESS):
+        default = code(_shown(action.default))
+    return f'{names} {value or ""}'.strip(), default, meaning
+
+
+def _shown(default: object) -> str:
+    return f'{default:g}' if isinstance(default, float) else str(default)

@@ -1,4 +1,4 @@
-"""The ROS 2 side: the only place that imports rclpy and messages."""
+"""What runs on the robot: each node converts, makes one call to the core, and converts back."""
 
 import os
 

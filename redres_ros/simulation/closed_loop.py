@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.controller import SPEED_LIMIT
-from redres_ros.errors import DivergedError, RangeError
+from redres_ros.controller import SPEED_LIMIT, Controller
+from redres_ros.errors import DivergedError, RangeError, RedresError
+from redres_ros.laws import Law
 from redres_ros.planner import Planner
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, row
@@ -44,7 +45,7 @@ def run(
     task: WaypointTask,
     *,
     delay: int = 0,
-    at: Mapping[int, Callable[[], None]] | None = None,
+    switches: Mapping[int, Law] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """The task from its start until the last point is reached, which gives no row of its own.
@@ -57,22 +58,23 @@ def run(
         task: Start and points.
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
-        at: Tick -> what to do before it, as to switch the law.
+        switches: Tick -> law to go over to.
         progress: Is told the share of the nominal duration that is over.
 
     Raises:
         RangeError: A delay below zero.
+        RedresError: A law is to be switched, and the controller is none of laws.
     """
     if delay < 0:
         raise RangeError('delay', delay, 0, np.inf, 'ticks')
-    before = at or {}
+    laws = switches or {}
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     loop = _Loop(controller, task, delay)
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
-        if k in before:
-            before[k]()
+        if k in laws:
+            _switch(controller, laws[k])
         try:
             if loop.advance(t):
                 return loop.recording(f'reached the last point after {t:.3f} s', finished=True)
@@ -83,6 +85,14 @@ def run(
         if progress and k % 100 == 0:
             progress(t / nominal)
     return loop.recording(f'did not reach the last point within {PATIENCE * nominal:g} s')
+
+
+def _switch(controller: Client, law: Law) -> None:
+    if not isinstance(controller, Controller):
+        raise RedresError(
+            f'{type(controller).__name__} has no law to switch; expected a Controller'
+        )
+    controller.switch_law(law)
 
 
 class _Loop:
