@@ -342,6 +342,19 @@ def test_laws_lists_every_robot(name, capsys):
     assert [line for line in capsys.readouterr().out.splitlines() if line.startswith(f'{name} ')]
 
 
+def test_the_list_of_laws_keeps_to_the_width_of_a_terminal_and_to_a_line_elsewhere(
+    monkeypatch, capsys
+):
+    assert main(['laws']) == 0
+    lines = capsys.readouterr().out
+    monkeypatch.setenv('COLUMNS', '80')
+    monkeypatch.setattr(sys.stdout, 'isatty', lambda: True)
+    assert main(['laws']) == 0
+    wrapped = capsys.readouterr().out
+    assert max(map(len, wrapped.splitlines())) <= 80 < max(map(len, lines.splitlines()))
+    assert wrapped.split() == lines.split()
+
+
 COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'bench', 'laws', 'law', 'watch')
 MOTIONS = ('simulate', 'compare', 'demo')
 

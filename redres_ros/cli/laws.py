@@ -2,6 +2,9 @@
 
 import argparse
 import inspect
+import shutil
+import sys
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain, add_namespace
@@ -9,6 +12,9 @@ from redres_ros.cli.parser import add_command
 
 if TYPE_CHECKING:
     from redres_ros.robots import Arm
+
+_NAME_WIDTH = 26  # columns
+_NARROWEST = 60  # columns; text beside the names needs some
 
 _HEADS = {
     'law': 'laws, --law NAME: what the motion of the joints is to have least of',
@@ -51,12 +57,21 @@ def _laws(options: argparse.Namespace) -> int:
     for kind, table in find_tables(limits=True).items():
         print(_HEADS[kind])
         for name, cls in table.items():
-            print(f'{name:<26}{_says(cls)}')
+            _print_entry(name, _says(cls))
         print()
     print(_HEADS['robot'])
     for name, arm in ARMS.items():
-        print(f'{name:<26}{_describes(arm)}')
+        _print_entry(name, _describes(arm))
     return 0
+
+
+def _print_entry(name: str, text: str) -> None:
+    """A name and what it is: in a terminal within its width, elsewhere in one line, as for grep."""
+    line = f'{name:<{_NAME_WIDTH}}{text}'
+    if sys.stdout.isatty():
+        width = shutil.get_terminal_size().columns
+        line = textwrap.fill(line, max(width, _NARROWEST), subsequent_indent=' ' * _NAME_WIDTH)
+    print(line)
 
 
 def _says(cls: type) -> str:

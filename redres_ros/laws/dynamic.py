@@ -40,13 +40,13 @@ class _TorqueLaw(Law):
 
 @dataclass(frozen=True)
 class MinimumWeightedTorque(_TorqueLaw):
-    """Least torque in the norm of M^-2, Eq. (24)-(26) -> (27)."""
+    """Least torque in the norm of M^-2, Eq. (24)-(26) -> (27), with W = I."""
 
 
 @dataclass(frozen=True)
 class DynamicallyConsistent(_TorqueLaw):
-    """Least torque in the norm of M^-1, Eq. (28)-(34) -> (32); Eq. (35) is the special case damping
-    = 1/T.
+    """Least torque in the norm of M^-1, Eq. (28)-(34) -> (32), with W = M; Eq. (35) is the special
+    case damping = 1/T.
     """
 
     def weight(self, state: RobotState) -> Weight:
@@ -55,7 +55,7 @@ class DynamicallyConsistent(_TorqueLaw):
 
 @dataclass(frozen=True)
 class MinimumTorque(_TorqueLaw):
-    """Least torque in the plain norm, Eq. (7) with (A.14)."""
+    """Least torque in the plain norm, Eq. (7) with (A.14): W = M^2."""
 
     def weight(self, state: RobotState) -> Weight:
         return Square(state.M)
