@@ -5,6 +5,8 @@ from numbers import Real
 from typing import Any
 
 _LONGEST = 60  # characters of a value that an error quotes
+_LONGEST_LINE = 1000  # characters of a line
+_MOST_NAMES = 60  # of which an error tells what is allowed
 
 
 def quoted(value: Any) -> str:
@@ -20,6 +22,17 @@ def quoted(value: Any) -> str:
     if len(text) <= _LONGEST:
         return text
     return f'{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}'
+
+
+def one_line(text: str) -> str:
+    """A text that others may have written, as a log or a terminal shows it.
+
+    It is one line, cut where nobody would read on. What is no character to be seen has become a
+    space: a line's end, or what would have a terminal do something.
+    """
+    cut = text[:_LONGEST_LINE]
+    seen = ''.join(each if each.isprintable() else ' ' for each in cut)
+    return seen if len(cut) == len(text) else f'{seen} ...'
 
 
 class RedresError(Exception):
@@ -39,7 +52,10 @@ class UnknownNameError(RedresError):
         self.kind = kind
         self.got = got
         self.allowed = tuple(sorted(allowed))
-        super().__init__(f'unknown {kind} {quoted(got)}; allowed: {", ".join(self.allowed)}')
+        shown = self.allowed[:_MOST_NAMES]
+        others = len(self.allowed) - len(shown)
+        more = f' and {others} others' if others else ''
+        super().__init__(f'unknown {kind} {quoted(got)}; allowed: {", ".join(shown)}{more}')
 
 
 class RangeError(RedresError):

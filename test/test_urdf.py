@@ -546,6 +546,31 @@ def test_a_xacro_is_converted_where_the_package_is_installed(tmp_path):
         arm_from_urdf(path, 'tip')
 
 
+def test_an_arm_without_any_length_is_refused():
+    parts = {name: re.sub('<origin[^>]*/>', '', part) for name, part in PARTS.items()}
+    assert 'all joints of tip are at one point' in refusal(urdf(**parts))
+
+
+MANY = ''.join(
+    f'<joint name="j{i}" type="fixed"><parent link="base"/><child link="l{i}"/></joint>'
+    f'<link name="l{i}"/>'
+    for i in range(501)
+)
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        (f'<robot><link name="base"/>{MANY}</robot>', '501 joints; expected at most 500'),
+        (f'<robot><link name="base"/><!--{"x" * 20_000_000}--></robot>', 'at most 20000000'),
+    ],
+    ids=['joints', 'characters'],
+)
+def test_a_description_that_is_far_too_large_is_refused_at_once(text, reason):
+    with pytest.raises(FileError, match=reason):
+        arm_from_urdf(text, 'tip')
+
+
 def test_what_xacro_makes_of_the_file_is_read(tmp_path, monkeypatch):
     path = tmp_path / 'arm.xacro'
     path.write_text('anything')

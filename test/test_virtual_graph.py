@@ -1,5 +1,6 @@
 """How the arm moves when messages are late or missing: the real nodes, in virtual time."""
 
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import off
 
+from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.share import share_path
 from redres_ros.task_run import RunState
 
@@ -149,6 +153,34 @@ def resting() -> Iterator[VirtualRun]:
         run.run(0.5)
         assert run.commanding
         yield run
+
+
+HOSTILE = 'x\n[ERROR] [1.0] [robot]: all is well\x1b[2J\u2028' + 'y' * 100_000
+
+
+def test_no_text_of_others_gets_beyond_one_readable_line_of_a_log(resting: VirtualRun) -> None:
+    graph = resting.graph
+    assert graph.call('planner/start').success
+    resting.run(0.5)
+    before = len(graph.log)
+    ours = resting.nodes['controller']._joints.names
+    foreign = JointState(name=[HOSTILE], position=array('d', [0.0]))
+    mixed = JointState(name=[*ours[:-1], HOSTILE], position=array('d', [0.0] * len(ours)))
+    for topic, message in (
+        ('joint_states', foreign),
+        ('joint_states', mixed),
+        ('cartesian_velocity', to_twist(0, HOSTILE, np.zeros(3))),
+        ('target_pose', to_pose(0, HOSTILE, np.zeros(3), np.eye(3))),
+        ('joint_command', mixed),
+        ('sim/session_state', String(data=HOSTILE)),
+        ('sim/stop_reason', String(data=HOSTILE)),
+    ):
+        graph.publish(topic, message)
+        resting.run(0.1)
+    lines = [line for _, line in graph.log[before:]]
+    assert len(lines) >= 6
+    assert all(line.isprintable() for line in lines)
+    assert max(map(len, lines)) < 1200
 
 
 def test_a_point_out_of_reach_does_not_keep_the_task_waiting(tmp_path: Path) -> None:

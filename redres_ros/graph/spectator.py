@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 
+from redres_ros.errors import one_line
 from redres_ros.graph.heard import STALE, Heard, NodeHealth
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
@@ -68,6 +69,8 @@ class Spectator(Node):
             source: A topic, or the name of a node.
             value: What it said.
         """
+        if isinstance(value, str):
+            value = one_line(value)  # anyone may have said it
         self.heard[source] = Heard(value, time.monotonic())
 
     def _on_word(self, topic: str, message: String) -> None:
@@ -77,7 +80,8 @@ class Spectator(Node):
         for status in message.status:
             name = self._own(status.name)
             if name in NODES:
-                self.keep(name, NodeHealth(status.message, status.level == DiagnosticStatus.OK))
+                summary = one_line(status.message)
+                self.keep(name, NodeHealth(summary, status.level == DiagnosticStatus.OK))
 
     def _on_event(self, message: ParameterEvent) -> None:
         name = self._own(message.node)

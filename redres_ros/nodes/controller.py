@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from redres_ros.controller import INTEGRATE_FROM, Controller
-from redres_ros.errors import RedresError
+from redres_ros.errors import RedresError, one_line
 from redres_ros.following import Following, Reply
 from redres_ros.following_settings import FollowingSettings, why_it_would_leap
 from redres_ros.laws import law_name
@@ -177,7 +177,8 @@ class ControllerNode(ManagedNode):
         before = self._following.commanding
         self._following.enter_session(message.data)
         if before and not self._following.commanding and self._following.answered:
-            self.get_logger().warning(f'the robot takes no commands: its session is {message.data}')
+            word = one_line(message.data)
+            self.get_logger().warning(f'the robot takes no commands: its session is {word}')
         elif not before and self._following.commanding:
             self.get_logger().info('the robot takes commands')
 

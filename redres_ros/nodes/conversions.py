@@ -8,7 +8,13 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
-from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError
+from redres_ros.errors import (
+    ArrayError,
+    JointNamesError,
+    RedresError,
+    UnknownNameError,
+    one_line,
+)
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.wire import JointSample
 from redres_ros.robot_model import RobotModel, quaternion
@@ -95,7 +101,7 @@ class JointOrder:
 
     def _tell_of(self, others: Sequence[str]) -> None:
         if others and self._tell:
-            self._tell(f'joint_states: ignoring {", ".join(others)}, not of this arm')
+            self._tell(f'joint_states: ignoring {one_line(", ".join(others))}, not of this arm')
 
 
 def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:

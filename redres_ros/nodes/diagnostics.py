@@ -10,6 +10,7 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from redres_ros.errors import one_line
 from redres_ros.nodes.qos import PUBLISH
 
 OK = DiagnosticStatus.OK
@@ -103,13 +104,13 @@ class Refusals:
         """
         self.count += 1
         episode = self._bad.setdefault(source, _Episode())
-        episode.reason = str(error)
+        episode.reason = one_line(str(error))
         episode.count += 1
         episode.last = time.monotonic()
         episode.over = False
         if type(error) not in episode.kinds:
             episode.kinds.add(type(error))
-            self._logger.error(f'{source} refused: {error}')
+            self._logger.error(f'{source} refused: {episode.reason}')
 
     def accept(self, source: str) -> None:
         """Note an input that could be used."""

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from redres_ros.errors import RedresError
+from redres_ros.errors import RedresError, one_line
 from redres_ros.laws import make_law
 from redres_ros.motion import LawMotion
 from redres_ros.nodes.conversions import JointOrder, from_pose
@@ -189,7 +189,7 @@ class PlannerNode(ManagedNode):
         self._run.hear(message.data)
 
     def _on_stop_reason(self, message: String) -> None:
-        stopped = message.data
+        stopped = one_line(message.data)
         if stopped and not self._stop_reason and self._run.state is RunState.MOVING:
             self.get_logger().warning(f'the robot has stopped, the task waits: {stopped}')
         self._stop_reason = stopped

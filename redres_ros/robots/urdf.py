@@ -13,6 +13,7 @@ from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.text_file import read_file
 
 _LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand
+_MOST_JOINTS = 500  # humanoids with hands have two hundred; with a thousand a node thinks for long
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,10 @@ class Urdf:
             FileError: The file cannot be read, is no URDF, or is a xacro that cannot be converted.
         """
         name = source_name(source)
+        if isinstance(source, str) and len(source) > _LARGEST:
+            raise FileError(
+                f'{name} has {len(source)} characters; expected a URDF of at most {_LARGEST}'
+            )
         try:
             robot = ET.fromstring(source if isinstance(source, str) else _read(source))
         except OSError as error:
@@ -53,6 +58,9 @@ class Urdf:
             raise FileError(f'{name} is no URDF: {error}') from None
         if robot.tag != 'robot' or not robot.findall('link'):
             raise FileError(f'{name} is no URDF: expected a robot with at least one link')
+        joints = len(robot.findall('joint'))
+        if joints > _MOST_JOINTS:
+            raise FileError(f'{name} has {joints} joints; expected at most {_MOST_JOINTS}')
         if any('/xacro}' in element.tag for element in robot.iter()):
             raise FileError(f'{name} holds xacro; expected the ending .xacro, or a plain URDF')
         return cls(robot, name)
