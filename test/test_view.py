@@ -25,11 +25,11 @@ from std_msgs.msg import Float64MultiArray, Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
+from redres_ros.demo.listener import DemoListener
 from redres_ros.errors import ArrayError
 from redres_ros.graph import live_arm
 from redres_ros.graph.client import CallError
 from redres_ros.graph.judge import Judge
-from redres_ros.graph.onlooker import Onlooker
 from redres_ros.graph.sampling import Sampler
 from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.graph.spectator import WORDS
@@ -355,7 +355,7 @@ def chromium() -> Iterator[Any]:
 def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_path: Path) -> None:
     asked: list[str] = []
     chromium.on('request', lambda request: asked.append(request.url))
-    with graph(Onlooker) as (node, start):
+    with graph(DemoListener) as (node, start):
         for name in ('sim', 'controller', 'planner'):
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'

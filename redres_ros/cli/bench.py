@@ -3,10 +3,10 @@
 import argparse
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import made
+from redres_ros.cli.options import add_out
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError, UnknownNameError
 
@@ -34,13 +34,7 @@ def add(commands: Any) -> None:
         help='time for which each kind of loop is measured at each rate [s]; the ticks scale',
     )
     bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
-    bench.add_argument(
-        '--out',
-        type=Path,
-        default=Path('redres_bench'),
-        metavar='DIR',
-        help='directory for bench.json and logs',
-    )
+    add_out(bench, 'redres_bench', 'bench.json and logs')
     bench.set_defaults(run=_bench)
 
 

@@ -3,10 +3,9 @@
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_loop, add_motion
+from redres_ros.cli.options import add_loop, add_motion, add_out
 from redres_ros.cli.parser import OptionError, add_command
 
 if TYPE_CHECKING:
@@ -61,13 +60,7 @@ def add(commands: Any) -> None:
     )
     add_motion(compare, several_laws=_LAWS)
     loop = add_loop(compare)
-    loop.add_argument(
-        '--out',
-        type=Path,
-        default=Path('redres_compare'),
-        metavar='DIR',
-        help='directory for plot and data',
-    )
+    add_out(loop, 'redres_compare', 'plots and data')
     compare.set_defaults(run=_compare)
 
 

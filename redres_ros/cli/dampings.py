@@ -1,10 +1,9 @@
 """`redres dampings`: how much null-space damping is good for an arm."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.options import add_robot
+from redres_ros.cli.options import add_out, add_robot
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -27,9 +26,7 @@ def add(commands: Any) -> None:
     dampings.add_argument(
         '--period', type=float, default=0.005, metavar='S', help='sampling time T [s]'
     )
-    dampings.add_argument(
-        '--out', type=Path, default=Path('redres_dampings'), metavar='DIR', help='for the picture'
-    )
+    add_out(dampings, 'redres_dampings', 'the picture')
     dampings.set_defaults(run=_dampings)
 
 

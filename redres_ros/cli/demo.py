@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import add_motion, check_duration
+from redres_ros.cli.options import add_motion, add_out, check_duration
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -92,13 +92,7 @@ def _add_pages(group: Any) -> None:
 
 def _add_files(group: Any) -> None:
     """What is kept of the run."""
-    group.add_argument(
-        '--out',
-        type=Path,
-        default=Path('redres_demo'),
-        metavar='DIR',
-        help='directory for plot, data and logs',
-    )
+    add_out(group, 'redres_demo', 'plot, data and logs')
     group.add_argument(
         '--video', type=Path, metavar='FILE', help='a film of the motion: .mp4, .webp or .gif'
     )

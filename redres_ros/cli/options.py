@@ -3,6 +3,7 @@
 import argparse
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.parser import NONE, Parser
@@ -188,6 +189,19 @@ def add_loop(parser: Parser) -> Any:
         '--period', type=float, default=0.001, metavar='S', help='sampling time T [s]'
     )
     return loop
+
+
+def add_out(group: Any, default: str, says: str) -> None:
+    """--out of what writes several files.
+
+    Args:
+        group: Of the subcommand's options.
+        default: The directory, unless another is named.
+        says: What is written there.
+    """
+    group.add_argument(
+        '--out', type=Path, default=Path(default), metavar='DIR', help=f'directory for {says}'
+    )
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:

@@ -1,9 +1,9 @@
 """`redres reproduce`: the paper's figures and claims."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
+from redres_ros.cli.options import add_out
 from redres_ros.cli.parser import add_command
 
 
@@ -12,13 +12,7 @@ def add(commands: Any) -> None:
     reproduce = add_command(
         commands, 'reproduce', "the paper's figures and claims, without ROS", '--out figures'
     )
-    reproduce.add_argument(
-        '--out',
-        type=Path,
-        default=Path('redres_reproduce'),
-        metavar='DIR',
-        help='directory for figures and table',
-    )
+    add_out(reproduce, 'redres_reproduce', 'figures and table')
     reproduce.set_defaults(run=_reproduce)
 
 

@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.crew import NODES, Crew
 from redres_ros.demo.cycles import count_cycles
+from redres_ros.demo.listener import DemoListener
 from redres_ros.demo.log import FINISHED, read_log
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
@@ -20,7 +21,6 @@ from redres_ros.demo.processes import remember_files
 from redres_ros.demo.replay import replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.graph.client import call, read_parameters, set_parameters
-from redres_ros.graph.onlooker import Onlooker
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
@@ -101,19 +101,19 @@ class Demo:
         endurance = None
         last = math.inf
         try:
-            with spun(Onlooker) as onlooker, self._crew.running():
-                self._await_robot(onlooker)
+            with spun(DemoListener) as listener, self._crew.running():
+                self._await_robot(listener)
                 remember_files([os.getpid(), *(node.pid for node in self._crew.nodes)])
                 if self.options.mcap:
                     self._node_parameters = {
-                        f'/{name}': read_parameters(onlooker, name, _ANSWER) for name in NODES
+                        f'/{name}': read_parameters(listener, name, _ANSWER) for name in NODES
                     }
-                self._run_task(onlooker, progress)
+                self._run_task(listener, progress)
                 if self.options.duration:
-                    endurance = self._repeat(onlooker, progress)
+                    endurance = self._repeat(listener, progress)
                 if self.options.views:
-                    last = onlooker.newest
-                    self._stay(onlooker)
+                    last = listener.newest
+                    self._stay(listener)
         except KeyboardInterrupt:
             interrupted = True
         except BaseException:
@@ -121,86 +121,86 @@ class Demo:
             raise
         return Ending(endurance, interrupted, last)
 
-    def _await_robot(self, onlooker: Onlooker) -> None:
+    def _await_robot(self, listener: DemoListener) -> None:
         until = time.monotonic() + START_PATIENCE
-        while not self._ready(onlooker):
-            self._check(onlooker)
+        while not self._ready(listener):
+            self._check(listener)
             if time.monotonic() > until:
                 raise DemoError(
                     f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log'
                 )
             time.sleep(_LOOK)
 
-    def _ready(self, onlooker: Onlooker) -> bool:
+    def _ready(self, listener: DemoListener) -> bool:
         """Whether the task may begin: the planner is there and the robot in command mode, or, in
         lock-step, waits for its first answer.
         """
-        if not onlooker.count_services('planner/start'):
+        if not listener.count_services('planner/start'):
             return False
         if self.options.lockstep:
             topics = ('joint_command', 'cartesian_velocity')
-            return bool(onlooker.newest) and all(map(onlooker.count_publishers, topics))
-        return onlooker.word(SESSION) in COMMANDING
+            return bool(listener.newest) and all(map(listener.count_publishers, topics))
+        return listener.word(SESSION) in COMMANDING
 
-    def _run_task(self, onlooker: Onlooker, progress: Callable[[float], None]) -> None:
+    def _run_task(self, listener: DemoListener, progress: Callable[[float], None]) -> None:
         """Run the task until it is finished, the robot is stopped, or it took far too long."""
-        self._start_task(onlooker)
+        self._start_task(listener)
         switches = sorted(self.options.switches, key=lambda pair: pair[1])
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
-        while t < PATIENCE * nominal and onlooker.word(TASK_STATE) != FINISHED:
-            self._check(onlooker)
-            if onlooker.word(REASON):
+        while t < PATIENCE * nominal and listener.word(TASK_STATE) != FINISHED:
+            self._check(listener)
+            if listener.word(REASON):
                 return
-            t = (onlooker.newest - onlooker.began) / 1e9
+            t = (listener.newest - listener.began) / 1e9
             while switches and t >= switches[0][1]:
                 law, _ = switches.pop(0)
-                set_parameters(onlooker, 'controller', {'law': law}, _ANSWER)
+                set_parameters(listener, 'controller', {'law': law}, _ANSWER)
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
         time.sleep(SETTLING)
 
-    def _start_task(self, onlooker: Onlooker) -> None:
+    def _start_task(self, listener: DemoListener) -> None:
         """Wait until the planner has begun, or the robot is stopped."""
-        before = onlooker.began
+        before = listener.began
         until = time.monotonic() + START_PATIENCE
-        call(onlooker, Trigger, 'planner/start', Trigger.Request(), _ANSWER)
-        while onlooker.began == before and not onlooker.word(REASON):
-            self._check(onlooker)
+        call(listener, Trigger, 'planner/start', Trigger.Request(), _ANSWER)
+        while listener.began == before and not listener.word(REASON):
+            self._check(listener)
             if time.monotonic() > until:
                 raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s')
             time.sleep(_LOOK)
 
-    def _repeat(self, onlooker: Onlooker, progress: Callable[[float], None]) -> Endurance:
+    def _repeat(self, listener: DemoListener, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""
         before = {node.name: node.memory for node in self._crew.nodes}
         duration = self.options.duration
-        begun = onlooker.first_began
+        begun = listener.first_began
 
         def seconds() -> float:
-            return (onlooker.newest - begun) / 1e9
+            return (listener.newest - begun) / 1e9
 
         rounds = 1
-        while not onlooker.word(REASON) and seconds() < duration:
-            self._run_task(onlooker, lambda _: progress(min(seconds() / duration, 1.0)))
+        while not listener.word(REASON) and seconds() < duration:
+            self._run_task(listener, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
         memory = {node.name: (before[node.name], node.memory) for node in self._crew.nodes}
         return Endurance(rounds, seconds(), memory)
 
-    def _stay(self, onlooker: Onlooker) -> None:
+    def _stay(self, listener: DemoListener) -> None:
         """Keep the nodes as long as somebody looks, or until Ctrl-C, an ordinary end here."""
         try:
             # Loads what draws, so that nobody waits for that after Ctrl-C.
             import_module('redres_ros.simulation.plots')
             while self._crew.is_watched:
-                self._check(onlooker)
+                self._check(listener)
                 time.sleep(_LOOK)
         except KeyboardInterrupt:
             return
 
-    def _check(self, onlooker: Onlooker) -> None:
+    def _check(self, listener: DemoListener) -> None:
         self._crew.check()
-        if onlooker.newest and time.monotonic() - onlooker.heard_at > SILENCE:
+        if listener.newest and time.monotonic() - listener.heard_at > SILENCE:
             raise DemoError(
                 f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
             )

@@ -1,4 +1,4 @@
-"""What onlookers know of a running graph: its newest words, its health and its parameters."""
+"""What a spectator knows of a running graph: its newest words, its health and its parameters."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A listener that hears what the nodes say of themselves, and how far the robot's clock is."""
+"""What a demo hears of its nodes: what they say of themselves, and how far the robot's clock is."""
 
 import time
 from functools import partial
@@ -14,7 +14,7 @@ from redres_ros.nodes.wire import stamp_of
 from redres_ros.task_run import RunState
 
 
-class Onlooker(Node):
+class DemoListener(Node):
     """Keeps the newest words of session and planner, and the newest state as it came.
 
     States are kept unread: to read each would take a good part of a core. Whoever needs one asks
@@ -22,7 +22,7 @@ class Onlooker(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__('onlooker')
+        super().__init__('demo_listener')
         self.heard_at = time.monotonic()  # [s] when the newest state came
         self.began = 0  # stamp [ns] of the newest state when a task began last; 0 before the first
         self.first_began = 0  # and when it began first
