@@ -43,7 +43,7 @@ def times(law: str, scale: float, repetitions: int) -> np.ndarray:
         reference = planner.reference(model.tip(q)[0], k * T - late)
         if reference.finished:
             break
-        before = copy.copy(controller)
+        before = independent(controller)
         command = controller.update(q, reference.dx)
         if command.limiting:
             found.append(least_time(before, q, reference.dx, repetitions))
@@ -63,11 +63,19 @@ def least_time(controller: Controller, q: np.ndarray, dx: np.ndarray, repetition
     """
     least = np.inf
     for _ in range(repetitions):
-        again = copy.copy(controller)
+        again = independent(controller)
         begin = time.perf_counter()
         again.update(q, dx)
         least = min(least, time.perf_counter() - begin)
     return least
+
+
+def independent(controller: Controller) -> Controller:
+    """A copy that also has its own memory of which limits the last search held."""
+    copied = copy.copy(controller)
+    copied._resolver = copy.copy(controller._resolver)
+    copied._resolver._held = controller._resolver._held.copy()
+    return copied
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from redres_ros.simulation.report import table
 from redres_ros.waypoints import load_task
 
 T = 1.0 / 500.0  # [s]
-TICKS = 500  # of the recorded stretch, over and over again
+TICKS = 1500  # of the recorded stretch, over and over again: from rest to rest, without a jump
 FLOOR = 'computeAllTerms'  # with which the laws are compared
 LIMIT_SCALES = {'limits idle': 1.0, 'limits acting': 0.05}
 # [rad/s] a peer that is farther from the least velocities has not solved the problem, and does not
