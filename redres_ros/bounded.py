@@ -23,11 +23,10 @@ import numpy as np
 
 from redres_ros.kernels.arithmetic import within
 from redres_ros.kernels.cascade import cascade
-from redres_ros.resolution import Factor, Weight
+from redres_ros.resolution import Factor, Level, Weight, stacked
 
 Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
-TaskRows = tuple[np.ndarray, np.ndarray]  # J (m, n), dx (m,)
 
 NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
 
@@ -69,7 +68,7 @@ class Bounded(NamedTuple):
 def bound(
     dq_free: np.ndarray,
     W: Weight,
-    tasks: Sequence[TaskRows],
+    tasks: Sequence[Level],
     box: Box,
     rows: Sequence[Rows] = (),
     held: np.ndarray | None = None,
@@ -122,13 +121,9 @@ def _weight(W: Weight) -> tuple[np.ndarray, bool]:
     return W, False
 
 
-def _stacked_tasks(tasks: Sequence[TaskRows], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stacked_tasks(tasks: Sequence[Level], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """J (m, n) and dx (m,) of all tasks, and the number of rows of each; of none, an empty one."""
-    if len(tasks) == 1:  # nothing to copy
-        J, dx = tasks[0]
-        return J, dx, _sizes((len(dx),))
-    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in tasks)])
-    dx = np.concatenate([_NO_VALUES, *(dx for _, dx in tasks)])
+    J, dx = stacked(tasks, n)
     return J, dx, _sizes(tuple(len(dx) for _, dx in tasks) or (0,))
 
 

@@ -140,7 +140,7 @@ def resolve_in_order(
         ArrayError: as for `resolve`.
     """
     J, dx = levels[0]
-    J_lower, dx_lower = _stacked_lower(levels)
+    J_lower, dx_lower = stacked(levels[1:], len(b))
     dq = np.empty(len(b))
     array, form = as_array(W)
     try:
@@ -220,13 +220,17 @@ def _check_outcome(
         raise ArrayError(_complaint(J, dx, b, W, dq))
 
 
-def _stacked_lower(levels: Sequence[Level]) -> Level:
-    """J and dx of the lower tasks, one below the other."""
-    if len(levels) == 2:  # nothing to copy
-        return levels[1]
-    first, *lower = levels
-    J = np.concatenate([first[0][:0], *(J for J, _ in lower)])
-    dx = np.concatenate([first[1][:0], *(dx for _, dx in lower)])
+def stacked(levels: Sequence[Level], n: int) -> Level:
+    """J and dx of several tasks, one below the other; of a single task its own arrays.
+
+    Args:
+        levels: J and dx of each; there may be none.
+        n: Number of joints.
+    """
+    if len(levels) == 1:  # nothing to copy
+        return levels[0]
+    J = np.concatenate([np.zeros((0, n)), *(J for J, _ in levels)])
+    dx = np.concatenate([np.zeros(0), *(dx for _, dx in levels)])
     return J, dx
 
 

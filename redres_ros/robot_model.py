@@ -230,7 +230,7 @@ class RobotModel:
         )
 
     def unchecked_state(self, q: np.ndarray, dq_prev: np.ndarray) -> RobotState:
-        """As `state`, without check or copy, which take 4 % of a tick.
+        """As `state`, without check or copy.
 
         Args:
             q: Finite, (n,) [rad], and never modified by the caller.
