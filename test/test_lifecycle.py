@@ -128,7 +128,7 @@ class TestWithin:
     ) -> None:
         sim = SimNode()
         sent = []
-        sim._states = type('Outlet', (), {'publish': sent.append})
+        sim._outlet._publisher = type('Outlet', (), {'publish': sent.append})
         for active in (False, True):
             assert sim.active is active
             sim._publish_state()

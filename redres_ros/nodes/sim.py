@@ -14,7 +14,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from redres_ros.fri.channel import Channel
 from redres_ros.fri.faults import Faults
 from redres_ros.fri.faulty_plant import FaultyPlant
 from redres_ros.fri.guard import Guard
@@ -28,12 +27,13 @@ from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
+from redres_ros.nodes.state_outlet import StateOutlet
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.nodes.wire import EncodingError, JointStateReader, JointStateWriter, stamp_of
+from redres_ros.nodes.wire import EncodingError, JointStateReader
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -97,9 +97,10 @@ class SimNode(ManagedNode):
         # Not the node's clock: with use_sim_time that stands at 0 until somebody publishes /clock.
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
-        self._under_way: Channel[bytes] = Channel(f'{seed} states', faults.states)
+        names = self._plant.joint_names
+        self._outlet = StateOutlet(self, names, seed, faults.states)
         self._inbox = Inbox(
-            self._plant.joint_names,
+            names,
             self._robot_clock,
             self._session,
             link=faults.commands,
@@ -107,8 +108,6 @@ class SimNode(ManagedNode):
             timed=not self._settings.lockstep,
         )
         self._commands = JointStateReader()
-        self._writer = JointStateWriter(self._plant.joint_names)
-        self._asked = self._writer.written(0, self._robot.q, self._robot.dq)  # newest that got out
         self._arrival = Arrival()  # of a command
         self._client_lives = False
         self._cycles_waited = 0
@@ -124,7 +123,6 @@ class SimNode(ManagedNode):
         return IdealPlant(JointLimits.of(arm).joint_names, period, start)
 
     def _create_interfaces(self, arm: Arm) -> None:
-        self._states = self.create_publisher(JointState, 'joint_states', PUBLISH)
         self._telemetry = Telemetry(self, {}, {'wrench': WrenchStamped})
         self._session_topics = SessionTopics(self, self._session)
         description = self.create_publisher(String, 'robot_description', LATCHED)
@@ -180,12 +178,10 @@ class SimNode(ManagedNode):
     def _publish_state(self) -> None:
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
-        state = self._writer.written(stamp, self._robot.q, self._robot.dq)
         self._arrival.clear()
-        self._under_way.send(state, tick)
-        for arriving in self._under_way.receive(tick) if self.active else ():
-            self._states.publish(arriving)
-            self._asked = max(self._asked, arriving, key=stamp_of)
+        self._outlet.send(stamp, self._robot.q, self._robot.dq, tick)
+        if self.active:
+            self._outlet.publish(tick)
         tip = self._description.arm.tip_frame
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
@@ -207,13 +203,13 @@ class SimNode(ManagedNode):
             self._unanswered and self.active and not stopped.is_set() and time.monotonic() < until
         ):
             if not waiting.wait(self._arrival, _ASK_AGAIN):
-                self._states.publish(self._asked)
+                self._outlet.publish_again()
             self._arrival.clear()
 
     @property
     def _unanswered(self) -> bool:
         """Whether a state that got out, not lost or delayed by a fault, has no answer."""
-        return self._inbox.newest < stamp_of(self._asked)
+        return self._inbox.newest < self._outlet.newest
 
     def _on_command(self, message: JointState | bytes) -> None:
         if not self.active:
@@ -251,7 +247,7 @@ class SimNode(ManagedNode):
     def _set_faults(self, changes: dict[str, Any]) -> None:
         faults = self._with(changes)
         self._plant.faults = faults
-        self._under_way.link = faults.states
+        self._outlet.set_link(faults.states)
         self._inbox.link = faults.commands
 
     def _tell_refusals(self) -> None:
