@@ -22,9 +22,11 @@ def main() -> int:
     measured = json.loads(Path(sys.argv[1]).read_text())
     page = PAGE.read_text()
     page = replace(page, 'machine', machine(measured['machine']))
-    page = replace(page, 'tick', tick_table(measured['tick']))
-    page = replace(page, 'goals', goals_table(measured['tick']))
-    page = replace(page, 'loop', loop_table(measured['loop']))
+    if 'tick' in measured:
+        page = replace(page, 'tick', tick_table(measured['tick']))
+        page = replace(page, 'goals', goals_table(measured['tick']))
+    if 'loop' in measured:
+        page = replace(page, 'loop', loop_table(measured['loop']))
     PAGE.write_text(page)
     return 0
 

@@ -8,13 +8,14 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numba import float64
 from numba.core import caching
 
-from redres_ros.kernels import cache
+from redres_ros.kernels import cache, telling
 from redres_ros.kernels.cache import ROOM, own_folder, stamp
 from redres_ros.kernels.closed_form import closed_form
 from redres_ros.kernels.compiled import compiled, direct, vector
@@ -179,6 +180,21 @@ def test_where_neither_installation_nor_home_can_be_written_it_is_kept_among_tem
     answer, told = ask(room, **places)
     assert answer == '12.0 1'
     assert told.endswith('in every process, as no folder to keep them in can be written')
+
+
+def test_a_node_tells_in_one_line_that_compiling_is_over(monkeypatch, capsys):
+    runtime = pytest.importorskip('redres_ros.nodes.runtime', reason='needs ROS 2')
+    lines = []
+    log = SimpleNamespace(info=lines.append)
+    nodes = [SimpleNamespace(get_logger=lambda: log)] * 2
+    monkeypatch.setattr(telling, '_begun', [])
+    runtime._tell_compiled(nodes)
+    assert not lines  # nothing has been compiled
+    for _ in range(2):
+        telling.tell_compiling('here')
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    runtime._tell_compiled(nodes)
+    assert lines == ['compiled the formulas in 0 s']
 
 
 def test_a_folder_among_temporary_files_is_for_its_user_alone(tmp_path):
