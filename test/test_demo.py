@@ -297,6 +297,7 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
     assert summary(tmp_path)['task'] == 'interrupted'
     assert f'{summary(tmp_path)["motion"]["segments"]} in' in printed
     assert len(motion(tmp_path)) > 10
+    assert not (tmp_path / 'motion.png').exists()  # nobody waits for a picture
     assert not tape.exists()
 
 

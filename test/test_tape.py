@@ -1,5 +1,6 @@
 """From the nodes' tapes to a table and a summary: what is written is read, and counted right."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import PoseStamped
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32, String
 
@@ -93,9 +95,19 @@ def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_before_it(tmp_pat
     assert got == [0, 7 * PERIOD, 7 * PERIOD]
 
 
-def test_a_stamp_is_found_without_reading_the_message() -> None:
-    from rclpy.serialization import serialize_message
+def test_what_comes_long_after_the_last_stamp_that_counts_is_not_even_read():
+    def entries() -> Iterator[Entry]:
+        for tick in (1, 3, 2, 10**6):  # two of them in disorder
+            message = joint_state(0)
+            message.header.stamp = to_time(tick * PERIOD)
+            yield Entry(0, 'joint_states', False, serialize_message(message))
+        raise AssertionError('read on')
 
+    got = [stamp for stamp, _ in stamped(entries(), until=2.0 * PERIOD)]
+    assert got == [PERIOD, 2 * PERIOD]
+
+
+def test_a_stamp_is_found_without_reading_the_message() -> None:
     message = joint_state(0)
     message.header.stamp = to_time(1_763_712_345 * 10**9 + 987_654_321)
     assert stamp_of(serialize_message(message)) == 1_763_712_345 * 10**9 + 987_654_321
@@ -106,8 +118,6 @@ def test_a_stamp_is_found_without_reading_the_message() -> None:
 
 def exchange(*times: tuple[float, float | None]) -> list[Entry]:
     """A tape of states that went out and answers that came at some times [ms], by tick."""
-    from rclpy.serialization import serialize_message
-
     entries = []
     for tick, (sent, answered) in enumerate(times):
         data = serialize_message(joint_state(tick))
