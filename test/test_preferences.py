@@ -191,6 +191,12 @@ def test_the_elbow_goes_to_its_height(model, task):
     assert height(model, q) == pytest.approx(wanted, abs=1e-3)
 
 
+@pytest.mark.parametrize('wanted', [1e308, -1e308])
+def test_a_height_beyond_all_measure_pulls_no_harder_than_one_out_of_reach(wanted, states):
+    pulled = ElbowHeight(gain=1e4, height=wanted).acceleration(states[0])
+    assert 0.0 < np.abs(pulled).max() < 1e8
+
+
 def test_several_preferences_add_up(model, task):
     pair = (JointCentering(gain=40.0), ElbowHeight(gain=2.0))
     law = make_law('minimum_acceleration')

@@ -9,6 +9,7 @@ from redres_ros.parameter import param
 from redres_ros.preferences.preference import Preference
 from redres_ros.robot_model import RobotState
 
+_FARTHEST = 1000.0  # [m] a height that no arm reaches; 1e308 times a gain would be infinite
 ROWS = {'position': 3, 'pose': 6}  # of the Jacobian that is to be far from singular
 
 
@@ -46,6 +47,6 @@ class ElbowHeight(Preference):
         if math.isinf(self.height):
             pull = math.copysign(1.0, self.height)
         else:
-            pull = self.height - float(state.pose(frame)[0][2])
+            pull = min(max(self.height, -_FARTHEST), _FARTHEST) - float(state.pose(frame)[0][2])
         ddq_N: np.ndarray = self.gain * pull * slope
         return ddq_N
