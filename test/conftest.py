@@ -22,13 +22,14 @@ settings.load_profile('untimed')
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have the limits compiled before tests that wait for a node, and by one process alone.
+    """Have formulas compiled before tests that wait for a node, and by one process alone.
 
     A shell's background jobs are born deaf to Ctrl-C, and so would be what the tests start there.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, 'workerinput'):
+        import redres_ros.kernels.distances
         import redres_ros.limits  # noqa: F401
 
 

@@ -187,7 +187,7 @@ def test_a_node_tells_in_one_line_that_compiling_is_over(monkeypatch, capsys):
     lines = []
     log = SimpleNamespace(info=lines.append)
     nodes = [SimpleNamespace(get_logger=lambda: log)] * 2
-    monkeypatch.setattr(telling, '_begun', [])
+    monkeypatch.setattr(telling, '_times', [])
     runtime._tell_compiled(nodes)
     assert not lines  # nothing has been compiled
     for _ in range(2):

@@ -7,18 +7,18 @@ not. This file does without numba, which takes a third of a second to load.
 import sys
 import time
 
-_begun: list[float] = []  # [s] when, in this process
+_times: list[float] = []  # [s] when, in this process; the first of them was told of
 
 
 def tell_compiling(folder: str) -> None:
-    """Say, once in a process, that formulas are compiled.
+    """Note that a formula was compiled, and say so of the first in a process: more will be.
 
     Args:
         folder: Where they are kept; empty for nowhere.
     """
-    if _begun:
+    _times.append(time.monotonic())
+    if len(_times) > 1:
         return
-    _begun.append(time.monotonic())
     how_often = f'once, and kept in {folder}'
     if not folder:
         how_often = 'in every process, as no folder to keep them in can be written'
@@ -30,5 +30,5 @@ def tell_compiling(folder: str) -> None:
 
 
 def time_compiling() -> float:
-    """Since that was said [s]; 0 where nothing is compiled."""
-    return time.monotonic() - _begun[0] if _begun else 0.0
+    """From when that was said to the last formula [s]; 0 where nothing was compiled."""
+    return _times[-1] - _times[0] if _times else 0.0
