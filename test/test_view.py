@@ -38,6 +38,7 @@ from redres_ros.nodes import glance
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.glance import Figures, Glance, from_message, to_message
+from redres_ros.nodes.session_topics import SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
@@ -356,10 +357,13 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
     asked: list[str] = []
     chromium.on('request', lambda request: asked.append(request.url))
     with graph(DemoListener) as (node, start):
-        for name in ('sim', 'controller', 'planner'):
+        # What the browser draws may hold up the controller; the robot waits for it.
+        start('sim', tmp_path / 'sim.log', patience=PATIENCE)
+        for name in ('controller', 'planner'):
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'
         start('view.serve', log, port=gate.free_port(18280), patience=100.0)
+        await_that(lambda: node.word(SESSION) == 'CMD', 'command mode')
         await_that(lambda: 'page: ' in log.read_text(), 'the page', patience=BROWSER_PATIENCE)
         address = log.read_text().partition('page: ')[2].strip()
         pushes: list[float] = []
