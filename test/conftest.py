@@ -1,7 +1,9 @@
 """Fixtures that several test files share, and what spares time."""
 
+import importlib
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +22,8 @@ from redres_ros import RobotModel, RobotState, WaypointTask, load_task
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
+COMPILED = ('redres_ros.limits', 'redres_ros.kernels.distances')
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Have formulas compiled before tests that wait for a node, and by one process alone.
@@ -29,8 +33,12 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, 'workerinput'):
-        import redres_ros.kernels.distances
-        import redres_ros.limits  # noqa: F401
+        importing = ', '.join(COMPILED)
+        # What processes import that start elsewhere may be another copy, that of an installation.
+        elsewhere = subprocess.Popen([sys.executable, '-c', f'import {importing}'], cwd='/')
+        for name in COMPILED:
+            importlib.import_module(name)
+        elsewhere.wait()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

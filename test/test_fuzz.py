@@ -120,10 +120,11 @@ values = st.one_of(
 class Outlet:
     """In the place of a publisher: keeps the numbers of everything that is published."""
 
-    def __init__(self, node: Any, attribute: str, kind: type) -> None:
+    def __init__(self, owner: Any, attribute: str, kind: type) -> None:
+        assert hasattr(owner, attribute)
         self.sent: list[tuple[int, list[float]]] = []
         self._kind = kind
-        setattr(node, attribute, self)
+        setattr(owner, attribute, self)
 
     def publish(self, message: bytes | JointState | TwistStamped) -> None:
         if isinstance(message, bytes):
@@ -238,7 +239,7 @@ class TestCallbacks:
         )
     )
     def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
-        outlet = Outlet(sim, '_states', JointState)
+        outlet = Outlet(sim._outlet, '_publisher', JointState)
         robot = sim._robot
         before = robot.reference
         for event in events:
