@@ -1,6 +1,5 @@
 """Fixtures that several test files share, and what spares time."""
 
-import importlib
 import os
 import signal
 import subprocess
@@ -12,6 +11,7 @@ from typing import Any
 # Several processes share the processors. numpy's threads would compete with them.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
+import compile_all
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -22,8 +22,6 @@ from redres_ros import RobotModel, RobotState, WaypointTask, load_task
 settings.register_profile('untimed', deadline=None)
 settings.load_profile('untimed')
 
-COMPILED = ('redres_ros.limits', 'redres_ros.kernels.distances')
-
 
 def pytest_configure(config: pytest.Config) -> None:
     """Have formulas compiled before tests that wait for a node, and by one process alone.
@@ -33,11 +31,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not hasattr(config, 'workerinput'):
-        importing = ', '.join(COMPILED)
         # What processes import that start elsewhere may be another copy, that of an installation.
-        elsewhere = subprocess.Popen([sys.executable, '-c', f'import {importing}'], cwd='/')
-        for name in COMPILED:
-            importlib.import_module(name)
+        elsewhere = subprocess.Popen([sys.executable, compile_all.__file__])
+        compile_all.compile_all()
         elsewhere.wait()
 
 
