@@ -5,6 +5,8 @@ costs must not depend on our own wrappers. Peers are imported when asked for, si
 requirement of this package.
 """
 
+import atexit
+import gc
 import tempfile
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -81,6 +83,8 @@ def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
     """limit_scale: on velocities and accelerations; None: without limits."""
     import embodik
 
+    # Its binding complains at the end of whatever the collector has not cleared away.
+    atexit.unregister(gc.freeze)
     with tempfile.NamedTemporaryFile('w', suffix='.urdf') as file:
         file.write(arm.description())
         file.flush()
