@@ -168,6 +168,10 @@ def _any_state(model: RobotModel) -> RobotState:
 class Standing:
     """The arm stands still, and the task is left."""
 
+    def __reduce__(self) -> str:
+        """By its name: a copy would no longer be STANDING."""
+        return 'STANDING'
+
     def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Proposal:
         """No velocity."""
         J = task.jacobian(state)

@@ -57,6 +57,10 @@ class Unlimited:
 
     bounds_acceleration = False
 
+    def __reduce__(self) -> str:
+        """By its name: a copy would no longer be UNLIMITED."""
+        return 'UNLIMITED'
+
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
         return self

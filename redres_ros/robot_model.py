@@ -140,6 +140,7 @@ class RobotModel:
             raise FileError(f'{arm.source} is no URDF that can be used: {error}') from None
         if arm.armature:
             self._model.armature[:] = arm.armature
+        self._portable_arm = arm.with_text()  # now: later the file may have changed, or be gone
         self._data = self._model.createData()
         self._tip = self._frame(arm.tip_frame)
         self._tip_x = self._data.oMf[self._tip].translation  # in the data: changes with them
@@ -153,6 +154,12 @@ class RobotModel:
         self.dq_max = self._model.velocityLimit.copy()  # (n,) [rad/s]
         self.tau_max = self._model.effortLimit.copy()  # (n,) [Nm]
         self.reach = self._reach()
+
+    def __reduce__(self) -> tuple[type['RobotModel'], tuple[Arm]]:
+        """By its arm, for pickle and copy: a copy of Pinocchio's data would no longer be what
+        `_tip_x` and `_tip_R` look at.
+        """
+        return type(self), (self._portable_arm,)
 
     @property
     def elbow_frame(self) -> str:
@@ -356,11 +363,6 @@ class RobotModel:
             links = [frame.name for frame in self._model.frames if frame.type == pin.BODY]
             raise UnknownNameError('frame', name, links)
         return self._model.getFrameId(name, pin.BODY)
-
-
-def quaternion(R: np.ndarray) -> np.ndarray:
-    """The rotation R (3, 3) as a unit quaternion (x, y, z, w), (4,)."""
-    return pin.Quaternion(R).coeffs()
 
 
 def jacobian_derivatives(J: np.ndarray) -> np.ndarray:

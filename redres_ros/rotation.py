@@ -47,5 +47,7 @@ def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
 def to_quaternion(R: np.ndarray) -> np.ndarray:
     """The unit quaternion x, y, z, w (4,) of R (3, 3), w >= 0."""
     vector = rotation_vector(R)
-    half = math.sqrt(vector.dot(vector)) / 2.0
-    return np.append(vector * (np.sinc(half / math.pi) / 2.0), math.cos(half))
+    angle = math.sqrt(vector.dot(vector))
+    ratio = math.sin(angle / 2.0) / angle if angle > 0.0 else 0.5
+    x, y, z = (ratio * vector).tolist()
+    return np.array((x, y, z, math.cos(angle / 2.0)))

@@ -2,7 +2,10 @@
 of their own.
 """
 
+import pickle
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from copy import copy, deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +14,9 @@ import numpy as np
 import pytest
 from doubles import random_motion
 
-from redres_ros import RobotModel
+from redres_ros import Controller, RobotModel
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
-from redres_ros.robots import ARMS, Arm, find_arm
+from redres_ros.robots import ARMS, Arm, arm_from_urdf, find_arm
 from redres_ros.robots.arm import DYNAMICS
 
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
@@ -388,3 +391,100 @@ def test_joints_come_in_the_order_of_the_arm_with_their_limits(model):
 
 def test_the_base_frame_is_the_root_link(model):
     assert model.position(np.zeros(7), model.base_frame) == pytest.approx(0.0)
+
+
+# --- copies ---------------------------------------------------------------------------------------
+
+
+def pickled(original: object) -> object:
+    return pickle.loads(pickle.dumps(original))
+
+
+EVERY_COPY = pytest.mark.parametrize('copied', [pickled, copy, deepcopy])
+SMALL = 2000  # bytes: the fields of an arm, where Pinocchio's data would take 250,000
+
+
+def models(tmp_path: Path) -> list[RobotModel]:
+    """From every source that a model may have."""
+    urdf = ARMS['iiwa7'].urdf
+    path = tmp_path / 'my_arm.urdf'
+    path.write_text(urdf.read_text())
+    two_tips = Path(__file__).parents[1] / 'examples' / 'two_arms.urdf'
+    made = [RobotModel.named(name) for name in ARMS]
+    made += [
+        RobotModel.named('lwr4_paper', dynamics='cylinders', base_offset=0.1, tool_offset=0.2),
+        RobotModel(find_arm('fr3', tip_frame='fr3_link5')),
+        RobotModel.from_urdf(path, 'tool0', effort_limit=(30.0,) * 7),
+        RobotModel(arm_from_urdf(urdf.read_text(), 'tool0')),
+        RobotModel(Arm(two_tips, tip_frame='left_hand', other_tips=('right_hand',))),
+    ]
+    path.unlink()  # a copy may be made where the file is not
+    return made
+
+
+@EVERY_COPY
+def test_a_copy_of_a_model_is_the_same_arm(copied: Callable, tmp_path: Path) -> None:
+    for model in models(tmp_path):
+        for name in ('q_min', 'q_max', 'dq_max', 'tau_max'):
+            assert (getattr(copied(model), name) == getattr(model, name)).all()
+        other = copied(model)
+        assert other.joint_names == model.joint_names
+        for q, dq in random_motion(model.n, 3):
+            expected = model.state(q, dq)
+            state = other.state(q, dq)
+            for name in QUANTITIES:
+                assert (getattr(state, name) == getattr(expected, name)).all()
+
+
+def test_a_copy_and_its_original_share_no_data(model: RobotModel) -> None:
+    other = copy(model)
+    (q, _), (q_other, _) = random_motion(model.n, 2)
+    state = model.state(q, q)
+    x = state.x
+    assert np.isfinite(other.state(q_other, q).J).all()
+    assert (state.R == model.tip(q)[1]).all()
+    assert (x == model.tip(q)[0]).all()
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_a_pickled_model_of_the_table_is_small(name: str) -> None:
+    assert len(pickle.dumps(RobotModel.named(name))) < SMALL
+
+
+@EVERY_COPY
+@pytest.mark.parametrize('name', ARMS)
+def test_a_copied_arm_is_equal(copied: Callable, name: str) -> None:
+    assert copied(ARMS[name]) == ARMS[name]
+
+
+@pytest.mark.parametrize('copied', [pickled, deepcopy])
+def test_a_copied_controller_goes_on_as_the_original(copied: Callable) -> None:
+    model = RobotModel.named('fr3')
+    controller = Controller(
+        model,
+        'minimum_weighted_torque',
+        0.002,
+        switch_time=0.02,
+        limits=('position', 'velocity', 'acceleration', 'torque', 'collision'),
+        preferences=('posture',),
+        secondary_tasks=('orientation',),
+    )
+    dx = np.array((0.1, 0.3, -0.2))
+    q = np.array(model.arm.start)
+    for _ in range(30):  # before the start, in the crossfade, after it
+        other = copied(controller)
+        expected = controller.update(q, dx)
+        got = other.update(q, dx)
+        assert (got.dq == expected.dq).all()
+        q = expected.q_ref
+
+
+@EVERY_COPY
+def test_a_copied_command_has_the_figures_of_the_original(copied: Callable) -> None:
+    model = RobotModel.named('lwr4')
+    controller = Controller(model, 'minimum_torque', 0.002)
+    command = controller.update(np.array(model.arm.start), np.array((0.1, 0.0, 0.0)))
+    model.tip(np.zeros(model.n))  # the model is elsewhere since
+    other = copied(command)
+    assert (other.tau == command.tau).all()
+    assert (other.state.x == command.state.x).all()

@@ -17,8 +17,8 @@ from redres_ros.errors import (
 )
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.wire import JointSample
-from redres_ros.robot_model import RobotModel, quaternion
-from redres_ros.rotation import from_quaternion
+from redres_ros.robot_model import RobotModel
+from redres_ros.rotation import from_quaternion, to_quaternion
 
 _REMEMBERED = 100  # sets of joint names: of as many devices as may share a topic
 
@@ -209,7 +209,7 @@ def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped
     message.header.frame_id = frame
     message.pose.position.x, message.pose.position.y, message.pose.position.z = x.tolist()
     orientation = message.pose.orientation
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion(R).tolist()
+    orientation.x, orientation.y, orientation.z, orientation.w = to_quaternion(R).tolist()
     return message
 
 

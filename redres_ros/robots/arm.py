@@ -1,8 +1,8 @@
 """An arm: its URDF with offsets and dynamics filled in, and what a URDF has no place for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.bodies import Bodies
@@ -12,6 +12,7 @@ from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
 from redres_ros.robots.kinematics import Kinematics
 from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
+FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
 DEFAULT_RADIUS = 0.06  # [m] of a body
 OF_EACH_JOINT = ('rotor_inertia', 'effort_limit', 'acceleration_limit', 'start')  # fields of an arm
@@ -71,6 +72,38 @@ class Arm:
         for effort in self.effort_limit:
             if not 0.0 < effort <= UNLIMITED_EFFORT:
                 raise RangeError('effort_limit', effort, 0.0, UNLIMITED_EFFORT, 'Nm, above 0')
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, for pickle and copy.
+
+        A URDF of this package is stored by its name: the package may be installed elsewhere where
+        the arm is loaded.
+        """
+        state = self.__dict__.copy()
+        if isinstance(self.urdf, Path):
+            state['urdf'] = Path(self.urdf.name) if self._is_shipped else self.urdf.absolute()
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if isinstance(self.urdf, Path):
+            self.__dict__['urdf'] = FOLDER / self.urdf  # an absolute path stays as it is
+
+    def with_text(self) -> 'Arm':
+        """The same arm, for other processes and hosts: with the URDF's text instead of a file that
+        they may lack. Files of this package are everywhere.
+
+        Raises:
+            FileError: The file can no longer be read.
+        """
+        if isinstance(self.urdf, str) or self._is_shipped:
+            return self
+        return replace(self, urdf=Urdf.read(self.urdf).text())
+
+    @property
+    def _is_shipped(self) -> bool:
+        """Whether the URDF is a file of this package."""
+        return isinstance(self.urdf, Path) and self.urdf.parent == FOLDER
 
     @property
     def armature(self) -> tuple[float, ...]:

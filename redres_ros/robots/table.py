@@ -4,20 +4,19 @@ A further arm by name is a URDF, a task in config/tasks and a row here.
 """
 
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.robots import defaults
-from redres_ros.robots.arm import OF_EACH_JOINT, Arm
+from redres_ros.robots.arm import FOLDER, OF_EACH_JOINT, Arm
 
 FEWEST_JOINTS = 3  # of an arm from a URDF
 
 
 def _urdf(name: str) -> Path:
-    return Path(str(resources.files(__package__) / f'{name}.urdf'))
+    return FOLDER / f'{name}.urdf'
 
 
 def _radians(*degrees: float) -> tuple[float, ...]:

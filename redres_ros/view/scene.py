@@ -4,9 +4,10 @@ import numpy as np
 import trimesh
 import viser
 
-from redres_ros.robot_model import RobotModel, quaternion
+from redres_ros.robot_model import RobotModel
 from redres_ros.robots.kinematics import BASE, MovingJoint
 from redres_ros.robots.urdf import motion_of
+from redres_ros.rotation import to_quaternion
 from redres_ros.view.shapes import FIXED, Shape, shapes_of
 
 _BLACK = (30, 30, 34)
@@ -153,5 +154,5 @@ def _colour(colour: tuple[float, ...]) -> tuple[int, int, int]:
 
 def _wxyz(pose: np.ndarray) -> np.ndarray:
     """The quaternion of a pose (4, 4), (4,), in viser's order."""
-    x, y, z, w = quaternion(pose[:3, :3])
+    x, y, z, w = to_quaternion(pose[:3, :3])
     return np.array((w, x, y, z))
