@@ -3,7 +3,7 @@
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import pairwise
@@ -24,10 +24,10 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess, own_domain
 from redres_ros.graph import client
-from redres_ros.nodes.conversions import to_joint_state, to_twist
+from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
-from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.nodes.stamps import to_nanoseconds, to_time
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -251,6 +251,20 @@ class Witness(Node):
 
     def _on_session(self, message: String) -> None:
         self.session.append((self.at, message.data))
+
+
+def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
+    """A state of a robot, or a command for it.
+
+    Args:
+        stamp: [ns].
+        names: Of the joints.
+        q: Positions, (n,) [rad].
+        dq: Velocities, (n,) [rad/s].
+    """
+    message = JointState(name=list(names), position=q.tolist(), velocity=dq.tolist())
+    message.header.stamp = to_time(stamp)
+    return message
 
 
 def speed(before: State, now: State) -> float:

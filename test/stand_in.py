@@ -14,6 +14,7 @@ from unittest import mock
 
 import numpy as np
 import rclpy
+from graph_helpers import to_joint_state
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -21,7 +22,6 @@ from virtual_graph import Graph, VirtualTime, _Wired
 
 from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.robots.joint_limits import JointLimits
 

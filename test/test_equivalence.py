@@ -14,8 +14,6 @@ from redres_ros.paper.continuous import LostMotionError, integrate
 from redres_ros.paper.equivalence import (
     ZERO,
     Convergence,
-    Difference,
-    amplification,
     convergence,
     difference,
     yardstick,
@@ -53,7 +51,6 @@ def side(task: WaypointTask) -> WaypointTask:
 def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T, task):
     found = difference(name, damping, T, task)
     assert found.max < ZERO
-    assert found.holds_until == np.inf
     assert found.t[-1] == pytest.approx(9.0 - T)
 
 
@@ -75,19 +72,11 @@ def test_without_damping_the_law_and_the_scheme_of_least_acceleration_go_the_sam
 def test_where_the_loop_amplifies_rounding_law_and_scheme_still_agree_at_every_tick(task):
     found = difference('minimum_weighted_torque', 0.0, 0.008, task)
     assert found.max > 1.0  # [rad/s]: the closed loops have parted,
-    assert 0.5 < found.holds_until < task.segment_time * task.segments  # in the course of time,
+    parted = found.t[found.norm > ZERO][0]  # [s]
+    assert 0.5 < parted < task.segment_time * task.segments  # in the course of time,
     # though a tick adds but rounding: 1e-16 of speeds up to the limit of 1e4 rad/s, and 3 digits
     # for a condition of 1e3
     assert found.same_past.max() < ZERO
-    assert (
-        amplification('minimum_weighted_torque', 0.0, 0.008, task).max > 1e9
-    )  # and a displaced start does as much
-
-
-def test_with_damping_the_loop_amplifies_nothing(side):
-    assert (
-        amplification('minimum_weighted_torque', 10.0, 0.002, side).max < 10.0
-    )  # [1/s]; k_P and k_d are 10 1/s
 
 
 @pytest.mark.parametrize(('excess', 'seen'), [(0.0, False), (1e-6, True)])
@@ -99,12 +88,6 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
     )
     found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
     assert (found.max > ZERO) == (found.same_past.max() > ZERO) == seen
-
-
-def test_holding_ends_with_the_first_difference_that_is_no_rounding():
-    t = np.arange(4.0)
-    assert Difference(t, np.array((0.0, ZERO, 2 * ZERO, 0.0)), np.zeros(4)).holds_until == 2.0
-    assert Difference(t, np.full(4, ZERO), np.zeros(4)).holds_until == np.inf
 
 
 def test_the_yardstick_of_a_law_is_the_scheme_of_its_name():
@@ -130,8 +113,13 @@ def test_least_kinetic_energy_has_no_yardstick(side):
 def test_the_laws_converge_to_the_continuous_schemes_with_the_first_order(name, side, heavy):
     found = convergence(name, 10.0, side, PERIODS, model=heavy)
     assert 0.9 < found.q_order < 1.1
-    assert 0.9 < found.dq_order < 1.1
+    assert 0.9 < order(found.periods, found.dq_errors) < 1.1
     assert found.dq_errors[-1] < 0.05  # [rad/s]
+
+
+def order(periods: np.ndarray, errors: np.ndarray) -> float:
+    """The power of the sampling time that errors grow with."""
+    return float(np.polyfit(np.log(periods), np.log(errors), 1)[0])
 
 
 def test_the_order_is_the_slope_of_the_errors():
@@ -139,7 +127,7 @@ def test_the_order_is_the_slope_of_the_errors():
         np.array((0.004, 0.002, 0.001)), np.array((4.0, 2.0, 1.0)), np.array((16.0, 4.0, 1.0))
     )
     assert found.q_order == pytest.approx(1.0)
-    assert found.dq_order == pytest.approx(2.0)
+    assert order(found.periods, found.dq_errors) == pytest.approx(2.0)
 
 
 @EVERY_SCHEME

@@ -21,7 +21,16 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
-from graph_helpers import NAMES, PERIOD, START, Witness, await_that, graph, log_lines
+from graph_helpers import (
+    NAMES,
+    PERIOD,
+    START,
+    Witness,
+    await_that,
+    graph,
+    log_lines,
+    to_joint_state,
+)
 from nightly import NIGHTLY
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
@@ -31,7 +40,6 @@ from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 from redres_ros.nodes.stamps import to_nanoseconds

@@ -10,14 +10,13 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
 from geometry_msgs.msg import PoseStamped
-from graph_helpers import START, Probe, call, nodes
+from graph_helpers import START, Probe, call, nodes, to_joint_state
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import own_domain
-from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 

@@ -19,7 +19,7 @@ pytest.importorskip('mcap_ros2', reason='needs mcap-ros2-support, the independen
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovariance, TwistStamped
-from graph_helpers import PATIENCE, Probe, await_that, graph, udp_sockets
+from graph_helpers import PATIENCE, Probe, await_that, graph, to_joint_state, udp_sockets
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nightly import NIGHTLY
@@ -34,7 +34,7 @@ from redres_ros.demo.tape_to_mcap import write_tapes
 from redres_ros.graph.mcap_file import McapFile
 from redres_ros.graph.message_text import TypeTextError, definition_of, find_type, name_of
 from redres_ros.graph.recorder import GraphRecorder
-from redres_ros.nodes.conversions import to_joint_state, to_twist
+from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
 from redres_ros.robot_model import RobotModel

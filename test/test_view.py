@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 pytest.importorskip('viser', reason='needs the extra view')
 
-from graph_helpers import PATIENCE, await_that, graph, read_parameters
+from graph_helpers import PATIENCE, await_that, graph, read_parameters, to_joint_state
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
@@ -36,7 +36,6 @@ from redres_ros.graph.spectator import WORDS
 from redres_ros.limits import limit_name, make_limits
 from redres_ros.nodes import glance
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.conversions import to_joint_state
 from redres_ros.nodes.glance import Figures, Glance, from_message, to_message
 from redres_ros.nodes.session_topics import SESSION
 from redres_ros.nodes.task_topics import TASK_STATE

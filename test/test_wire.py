@@ -8,10 +8,11 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from geometry_msgs.msg import TwistStamped
+from graph_helpers import to_joint_state
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from redres_ros.nodes.conversions import to_joint_state, to_twist
+from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.wire import (
     EncodingError,
     JointStateReader,

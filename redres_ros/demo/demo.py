@@ -1,7 +1,6 @@
 """`redres demo`: the three nodes as processes, a task from start to end, and what came of it."""
 
 import math
-import os
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -17,7 +16,6 @@ from redres_ros.demo.listener import DemoListener
 from redres_ros.demo.log import FINISHED, read_log
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
-from redres_ros.demo.processes import remember_files
 from redres_ros.demo.replay import replay
 from redres_ros.demo.tape import read_tape
 from redres_ros.graph.client import call, read_parameters, set_parameters
@@ -103,7 +101,6 @@ class Demo:
         try:
             with spun(DemoListener) as listener, self._crew.running():
                 self._await_robot(listener)
-                remember_files([os.getpid(), *(node.pid for node in self._crew.nodes)])
                 if self.options.mcap:
                     self._node_parameters = {
                         f'/{name}': read_parameters(listener, name, _ANSWER) for name in NODES

@@ -12,12 +12,11 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from redres_ros.demo.shared_memory import files_of, files_of_domain, remove_dead
 from redres_ros.errors import RedresError
 from redres_ros.nodes.discovery import joined_domain
 from redres_ros.nodes.runtime import PARENT
@@ -32,8 +31,7 @@ class GraphError(RedresError):
 
 @contextmanager
 def own_domain(wanted: int | None = None) -> Iterator[int]:
-    """Set the environment to a ROS domain, and tidy up what dead processes have left of it in
-    shared memory, before and after.
+    """Set the environment to a ROS domain.
 
     Args:
         wanted: the domain; None for one that no other graph on this host uses.
@@ -52,35 +50,7 @@ def own_domain(wanted: int | None = None) -> Iterator[int]:
         else:
             domain = wanted
         stack.enter_context(joined_domain(domain))
-        _tidy(domain)
-        stack.callback(_tidy, domain)
         yield domain
-
-
-def remember_files(pids: Iterable[int]) -> None:
-    """Write down what processes of this domain use in shared memory.
-
-    Whoever uses the domain next removes it if they were killed; names alone do not tell.
-    """
-    names: set[str] = set()
-    for pid in pids:
-        names |= files_of(pid)
-    memory = _memory_of(int(os.environ['ROS_DOMAIN_ID']))
-    memory.write_text('\n'.join(sorted(names)))
-
-
-def _tidy(domain: int) -> None:
-    """Remove what dead processes have left of a domain in shared memory."""
-    memory = _memory_of(domain)
-    names = files_of_domain(domain)
-    if memory.exists():
-        names |= set(memory.read_text().split())
-        memory.unlink(missing_ok=True)
-    remove_dead(names)
-
-
-def _memory_of(domain: int) -> Path:
-    return Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.files'
 
 
 def _free_domain() -> tuple[IO[bytes], int]:
@@ -197,15 +167,13 @@ class NodeProcess:
             self._process.send_signal(signal.SIGINT)
 
     def end(self) -> None:
-        """Ask it to end, wait, and kill it if it does not; it leaves no shared memory behind."""
-        used = files_of(self.pid)
+        """Ask it to end, wait, and kill it if it does not."""
         self.ask_to_end()
         try:
             self.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        remove_dead(used)
 
 
 def _yaml(value: Any) -> str:

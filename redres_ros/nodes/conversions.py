@@ -1,7 +1,6 @@
 """Every message to arrays and back."""
 
 import math
-from array import array
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
@@ -102,22 +101,6 @@ class JointOrder:
     def _tell_of(self, others: Sequence[str]) -> None:
         if others and self._tell:
             self._tell(f'joint_states: ignoring {one_line(", ".join(others))}, not of this arm')
-
-
-def to_joint_state(stamp: int, names: Sequence[str], q: np.ndarray, dq: np.ndarray) -> JointState:
-    """A state of the robot, or a command for it.
-
-    Args:
-        stamp: [ns].
-        names: Of the joints.
-        q: Positions, (n,) [rad].
-        dq: Velocities, (n,) [rad/s].
-    """
-    message = JointState(
-        name=list(names), position=array('d', q.tobytes()), velocity=array('d', dq.tobytes())
-    )
-    message.header.stamp = to_time(stamp)
-    return message
 
 
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:

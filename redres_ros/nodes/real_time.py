@@ -10,11 +10,12 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from redres_ros.nodes.awake import LATENCY, keep_awake
 from redres_ros.nodes.parameters import declare
 from redres_ros.parameter import param
 
 ANY = (-1,)  # of processors; ROS has no empty arrays
+# Linux: no processor sleeps while somebody holds this file open with a 0 in it.
+LATENCY = Path('/dev/cpu_dma_latency')
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2  # Linux, see mlockall(2)
@@ -33,8 +34,8 @@ class RealTime:
     processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
     keep_awake: bool = param(
         False,
-        'keep processors from sleeping, which takes power: all of this computer where the kernel '
-        'permits it, otherwise those of the node, by loops of the lowest priority',
+        'keep the processors of this computer from sleeping, which takes power; needs permission '
+        f'to write {LATENCY}',
     )
 
 
@@ -62,17 +63,23 @@ def ask_kernel(node: Node) -> None:
             lambda: _set_processors(wanted.processors),
         )
     if wanted.keep_awake:
-        _try(node, 'keep_awake', 'processors that sleep', f'ls -l {LATENCY}', keep_awake)
+        _try(
+            node,
+            'keep_awake',
+            'processors that sleep',
+            f'sudo chmod o+w {LATENCY}, or a udev rule',
+            _keep_awake,
+        )
 
 
-def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], str | None]) -> None:
+def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:
     try:
-        how = ask()
+        ask()
     except (OSError, ValueError) as error:  # ValueError: a processor below 0
         reason = error.strerror if isinstance(error, OSError) else str(error)
         node.get_logger().warning(f'{wanted}: {reason} ({see}); going on with {otherwise}')
     else:
-        node.get_logger().info(' '.join(filter(None, (f'{wanted}: granted', how))))
+        node.get_logger().info(f'{wanted}: granted')
 
 
 def _threads() -> Iterable[int]:
@@ -83,6 +90,10 @@ def _threads() -> Iterable[int]:
 def _set_priority(priority: int) -> None:
     for thread in _threads():
         os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+
+
+def _keep_awake() -> None:
+    os.write(os.open(LATENCY, os.O_WRONLY), bytes(4))  # the file stays open
 
 
 def _lock_memory() -> None:

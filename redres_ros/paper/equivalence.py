@@ -12,7 +12,6 @@ from redres_ros.errors import RangeError
 from redres_ros.laws import make_law
 from redres_ros.paper.continuous import integrate
 from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
-from redres_ros.resolution import project
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.waypoints import WaypointTask
@@ -42,12 +41,6 @@ class Difference:
     def max(self) -> float:
         """Largest difference of the closed loops [rad/s]."""
         return float(self.norm.max())
-
-    @property
-    def holds_until(self) -> float:
-        """First time [s] at which the closed loops differ by more than ZERO; infinity for never."""
-        beyond = self.t[self.norm > ZERO]
-        return float(beyond[0]) if len(beyond) else np.inf
 
 
 def difference(
@@ -109,59 +102,6 @@ def yardstick(law_name: str, damping: float, T: float) -> Scheme:
 
 
 @dataclass(frozen=True)
-class Amplification:
-    """What becomes of a small displacement at the start.
-
-    Attributes:
-        t: (ticks,) [s].
-        gain: |change of dq| per rad of it, (ticks,) [1/s].
-    """
-
-    t: np.ndarray
-    gain: np.ndarray
-
-    @property
-    def max(self) -> float:
-        return float(self.gain.max())
-
-
-def amplification(
-    law_name: str,
-    damping: float,
-    T: float,
-    task: WaypointTask,
-    *,
-    model: RobotModel | None = None,
-    displacement: float = 1e-10,
-    seed: int = 0,
-) -> Amplification:
-    """What a law's closed loop makes of a small self-motion of the start, in a random direction.
-
-    A gain g turns rounding errors of 1e-15 rad into differences of g 1e-15 rad/s: no closed loop
-    shows an equivalence better. It can grow no further than |dq| / displacement, where the two
-    motions have nothing in common any more.
-
-    Args:
-        law_name: In the table LAWS.
-        damping: k_d [1/s].
-        T: Sampling time [s].
-        task: What is executed.
-        model: Of the arm; None for the task's with the equal links of Section 5.2.
-        displacement: Length of the self-motion [rad].
-        seed: Of its direction.
-    """
-    model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
-    law = make_law(law_name, damping=damping)
-    J = model.state(task.start, np.zeros(model.n)).J[:3]
-    direction = project(J, np.random.default_rng(seed).normal(size=model.n))  # J direction = 0
-    aside = replace(task, start=task.start + displacement * direction / np.linalg.norm(direction))
-    one = run(Controller(model, law, T), task)
-    two = run(Controller(model, law, T), aside)
-    norm = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
-    return Amplification(one['t'][: len(norm)], norm / displacement)
-
-
-@dataclass(frozen=True)
 class Convergence:
     """Largest distance of a sampled law from its scheme in continuous time, |q_k - q(t_k)| and
     |dq_k - dq(t_k)|.
@@ -184,11 +124,6 @@ class Convergence:
     def q_order(self) -> float:
         """The slope of log(error) over log(period): 1 for the differences (8), (9), (10), (13)."""
         return _slope(self.periods, self.q_errors)
-
-    @property
-    def dq_order(self) -> float:
-        """The same for velocities."""
-        return _slope(self.periods, self.dq_errors)
 
 
 def convergence(
