@@ -187,7 +187,7 @@ def resolve_one(
     if outcome == SOLVED:
         return dq, False
     _check_outcome(outcome, dq, J, dx, b, W)
-    dq, damped = _resolve_carefully(J, dx - J.dot(b), b, W, size, fastest)
+    dq, damped = _resolve_carefully(J, dx, b, W, size, fastest)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return dq, damped
@@ -200,13 +200,16 @@ def _resolve_in_order_carefully(
     dq, damped = resolve_one(*levels[0], b, W)
     Z = np.eye(len(b))  # (n, k) null space of the tasks so far
     for (J_above, _), (J, dx) in pairwise(levels):
-        Z = Z.dot(_null_space(J_above.dot(Z)))
+        Z = Z.dot(_null_space(J_above.dot(Z), np.linalg.norm(J_above, 2)))
         if not Z.shape[1]:
             break
-        rest = dx - J.dot(dq)
-        nowhere = np.zeros(Z.shape[1])
-        z, _ = resolve_one(J.dot(Z), rest, nowhere, _within(W, Z), _largest(J), FASTEST)
-        dq = dq + Z.dot(z)
+        # What is left to do is judged from the slowest velocity that executes the tasks above. A
+        # law may want joints far faster than that, as of a light wrist in the metric M M.
+        z_b = Z.T.dot(dq)
+        dq_least = dq - Z.dot(z_b)
+        rest = dx - J.dot(dq_least)
+        z, _ = resolve_one(J.dot(Z), rest, z_b, _within(W, Z), _largest(J), FASTEST)
+        dq = dq_least + Z.dot(z)
     return dq, damped
 
 
@@ -245,29 +248,32 @@ def as_array(W: Weight) -> tuple[np.ndarray, int]:
 
 def _resolve_carefully(
     J: np.ndarray,
-    r: np.ndarray,
+    dx: np.ndarray,
     b: np.ndarray,
     W: Weight,
     size: float,
     fastest: float = math.inf,
 ) -> tuple[np.ndarray, bool]:
-    """b + J_W^# r by orthogonal transformations, near a singularity of J damped; and whether it is.
+    """b + J_W^# (dx - J b) by orthogonal transformations, near a singularity of J damped; and
+    whether it is.
 
-    In the coordinates y = F (dq - b), W = F'F, each formula is the plain one. The directions u_i of
-    the task are those of J = U diag(s) V'; its rows in y are s_i c_i with c_i = v_i' F^-1. For the
-    regular ones c_i y = u_i' r / s_i holds exactly. In what they leave, with C the rest of the lost
-    c_i and S their s_i, the least y for S C y = rho gets a regularisation,
+    In the coordinates y = F (dq - b), W = F'F, each formula is the plain one, and what is left to
+    do is r = dx - J b. The directions u_i of the task are those of J = U diag(s) V'; its rows in y
+    are s_i c_i with c_i = v_i' F^-1. For the regular ones c_i y = u_i' r / s_i holds exactly. In
+    what they leave, with C the rest of the lost c_i and S their s_i, the least y for S C y = rho
+    gets a regularisation,
 
         y = C' S (S C C' S + diag(d))^-1 rho,   d_i = |c_i|^2 (e_i^2 - s_i^2),
 
     by which a lost direction is executed to the share s^2/e^2 and drops out for s = 0. With
-    |u_i' r| / fastest for e_i, if that is larger, none takes more than `fastest`.
+    |u_i' dx| / fastest for e_i, if that is larger, none takes more than `fastest`.
     """
+    r = dx - J.dot(b)
     if not (np.isfinite(J).all() and np.isfinite(r).all()):  # LAPACK may never come back from them
         return np.full_like(b, np.nan), False
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     rho = U.T.dot(r)
-    e = np.maximum(SINGULAR_RATIO * max(s[0], size), np.abs(rho) / fastest)  # (k,)
+    e = np.maximum(SINGULAR_RATIO * max(s[0], size), np.abs(U.T.dot(dx)) / fastest)  # (k,)
     if not e.any():
         return b.copy(), True
     factor = _factor(W, len(b))
@@ -314,10 +320,16 @@ def _within(W: Weight, Z: np.ndarray) -> Weight:
     return restricted
 
 
-def _null_space(J: np.ndarray) -> np.ndarray:
-    """Orthonormal columns (n, n - rank) that J (m, n) takes to zero."""
+def _null_space(J: np.ndarray, size: float) -> np.ndarray:
+    """Orthonormal columns (n, n - rank) that J takes to zero.
+
+    Args:
+        J: (m, n), projected into the null space of the tasks above.
+        size: The largest singular value of the same rows before they were projected. Beside that
+            of J a task that the ones above leave no freedom would be judged against rounding.
+    """
     _, s, Vt = np.linalg.svd(J)
-    rank = int(np.count_nonzero(s > DEPENDENT_RATIO * max(s[0], np.finfo(float).tiny)))
+    rank = int(np.count_nonzero(s > DEPENDENT_RATIO * max(size, np.finfo(float).tiny)))
     return Vt[rank:].T
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros import Law, RobotState
+from redres_ros import Law, RobotModel, RobotState
 from redres_ros.parameter import param
 
 
@@ -53,3 +53,15 @@ def random_motion(n: int, count: int, seed: int = 0) -> list[tuple[np.ndarray, n
     q = random.uniform(-np.pi, np.pi, (count, n))
     dq = random.normal(0.0, 2.0, (count, n))
     return list(zip(q, dq, strict=True))
+
+
+def dependent_levels(model: RobotModel, seed: int) -> tuple[list, np.ndarray, np.ndarray]:
+    """Position, the same position with another velocity, and orientation: J and dx of each; and
+    b (n,) and M (n, n) of the same random state.
+    """
+    random = np.random.default_rng(seed)
+    q = random.uniform(np.maximum(model.q_min, -3.0), np.minimum(model.q_max, 3.0))
+    state = model.state(q, np.zeros(model.n))
+    rows = (state.J[:3], state.J[:3], 0.5 * model.reach * state.J[3:])
+    levels = [(J, random.normal(0.0, 0.2, 3)) for J in rows]
+    return levels, random.normal(0.0, 0.3, model.n), state.M

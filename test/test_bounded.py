@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from doubles import dependent_levels
 from nightly import NIGHTLY
 from scipy.optimize import linprog, nnls
 
+from redres_ros import RobotModel
 from redres_ros.bounded import Bounded, bound
-from redres_ros.resolution import Factor, resolve
+from redres_ros.resolution import Factor, Square, resolve, resolve_in_order
 
 MANY = 100_000 if NIGHTLY else 300
 EXACT = 1e-9  # what is asked of shares and optimality residuals; rounding leaves 1e-12
@@ -243,6 +245,28 @@ def test_a_lower_task_has_the_least_error_and_leaves_the_upper_one_alone():
             gradient = J.T @ (J @ bounded.dq - dx)
             assert unexplained(gradient, above, active) < 1e2 * EXACT, seed
             above = np.vstack((above, J))
+
+
+@WEIGHTS
+@pytest.mark.parametrize('arm', ['fr3', 'gen3', 'iiwa7'])
+def test_a_third_task_is_best_below_a_second_one_that_the_first_decides(arm, power):
+    """Position, the same position with another velocity, orientation: within a box that acts."""
+    model = RobotModel.named(arm)
+    random = np.random.default_rng(0)
+    acted = 0
+    for seed in range(50):
+        levels, b, M = dependent_levels(model, seed)
+        W = (M, Square(M))[power - 1] if power else None
+        dq_free, _ = resolve_in_order(levels, b, W)
+        tasks = [levels[0]] + [(J, J @ dq_free) for J, _ in levels[1:]]
+        box = random.uniform(-1.0, -0.3, model.n), random.uniform(0.3, 1.0, model.n)
+        bounded = bound(dq_free, W, tasks, box)
+        J, dx = levels[-1]
+        gradient = J.T @ (J @ bounded.dq - dx)
+        active = active_rows(bounded.dq, box)
+        acted += len(active) > 0
+        assert unexplained(gradient, levels[0][0], active) < 1e2 * EXACT, seed
+    assert acted > 20
 
 
 def torque_like(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

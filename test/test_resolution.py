@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from doubles import dependent_levels
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
+from redres_ros import RobotModel
 from redres_ros.errors import ArrayError
 from redres_ros.resolution import (
     SINGULAR_RATIO,
@@ -242,7 +244,7 @@ def test_the_quick_way_gives_what_the_careful_one_gives(exponents, seed, weighte
     J = with_singular_values(10.0 ** np.array(exponents), 7, random)
     _, dx, b, W = random_problem(len(J), 7, seed)
     W = W if weighted else None
-    careful, _ = _resolve_carefully(J, dx - J @ b, b, W, 0.0)
+    careful, _ = _resolve_carefully(J, dx, b, W, 0.0)
     # Relative rounding of a solution is the condition of J W^-1 J', at most 1e9, times 1e-16.
     tolerance = 1e-6 * np.linalg.norm(careful)
     assert resolve(J, dx, b, W) == pytest.approx(careful, abs=tolerance)
@@ -344,6 +346,49 @@ def test_a_conflicting_task_is_executed_with_the_least_error(kind):
         dq, _ = resolve_in_order([(J, dx), (J_low, dx_low)], b, kind(W))
         reachable = J_low @ null_space(J)
         assert reachable.T @ (J_low @ dq - dx_low) == pytest.approx(0.0, abs=1e-9)
+
+
+def hierarchy(levels: list, b: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, float]:
+    """Eq. (20) once more: dense, from singular values in y = F (dq - b), W = F'F.
+
+    Returns:
+        dq (n,), and the smallest singular value that counts, beside that of the whole task.
+    """
+    F = np.linalg.cholesky(W).T
+    N = np.eye(len(b))  # onto the null space of the tasks above, in y
+    y = np.zeros(len(b))
+    P = np.eye(len(b))  # the same in dq, for the judgement
+    least = 1.0
+    for J, dx in levels:
+        A = J @ np.linalg.inv(F)
+        values = np.linalg.svd(J @ P, compute_uv=False) / np.linalg.norm(J, 2)
+        rank = int(np.count_nonzero(values > 1e-9))
+        least = min((least, *values[:rank]))
+        U, s, Vt = np.linalg.svd(A @ N)
+        V = Vt[:rank].T
+        y = y + V @ (U[:, :rank].T @ (dx - J @ b - A @ y) / s[:rank])
+        N = N - V @ V.T
+        in_dq = np.linalg.svd(J @ P)[2][:rank].T
+        P = P - in_dq @ in_dq.T
+    return b + np.linalg.solve(F, y), least
+
+
+@pytest.mark.parametrize('power', [0, 1, 2], ids=['identity', 'M', 'M M'])
+@pytest.mark.parametrize('arm', ['fr3', 'gen3', 'iiwa7'])
+def test_a_third_task_is_best_below_a_second_one_that_the_first_decides(arm, power):
+    """Position, the same position with another velocity, orientation."""
+    model = RobotModel.named(arm)
+    compared = 0
+    for seed in range(50):
+        levels, b, M = dependent_levels(model, seed)
+        expected, least = hierarchy(levels, b, np.linalg.matrix_power(M, power))
+        if least < 0.01 or np.linalg.norm(expected) > 20.0:
+            continue  # beside a singularity of any of them there is damping
+        dq, _ = resolve_in_order(levels, b, (None, M, Square(M))[power])
+        # condition of M up to 1e5, of M M up to 1e10 in what the factor squares
+        assert dq == pytest.approx(expected, abs=1e-7)
+        compared += 1
+    assert compared > 30
 
 
 # --- what cannot be used --------------------------------------------------------------------------
