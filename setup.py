@@ -19,15 +19,15 @@ TOOLS = [
     'mujoco>=3.10',  # whose mj_fullM takes the data
     'matplotlib>=3.9',
 ]
-# What `redres view`, `redres record` and films need.
+# What `redres view` and films need.
 VIEW = ['viser>=1.1']
-RECORD = ['mcap>=1.3']
 VIDEO = ['imageio-ffmpeg>=0.6', 'pillow>=11.0']
 ROS = [
     *TOOLS,
     # ros-rclpy alone would bring a newer ROS than Jazzy
     'ros-jazzy-rclpy[fastrtps]',
     'ros-jazzy-common-interfaces',
+    'mcap>=1.3',
 ]
 # The site asks the nodes what they have.
 DOCS = [
@@ -82,7 +82,6 @@ setup(
         'tools': TOOLS,
         'ros': ROS,
         'view': [*ROS, *VIEW],
-        'record': [*ROS, *RECORD],
         'video': [*ROS, *VIDEO],
         'docs': DOCS,
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
@@ -97,7 +96,6 @@ setup(
         'test': [
             *DOCS,
             *VIEW,
-            *RECORD,
             *VIDEO,
             'mcap-ros2-support>=0.5',  # reads what we record
             'playwright>=1.45',  # steers a Chromium that is there

@@ -17,27 +17,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.reader import make_reader
-from rclpy.serialization import deserialize_message
-
 from redres_ros.bench.loop import PARAMETERS
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.demo.tape import TOPICS, read_tape
+from redres_ros.demo.recorded import ALL
 from redres_ros.graph.client import read_parameters
-from redres_ros.graph.mcap_file import McapFile
+from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.runtime import spun
 
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way
-NAMES = {f'/{topic.removeprefix("/")}': kind for topic, kind in TOPICS.items()}
 LATE = 500_000_000  # [ns] from what a node said to its publication, at most
 NODES = ('planner', 'controller', 'sim')
 
 
 class Span(NamedTuple):
-    """What counts: its begin and end by the monotonic clock [ns], and the recorder's share of a
-    core meanwhile.
-    """
+    """What counts: its begin and end [ns], and the recorder's share of a core meanwhile."""
 
     begin: int
     end: int
@@ -45,7 +39,7 @@ class Span(NamedTuple):
 
 
 class Said(NamedTuple):
-    """A message: when it was said, by the monotonic clock [ns], and its content."""
+    """A message: when it was said [ns], and its content."""
 
     time: int
     content: str
@@ -83,14 +77,14 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
     """Record a graph of our own.
 
     Args:
-        out: Directory for tapes and file.
+        out: Directory for the files of nodes and recorder.
         seconds: How long what is said counts.
         rate: Of the robot [Hz].
-        wanted: Topics that are taped and recorded; empty for all.
+        wanted: Topics that are recorded; empty for all.
     """
     stopped = threading.Event()
     with (
-        graph(out, rate, wanted or tuple(TOPICS)),
+        graph(out, rate, wanted or (ALL,)),
         McapFile(out / 'run.mcap') as file,
         spun(lambda: GraphRecorder(file, wanted)) as recorder,
     ):
@@ -98,11 +92,11 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
         thread = threading.Thread(target=recorder.run, args=(stopped,))
         thread.start()
         time.sleep(JOINING)
-        begin = time.monotonic_ns()
+        begin = time.time_ns()
         worked = time.process_time()
         time.sleep(seconds)
         share = (time.process_time() - worked) / seconds
-        end = time.monotonic_ns()
+        end = time.time_ns()
         time.sleep(JOINING)
         stopped.set()
         thread.join()
@@ -112,21 +106,21 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
 
 @contextmanager
 def graph(out: Path, rate: float, topics: Sequence[str]) -> Iterator[None]:
-    """The nodes, each with a tape of some topics.
+    """The nodes, each with a recording of some topics.
 
     Args:
         out: Directory for what they print and say.
         rate: Of the robot [Hz].
-        topics: Those that are taped.
+        topics: Those that are recorded.
     """
     nodes = []
     with own_domain():
         try:
             for name in NODES:
-                tape = out / f'{name}.tape'
+                recording = out / f'{name}.mcap'
                 log = out / f'{name}.log'
                 parameters = {'rate': rate, **PARAMETERS.get(name, {})}
-                nodes.append(NodeProcess(name, log, parameters, tape=tape, topics=topics))
+                nodes.append(NodeProcess(name, log, parameters, recording=recording, topics=topics))
             yield
         finally:
             for node in nodes:
@@ -137,36 +131,26 @@ def compare(out: Path, span: Span) -> dict[str, Topic]:
     """What was said, and what of it was not heard, by 'topic of node'.
 
     Args:
-        out: Directory with tapes and file.
+        out: Directory with the files of nodes and recorder.
         span: What counts.
     """
-    since = time.time_ns() - time.monotonic_ns()
     heard = defaultdict(list)
-    with (out / 'run.mcap').open('rb') as stream:
-        for _, channel, message in make_reader(stream).iter_messages():
-            if channel.topic in NAMES:
-                content = _content(channel.topic, message.data)
-                heard[channel.topic].append(Said(message.publish_time - since, content))
+    for message in read_messages(out / 'run.mcap'):
+        heard[message.topic].append(Said(message.sent, _content(message)))
     topics = {}
     for node in NODES:
         said = defaultdict(list)
-        for entry in read_tape(out / f'{node}.tape'):
-            if not entry.heard and span.begin <= entry.time < span.end:
-                topic = f'/{entry.topic.removeprefix("/")}'
-                said[topic].append(Said(entry.time, _content(topic, entry.data)))
+        for message in read_messages(out / f'{node}.mcap'):
+            if not message.is_received and span.begin <= message.time < span.end:
+                said[message.topic].append(Said(message.time, _content(message)))
         for topic, each in said.items():
             topics[f'{topic} of {node}'] = Topic(len(each), missing(each, heard[topic]))
     return topics
 
 
-def _content(topic: str, data: bytes) -> str:
-    """What a message says, without what fills it up to whole words on the wire: that is anything.
-
-    Args:
-        topic: Its name, with the slash.
-        data: As it was said or heard.
-    """
-    return repr(deserialize_message(data, NAMES[topic]))
+def _content(message: RecordedMessage) -> str:
+    """What a message says; what fills it up to whole words on the wire is anything."""
+    return repr(message.content)
 
 
 def missing(said: Sequence[Said], heard: Sequence[Said]) -> int:

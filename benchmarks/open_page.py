@@ -30,11 +30,11 @@ from websockets.sync.client import ClientConnection, connect
 from redres_ros.bench.loop import PARAMETERS
 from redres_ros.bench.round_trips import RoundTrips
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.demo.tape import read_tape
+from redres_ros.graph.mcap_file import read_messages
 from redres_ros.nodes.runtime import spun
 
 RATE = 500.0  # [Hz]
-TAPED = ('joint_states', 'joint_command')
+RECORDED = ('joint_states', 'joint_command')
 CLICKS = 50
 SETTLING = 1.0  # [s] after the page was opened or closed
 PATIENCE = 120.0  # [s] for the page to be there; the first start compiles
@@ -77,7 +77,7 @@ def measure(
     """Answers by whether a page was open, and how long clicks took [s].
 
     Args:
-        out: Directory for what the nodes print, and for the tape.
+        out: Directory for what the nodes print, and for the recording.
         seconds: For which answers are timed with and without a page.
         times: How often.
     """
@@ -91,25 +91,25 @@ def measure(
         with page(out) as address, Client(address) as client, spun(Listener) as listener:
             await_events(client, listener)
             clicks = [click(client, listener, 10.5 - 0.5 * (k % 2)) for k in range(CLICKS)]
-    tape = list(read_tape(out / 'robot.tape'))
+    messages = list(read_messages(out / 'robot.mcap'))
     for is_open, span in windows:
-        parts[is_open].append(RoundTrips.from_tape(1.0 / RATE, tape, span, {}))
+        parts[is_open].append(RoundTrips.from_messages(1.0 / RATE, messages, span, {}))
     return parts, clicks
 
 
 @contextmanager
 def graph(out: Path) -> Iterator[None]:
-    """The nodes, with a tape of the robot.
+    """The nodes, with a recording of the robot.
 
     Args:
-        out: Directory for what they print, and for the tape.
+        out: Directory for what they print, and for the recording.
     """
     with ExitStack() as stack:
         for name in ('planner', 'controller', 'sim'):
-            tape = out / 'robot.tape' if name == 'sim' else None
-            topics = TAPED if tape else ()
+            recording = out / 'robot.mcap' if name == 'sim' else None
             given = {'rate': RATE, **PARAMETERS.get(name, {})}
-            node = NodeProcess(name, out / f'{name}.log', given, tape=tape, topics=topics)
+            log = out / f'{name}.log'
+            node = NodeProcess(name, log, given, recording=recording, topics=RECORDED)
             stack.callback(node.end)
         yield
 
@@ -135,9 +135,9 @@ def page(out: Path) -> Iterator[str]:
 def window(seconds: float) -> tuple[float, float]:
     """The instants between which states count [s]."""
     time.sleep(SETTLING)
-    begin = time.monotonic()
+    begin = time.time()
     time.sleep(seconds)
-    return begin, time.monotonic()
+    return begin, time.time()
 
 
 class Client:

@@ -14,6 +14,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from redres_ros import LAWS, RobotModel
@@ -34,7 +35,7 @@ from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, Times, measure
 from redres_ros.bench.udp import measure_udp
 from redres_ros.cli import main
-from redres_ros.demo.tape import Tape, read_tape
+from redres_ros.graph.mcap_file import RecordedMessage
 from redres_ros.nodes.stamps import to_time
 
 PERIOD = 0.002  # [s]
@@ -113,11 +114,9 @@ def test_a_pause_of_the_robot_is_skipped_cycles() -> None:
     assert RoundTrips.from_times(PERIOD, [], [], {}).skipped == 0
 
 
-def test_a_tape_gives_the_first_answers_to_the_states_of_its_window(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tape = Tape(tmp_path / 'tape')
-    for milliseconds, tick, heard in (
+def test_a_recording_gives_the_first_answers_to_the_states_of_its_window() -> None:
+    messages = []
+    for milliseconds, tick, is_received in (
         (0, 1, False),  # before the window
         (1, 1, True),
         (10, 2, False),
@@ -127,12 +126,14 @@ def test_a_tape_gives_the_first_answers_to_the_states_of_its_window(
         (15, 9, True),  # to a state that never went out
         (30, 4, False),  # after the window
     ):
-        monkeypatch.setattr(time, 'monotonic_ns', lambda ms=milliseconds: ms * 10**6)
         message = JointState()
         message.header.stamp = to_time(tick)
-        tape.write('joint_command' if heard else 'joint_states', message, heard)
-    tape.close()
-    got = RoundTrips.from_tape(PERIOD, read_tape(tmp_path / 'tape'), (0.005, 0.025), {})
+        topic = '/joint_command' if is_received else '/joint_states'
+        data = serialize_message(message)
+        at = milliseconds * 10**6
+        kind = 'sensor_msgs/msg/JointState'
+        messages.append(RecordedMessage(topic, kind, data, at, at, is_received))
+    got = RoundTrips.from_messages(PERIOD, messages, (0.005, 0.025), {})
     assert got.latencies == pytest.approx([0.001, np.inf])
     assert got.skipped == 1
 

@@ -19,6 +19,7 @@ import yaml
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import PATIENCE, await_that, is_running
+from mcap.reader import make_reader
 from nightly import NIGHTLY
 
 from redres_ros.cli import main
@@ -132,14 +133,11 @@ def test_lockstep_answers_every_state_and_records_every_answer(lockstep: Path) -
 
 
 def test_the_messages_of_a_run_are_in_its_file(lockstep: Path) -> None:
-    reader = pytest.importorskip('mcap.reader')
     with (lockstep / 'run.mcap').open('rb') as stream:
-        count = Counter(
-            channel.topic for _, channel, _ in reader.make_reader(stream).iter_messages()
-        )
+        count = Counter(channel.topic for _, channel, _ in make_reader(stream).iter_messages())
         stream.seek(0)
         attached = {
-            each.name: each.data.decode() for each in reader.make_reader(stream).iter_attachments()
+            each.name: each.data.decode() for each in make_reader(stream).iter_attachments()
         }
     rows = len(motion(lockstep))
     assert count['/joint_states'] >= rows and count['/joint_command'] >= rows
@@ -285,8 +283,8 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
         text=True,
         start_new_session=True,
     )
-    tape = tmp_path / 'planner.tape'  # which grows as soon as the task is under way
-    await_that(lambda: tape.exists() and tape.stat().st_size > 20_000, 'the task')
+    recording = tmp_path / 'planner.part.mcap'  # which grows as soon as the task is under way
+    await_that(lambda: recording.exists() and recording.stat().st_size > 20_000, 'the task')
     children = descendants(process.pid)
     assert len(children) >= 3
     os.killpg(process.pid, signal.SIGINT)
@@ -298,7 +296,7 @@ def test_ctrl_c_prints_what_was_reached_and_leaves_no_process(tmp_path: Path) ->
     assert f'{summary(tmp_path)["motion"]["segments"]} in' in printed
     assert len(motion(tmp_path)) > 10
     assert not (tmp_path / 'motion.png').exists()  # nobody waits for a picture
-    assert not tape.exists()
+    assert not recording.exists()
 
 
 def test_who_is_interrupted_before_the_nodes_say_anything_gets_no_motion(tmp_path: Path) -> None:
@@ -306,7 +304,7 @@ def test_who_is_interrupted_before_the_nodes_say_anything_gets_no_motion(tmp_pat
     model = RobotModel.named('lwr4_paper')
     options = DemoOptions(name, 'minimum_velocity', 500.0)
     early = Demo(options, load_task(name), model, make_law, tmp_path)
-    (tmp_path / 'planner.tape').touch()
+    (tmp_path / 'planner.part.mcap').touch()
     outcome = early.outcome(Ending(None, interrupted=True))
     assert outcome.motion is None and outcome.interrupted
     assert not list(tmp_path.iterdir())
@@ -321,8 +319,8 @@ def test_sigterm_ends_the_demo_quietly_at_any_time(tmp_path: Path) -> None:
             stderr=subprocess.PIPE,
             text=True,
         )
-        tape = out / 'composed.tape'
-        await_that(lambda tape=tape: tape.exists() and tape.stat().st_size > 20_000, 'the task')
+        path = out / 'composed.part.mcap'
+        await_that(lambda path=path: path.exists() and path.stat().st_size > 20_000, 'the task')
         children = descendants(process.pid)
         time.sleep(patience)
         process.terminate()

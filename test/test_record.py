@@ -14,9 +14,9 @@ import pytest
 import yaml
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-pytest.importorskip('mcap', reason='needs the extra record')
 pytest.importorskip('mcap_ros2', reason='needs mcap-ros2-support, the independent reader')
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovariance, TwistStamped
 from graph_helpers import PATIENCE, Probe, await_that, graph, to_joint_state, udp_sockets
@@ -29,14 +29,15 @@ from std_msgs.msg import Float64, String
 
 from redres_ros.cli import main
 from redres_ros.demo.processes import own_domain
-from redres_ros.demo.tape import TOPICS, Tape
-from redres_ros.demo.tape_to_mcap import write_tapes
-from redres_ros.graph.mcap_file import McapFile
+from redres_ros.graph.mcap_file import McapFile, merge
 from redres_ros.graph.message_text import TypeTextError, definition_of, find_type, name_of
 from redres_ros.graph.recorder import GraphRecorder
+from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_twist
+from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.sim import SimNode
 from redres_ros.robot_model import RobotModel
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
@@ -81,8 +82,8 @@ def test_an_independent_reader_finds_every_field(tmp_path: Path) -> None:
     given.append(DiagnosticArray(status=[status]))
     with McapFile(tmp_path / 'all.mcap') as file:
         for number, message in enumerate(given):
-            file.add_topic(f'/topic_{number}', type(message))
-            file.write(f'/topic_{number}', serialize_message(message), number, number + 10)
+            channel = file.add_topic(f'/topic_{number}', type(message))
+            file.write(channel, serialize_message(message), number, number + 10)
     found = {topic: (message, time) for topic, message, time in read(tmp_path / 'all.mcap')}
     joints = found['/topic_0'][0]
     assert list(joints.name) == list(NAMES) and list(joints.velocity) == [-7.0, -14.0]
@@ -94,17 +95,19 @@ def test_an_independent_reader_finds_every_field(tmp_path: Path) -> None:
     assert (read_status.message, read_status.values[0].value) == ('late', 'GOOD')
 
 
-def test_tapes_become_a_file_in_the_order_of_time(tmp_path: Path) -> None:
-    sim = Tape(tmp_path / 'sim.tape')
-    controller = Tape(tmp_path / 'controller.tape')
-    for tick in range(20):
-        sim.write('joint_states', state(tick), heard=False)
-        controller.write('joint_command', state(tick), heard=False)
-        sim.write('joint_command', state(tick), heard=True)
-    sim.close()
-    controller.close()
+def test_files_of_nodes_become_one_in_the_order_of_time(tmp_path: Path) -> None:
+    paths = [tmp_path / 'sim.mcap', tmp_path / 'controller.mcap']
+    with McapFile(paths[0], in_chunks=False) as sim, McapFile(paths[1]) as controller:
+        states = sim.add_topic('/joint_states', JointState)
+        heard = sim.add_topic('/joint_command', JointState, is_received=True)
+        commands = controller.add_topic('/joint_command', JointState)
+        for tick in range(20):
+            data = serialize_message(state(tick))
+            sim.write(states, data, 10 * tick, 10 * tick)
+            controller.write(commands, data, 10 * tick + 3, 10 * tick + 3)
+            sim.write(heard, data, 10 * tick + 5, 10 * tick + 5)
     with McapFile(tmp_path / 'run.mcap') as file:
-        write_tapes(file, [tmp_path / 'sim.tape', tmp_path / 'controller.tape'], 5)
+        merge(paths, file)
     found = read(tmp_path / 'run.mcap')
     assert [topic for topic, _, _ in found] == 20 * ['/joint_states', '/joint_command']
     assert [message.header.stamp.nanosec for _, message, _ in found[::2]] == [
@@ -141,7 +144,7 @@ def test_a_type_that_is_not_here_is_refused_by_name() -> None:
 
 
 def test_layouts_show_what_is_recorded() -> None:
-    topics = {f'/{topic.removeprefix("/")}' for topic in TOPICS}
+    topics = published_topics()
     foxglove = json.loads((CONFIG / 'foxglove.json').read_text())
     shown = re.findall(r'"(/[a-z_/]+)\.\w+"', json.dumps(foxglove))
     assert len(shown) > 5 and set(shown) <= topics
@@ -153,6 +156,20 @@ def test_layouts_show_what_is_recorded() -> None:
     known |= {f'/joint_states/{joint}/position' for joint in joints}
     known |= {f'/joint_command/{joint}/velocity' for joint in joints}
     assert len(curves) > 20 and set(curves) <= known
+
+
+def published_topics() -> set[str]:
+    """Full names of all topics that sim, controller and planner publish on."""
+    topics: set[str] = set()
+    with own_domain():
+        rclpy.init()
+        for cls in (SimNode, ControllerNode, PlannerNode):
+            node = cls()
+            found = node.get_publisher_names_and_types_by_node(node.get_name(), '/')
+            topics |= {topic for topic, _ in found}
+            node.destroy_node()
+        rclpy.shutdown()
+    return topics
 
 
 def test_a_package_that_holds_no_messages_is_not_even_imported() -> None:

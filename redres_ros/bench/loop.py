@@ -14,8 +14,8 @@ from redres_ros.bench.processor_time import ProcessorMeter
 from redres_ros.bench.round_trips import RoundTrips
 from redres_ros.bench.udp import measure_udp
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.demo.tape import read_tape
 from redres_ros.errors import RedresError
+from redres_ros.graph.mcap_file import read_messages
 from redres_ros.nodes.real_time import LATENCY
 from redres_ros.simulation.report import table
 
@@ -35,7 +35,7 @@ GRAPHS = {  # what runs together; the last process of each has the robot in it
 _AWAKE = ', kept awake'  # no processor sleeps
 _PATIENCE = 120.0  # [s] for the first answer; the first start compiles
 _STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state
-_TAPED = ('joint_states', 'joint_command')
+_RECORDED = ('joint_states', 'joint_command')
 # A real robot would leave command mode when this machine stalls, and the arm would stand still.
 _ROBOT = {'bridged_misses': 100, 'patience': 0.0}
 # Of the nodes of GRAPHS: a task that goes on and on, and a robot that never waits.
@@ -116,7 +116,7 @@ def measure_loop(
 
 
 def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundTrips:
-    tape = out / 'robot.tape'
+    recording = out / 'robot.mcap'
     with own_domain(), ExitStack() as stack:
         processes: dict[str, NodeProcess] = {}
         for node in GRAPHS[name]:
@@ -128,28 +128,29 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
                 node,
                 out / f'{node}.log',
                 parameters,
-                tape=tape if with_robot else None,
-                topics=_TAPED,
+                recording=recording if with_robot else None,
+                topics=_RECORDED,
             )
             stack.callback(processes[node].end)
-        _await_answer(tape, processes)
+        _await_answer(recording, processes)
         time.sleep(SETTLING)
         meter = ProcessorMeter({node: process.pid for node, process in processes.items()})
-        begin = time.monotonic()
+        begin = time.time()
         time.sleep(duration)
-        end = time.monotonic()
+        end = time.time()
         shares = meter.shares()
         time.sleep(_STRAGGLERS)
         for process in processes.values():
             process.check()
-    trips = RoundTrips.from_tape(1.0 / rate, read_tape(tape), (begin, end), shares)
-    tape.unlink()
+    messages = read_messages(recording)
+    trips = RoundTrips.from_messages(1.0 / rate, messages, (begin, end), shares)
+    recording.unlink()
     return trips
 
 
-def _await_answer(tape: Path, processes: Mapping[str, NodeProcess]) -> None:
+def _await_answer(recording: Path, processes: Mapping[str, NodeProcess]) -> None:
     until = time.monotonic() + _PATIENCE
-    while not (tape.exists() and any(entry.heard for entry in read_tape(tape))):
+    while not (recording.exists() and any(m.is_received for m in read_messages(recording))):
         for process in processes.values():
             process.check()
         if time.monotonic() > until:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.bench.timing import Times
-from redres_ros.demo.tape import Entry, stamped
+from redres_ros.demo.log import stamped
+from redres_ros.graph.mcap_file import RecordedMessage
 
 _QUANTILES = {'median_us': 0.5, 'p99_us': 0.99, 'p99_9_us': 0.999, 'max_us': 1.0}
 
@@ -49,26 +50,26 @@ class RoundTrips:
         return cls(period, latencies, max(due - len(sent), 0), processors)
 
     @classmethod
-    def from_tape(
+    def from_messages(
         cls,
         period: float,
-        entries: Iterable[Entry],
+        messages: Iterable[RecordedMessage],
         window: tuple[float, float],
         processors: Mapping[str, float],
     ) -> 'RoundTrips':
-        """From a tape of the robot.
+        """From a recording of the robot.
 
         Args:
             period: At which states should go out [s].
-            entries: The states that it published and the commands that it heard.
-            window: The instants between which states count [s], by the monotonic clock.
+            messages: The states that it published and the commands that it received.
+            window: The instants between which states count, time of day [s].
             processors: Share of a core by name.
         """
         sent: dict[int, float] = {}
         answered: dict[int, float] = {}
-        for stamp, entry in stamped(entries):
-            times = answered if entry.heard else sent
-            times.setdefault(stamp, entry.time / 1e9)
+        for stamp, message in stamped(messages):
+            times = answered if message.is_received else sent
+            times.setdefault(stamp, message.time / 1e9)
         counted = [stamp for stamp, at in sent.items() if window[0] <= at < window[1]]
         return cls.from_times(
             period,

@@ -203,7 +203,7 @@ def _say(text: str) -> None:
 
 def _end_at_once(demo: 'Demo', number: int, _: object) -> NoReturn:
     """End the process at a signal, in place of an exception."""
-    demo.remove_tapes()
+    demo.remove_recordings()
     os._exit(128 + number)
 
 

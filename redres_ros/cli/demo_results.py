@@ -25,7 +25,6 @@ def check_files(options: argparse.Namespace) -> None:
         from redres_ros.cli.record import check_recording
 
         check_recording(options.mcap)
-        import_module('mcap')
     if options.video:
         from redres_ros.view.film import check_film
 

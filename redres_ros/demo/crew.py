@@ -1,4 +1,4 @@
-"""The processes of a demo: what each of them is told, and the tapes that they write."""
+"""The processes of a demo: what each of them is told, and the recordings that they write."""
 
 import signal
 from collections.abc import Iterator
@@ -6,9 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from redres_ros.demo.log import JUDGED
 from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.demo.tape import TOPICS
+from redres_ros.demo.recorded import ALL
 from redres_ros.laws import Law
 from redres_ros.signals import handled
 from redres_ros.waypoints import WaypointTask
@@ -27,7 +28,7 @@ class Crew:
         options: What to run.
         task: The one that the options name.
         law: In force at the start.
-        out: Directory for what they print, and for their tapes.
+        out: Directory for what they print, and for their recordings.
     """
 
     def __init__(self, options: DemoOptions, task: WaypointTask, law: Law, out: Path) -> None:
@@ -45,12 +46,13 @@ class Crew:
         They end in the order in which they were started, the sim first: to be left alone by the
         controller would be a fault of its connection.
         """
-        self.remove_tapes()  # those of a run that was killed
+        self.remove_recordings()  # those of a run that was killed
+        topics = (ALL,) if self._options.mcap else JUDGED
         try:
             for name, own in self._processes().items():
                 log = self._out / f'{name}.log'
-                tape = self._tape(name)
-                self.nodes.append(NodeProcess(name, log, own, tape=tape, topics=self._taped))
+                path = self._recording(name)
+                self.nodes.append(NodeProcess(name, log, own, recording=path, topics=topics))
             for name, given in self._options.views.items():
                 self._views.append(NodeProcess(name, self._out / f'{name}.log', given))
             yield
@@ -76,14 +78,14 @@ class Crew:
         return any(view.status is None for view in self._views)
 
     @property
-    def tapes(self) -> list[Path]:
-        """The tapes that were begun, that with the robot first."""
-        return [tape for tape in map(self._tape, self._processes()) if tape.exists()]
+    def recordings(self) -> list[Path]:
+        """The files that were begun, the robot's first."""
+        return [path for path in map(self._recording, self._processes()) if path.exists()]
 
-    def remove_tapes(self) -> None:
-        """Remove them; a tape is of use for the outcome only."""
-        for tape in self.tapes:
-            tape.unlink(missing_ok=True)
+    def remove_recordings(self) -> None:
+        """Remove them; they are of use for the outcome only."""
+        for path in self.recordings:
+            path.unlink(missing_ok=True)
 
     def _processes(self) -> dict[str, dict[str, Any]]:
         """Parameters of each process, by its name."""
@@ -120,10 +122,5 @@ class Crew:
             'planner': shared | {'task': options.task},
         }
 
-    @property
-    def _taped(self) -> tuple[str, ...]:
-        """The topics on the tapes; none stands for those that a run is judged by."""
-        return tuple(TOPICS) if self._options.mcap else ()
-
-    def _tape(self, name: str) -> Path:
-        return self._out / f'{name}.tape'
+    def _recording(self, name: str) -> Path:
+        return self._out / f'{name}.part.mcap'

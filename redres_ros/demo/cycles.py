@@ -1,10 +1,11 @@
-"""What became of every cycle of the robot, from its tape."""
+"""What became of every cycle of the robot, from its recording."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from redres_ros.demo.tape import Entry, stamped
+from redres_ros.demo.log import COMMANDS, STATES, stamped
+from redres_ros.graph.mcap_file import RecordedMessage
 
 _NEXT = 2e9  # [ns] after the last state that counts: the state after it comes meanwhile
 _HELD_UP = 1.5  # cycles from one state to the next, beyond which the robot's clock stood still
@@ -34,21 +35,23 @@ class CycleCounts:
         return self.in_time + self.waited_for + self.late + self.missed
 
 
-def count_cycles(entries: Iterable[Entry], period: float, stamps: tuple[int, int]) -> CycleCounts:
+def count_cycles(
+    messages: Iterable[RecordedMessage], period: float, stamps: tuple[int, int]
+) -> CycleCounts:
     """How many states were answered in time, late, or not at all.
 
     Args:
-        entries: of the robot's tape.
+        messages: of the robot's recording.
         period: of its states [s]; infinite in lock-step, where there is no clock.
         stamps: of the first and the last state that count [ns].
     """
     sent: dict[int, int] = {}
     answered: dict[int, int] = {}
-    for stamp, entry in stamped(entries, stamps[1] + _NEXT):
-        if entry.topic == 'joint_states':
-            sent.setdefault(stamp, entry.time)
-        elif entry.topic == 'joint_command' and entry.heard:
-            answered.setdefault(stamp, entry.time)
+    for stamp, message in stamped(messages, stamps[1] + _NEXT):
+        if message.topic == STATES:
+            sent.setdefault(stamp, message.time)
+        elif message.topic == COMMANDS and message.is_received:
+            answered.setdefault(stamp, message.time)
     order = [stamp for stamp in sorted(sent) if stamps[0] <= stamp <= stamps[1]]
     after = dict(pairwise(sorted(sent)))
     counts = dict.fromkeys(('in_time', 'waited_for', 'late', 'missed'), 0)

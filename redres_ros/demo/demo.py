@@ -17,8 +17,8 @@ from redres_ros.demo.log import FINISHED, read_log
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
 from redres_ros.demo.replay import replay
-from redres_ros.demo.tape import read_tape
 from redres_ros.graph.client import call, read_parameters, set_parameters
+from redres_ros.graph.mcap_file import McapFile, merge, read_messages
 from redres_ros.laws import Law
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
@@ -114,7 +114,7 @@ class Demo:
         except KeyboardInterrupt:
             interrupted = True
         except BaseException:
-            self.remove_tapes()  # nobody will ask for the outcome
+            self.remove_recordings()  # nobody will ask for the outcome
             raise
         return Ending(endurance, interrupted, last)
 
@@ -203,11 +203,11 @@ class Demo:
             )
 
     def outcome(self, ending: Ending) -> Outcome:
-        """What came of the run that ended so, from the tapes, which are removed."""
-        tapes = self._crew.tapes
+        """What came of the run that ended so, from the recordings, which are removed."""
+        recordings = self._crew.recordings
         if self.options.mcap:
-            self._write_mcap(self.options.mcap, tapes)
-        log = read_log(tapes, self.model.joint_names, ending.last)
+            self._write_mcap(self.options.mcap, recordings)
+        log = read_log(recordings, self.model.joint_names, ending.last)
         pose = self.options.parameters.get('task_space') == 'pose'
         recording = replay(log, self.model, self.law, self._T, pose)
         motion = None
@@ -219,8 +219,9 @@ class Demo:
             motion = MotionFigures.of(recording, self.task, error)
             period = np.inf if self.options.lockstep else self._T
             # The first process has the robot in it.
-            cycles = count_cycles(read_tape(tapes[0]), period, (stamps[0], stamps[-1]))
-        self.remove_tapes()
+            messages = read_messages(recordings[0])
+            cycles = count_cycles(messages, period, (stamps[0], stamps[-1]))
+        self.remove_recordings()
         return Outcome(
             recording,
             motion,
@@ -233,17 +234,13 @@ class Demo:
             interrupted=ending.interrupted,
         )
 
-    def remove_tapes(self) -> None:
+    def remove_recordings(self) -> None:
         """Remove what the outcome is made from."""
-        self._crew.remove_tapes()
+        self._crew.remove_recordings()
 
-    def _write_mcap(self, path: Path, tapes: list[Path]) -> None:
-        """All that is on the tapes, with the arm and the nodes' parameters beside it."""
-        from redres_ros.demo.tape_to_mcap import write_tapes
-        from redres_ros.graph.mcap_file import McapFile
-
-        since = time.time_ns() - time.monotonic_ns()
+    def _write_mcap(self, path: Path, recordings: list[Path]) -> None:
+        """All that was recorded, with the arm and the nodes' parameters beside it."""
         with McapFile(path) as file:
-            write_tapes(file, tapes, since)
+            merge(recordings, file)
             file.attach_urdf(self.model.arm.description(), time.time_ns())
             file.attach_parameters(self._node_parameters, time.time_ns())

@@ -1,8 +1,8 @@
-"""What the nodes' tapes say of a run, by the stamps of the robot's states."""
+"""What the nodes' recordings say of a run, by the stamps of the robot's states."""
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -11,16 +11,38 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from redres_ros.demo.tape import Entry, read_tape, stamped
+from redres_ros.graph.mcap_file import RecordedMessage, read_messages
 from redres_ros.nodes.conversions import JointOrder
 from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.wire import stamp_of
 from redres_ros.task_run import RunState
 
 V = TypeVar('V')
 
+# Full names of topics. What a run is judged by, the session's words apart:
+STATES = '/joint_states'
+COMMANDS = '/joint_command'
+_DESIRED = '/planner/desired_pose'
+_SEGMENT = '/planner/segment'
+_TASK = f'/{TASK_STATE}'
+_LAW = '/controller/law'
+_SCALING = '/controller/task_scaling'
+_REASON = f'/{REASON}'
+_SESSION = f'/{SESSION}'
+
+_TWISTS = '/cartesian_velocity'  # whose stamps belong to what the planner says beside it
+_STAMPED = {STATES, COMMANDS, _TWISTS, _DESIRED}
+# As nodes name them.
+JUDGED = tuple(
+    topic.removeprefix('/')
+    for topic in (*_STAMPED, _SEGMENT, _TASK, _LAW, _SCALING, _REASON, _SESSION)
+)
+
 MOVING = RunState.MOVING.value  # the planner's word while a task is under way
 FINISHED = RunState.FINISHED.value
+
+_DISORDER = 1e9  # [ns] by which a stamp may come before a smaller one, where faults are injected
 
 
 @dataclass(frozen=True)
@@ -135,33 +157,31 @@ class Log:
 
 
 def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float = math.inf) -> Log:
-    """What is on the tapes of one run.
+    """What was recorded of one run.
 
     Args:
-        paths: of the tapes, one a process.
+        paths: of the recordings, one a process.
         joint_names: in the order in which positions and velocities are wanted.
         until: the last stamp that counts [ns].
     """
     topics = _Topics(joint_names)
     session = []
     for path in paths:
-        for stamp, entry in stamped(read_tape(path)):
-            if stamp > until:
-                continue
-            if entry.topic == SESSION:
-                session.append(entry.message.data)
+        for stamp, message in stamped(read_messages(path), until):
+            if message.topic == _SESSION:
+                session.append(message.content.data)
             else:
-                topics.take(stamp, entry)
+                topics.take(stamp, message)
     said = topics.said
     return Log(
-        states=said['joint_states'],
-        commands=said['joint_command'],
-        desired=said['planner/desired_pose'],
-        segments=said['planner/segment'],
-        words=said[TASK_STATE],
-        laws=said['controller/law'],
-        scalings=said['controller/task_scaling'],
-        reasons=said[REASON],
+        states=said[STATES],
+        commands=said[COMMANDS],
+        desired=said[_DESIRED],
+        segments=said[_SEGMENT],
+        words=said[_TASK],
+        laws=said[_LAW],
+        scalings=said[_SCALING],
+        reasons=said[_REASON],
         session=tuple(session),
     )
 
@@ -176,37 +196,50 @@ class _Topics:
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         joints = JointOrder(joint_names)
         self._converters: dict[str, Callable[[Any], Any]] = {
-            'joint_states': joints.positions,
-            'joint_command': lambda message: (
-                joints.positions(message),
-                np.array(message.velocity),
-            ),
-            'planner/desired_pose': _pose,
-            'planner/segment': _data,
-            TASK_STATE: _data,
-            'controller/law': _data,
-            'controller/task_scaling': _data,
-            REASON: _data,
+            STATES: joints.positions,
+            COMMANDS: lambda message: (joints.positions(message), np.array(message.velocity)),
+            _DESIRED: _pose,
+            **dict.fromkeys((_SEGMENT, _TASK, _LAW, _SCALING, _REASON), _data),
         }
         self.said: dict[str, dict[int, Any]] = {topic: {} for topic in self._converters}
         # Data and value by topic: many words are said in every cycle.
         self._newest: dict[str, tuple[bytes, Any]] = {}
 
-    def take(self, stamp: int, entry: Entry) -> None:
+    def take(self, stamp: int, message: RecordedMessage) -> None:
         """Note what was said, if a log is made from it.
 
         Args:
             stamp: Of the state that it belongs to [ns].
-            entry: Of a tape.
+            message: Of a recording.
         """
-        topic = entry.topic
+        topic = message.topic
         if topic not in self._converters:
             return
         data, value = self._newest.get(topic, (b'', None))
-        if entry.data != data:
-            value = self._converters[topic](entry.message)
-            self._newest[topic] = (entry.data, value)
+        if message.data != data:
+            value = self._converters[topic](message.content)
+            self._newest[topic] = (message.data, value)
         self.said[topic][stamp] = value
+
+
+def stamped(
+    messages: Iterable[RecordedMessage], until: float = math.inf
+) -> Iterator[tuple[int, RecordedMessage]]:
+    """Messages with their stamps [ns]. One that has none belongs to the newest stamp before it: a
+    node publishes it in the same callback. 0 before the first.
+
+    Args:
+        messages: Of one recording.
+        until: The last stamp that counts. A demo with a page goes on long after it.
+    """
+    newest = 0
+    for message in messages:
+        if message.topic in _STAMPED:
+            newest = stamp_of(message.data)
+        if newest > until + _DISORDER:
+            return
+        if newest <= until:
+            yield newest, message
 
 
 def _latest(values: Mapping[int, V], stamps: list[int], stamp: int) -> V:

@@ -93,8 +93,8 @@ class NodeProcess:
         name: of the executable in nodes/, or of a module of the package, as 'bench.echo'.
         log: file for what it prints.
         parameters: of the node.
-        tape: file for its messages, see `redres_ros.demo.taped`; None for none.
-        topics: those that are taped; what a run is judged by if none is named.
+        recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
+        topics: those that are recorded.
     """
 
     def __init__(
@@ -103,14 +103,14 @@ class NodeProcess:
         log: Path,
         parameters: Mapping[str, Any],
         *,
-        tape: Path | None = None,
+        recording: Path | None = None,
         topics: Sequence[str] = (),
     ) -> None:
         self.name = name
         self._log = log
         module = [f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}']
-        if tape:
-            module = ['redres_ros.demo.taped', name, str(tape), *filter(None, [','.join(topics)])]
+        if recording:
+            module = ['redres_ros.demo.recorded', name, str(recording), ','.join(topics)]
         arguments = []
         for key, value in parameters.items():
             arguments += ['-p', f'{key}:={_yaml(value)}']

@@ -1,4 +1,4 @@
-"""A motion on the nodes' tapes as the same table that the ideal loop gives."""
+"""A motion from the nodes' recordings as the same table that the ideal loop gives."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,17 +1,51 @@
-"""A file of messages in the MCAP format, which Foxglove, PlotJuggler and rosbag2 read."""
+"""Messages in the MCAP format, which Foxglove, PlotJuggler and rosbag2 read: written and read."""
 
-from collections.abc import Mapping
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import yaml
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
+from rclpy.serialization import deserialize_message
 
-from redres_ros.graph.message_text import definition_of, name_of
+from redres_ros.graph.message_text import definition_of, find_type, name_of
 
 _URDF = 'robot_description.urdf'
 _PARAMETERS = 'parameters.yaml'
+_RECEIVED = {'direction': 'received'}  # of a channel
+_BUFFER = 16384  # [bytes] written at once, so that no cycle of a node has much to write
+
+
+class RecordedMessage(NamedTuple):
+    """A message in a file.
+
+    Attributes:
+        topic: Its full name.
+        kind: Its type, such as 'sensor_msgs/msg/JointState'.
+        data: As it goes over the wire.
+        sent: When it was published [ns].
+        time: When the writer of the file published or received it [ns].
+        is_received: Whether it received the message.
+    """
+
+    topic: str
+    kind: str
+    data: bytes
+    sent: int
+    time: int
+    is_received: bool
+
+    @property
+    def content(self) -> Any:
+        """The message itself."""
+        return deserialize_message(self.data, find_type(self.kind))
 
 
 class McapFile:
@@ -19,15 +53,18 @@ class McapFile:
 
     Args:
         path: Of the file, which is made anew.
+        in_chunks: With an index, for readers that jump. Without, all but the last 16 kB can be
+            read even if this process is killed.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, in_chunks: bool = True) -> None:
         # Chunks are not compressed: that would take more of a processor than all the rest.
-        self._stream = path.open('wb')
-        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        self._stream = path.open('wb', buffering=_BUFFER)
+        self._writer = Writer(
+            self._stream, compression=CompressionType.NONE, use_chunking=in_chunks
+        )
         self._writer.start(profile='ros2', library='redres_ros')
         self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -41,29 +78,31 @@ class McapFile:
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.close()
 
-    def add_topic(self, topic: str, kind: Any) -> None:
-        """Declare a topic, before its first message.
+    def add_topic(self, topic: str, kind: Any, *, is_received: bool = False) -> int:
+        """Declare a topic, before its first message; the number of its channel.
 
         Args:
-            topic: Its name.
+            topic: Its full name.
             kind: Type of its messages.
+            is_received: Whether the messages are noted by their receiver, not by their publisher.
         """
         name = name_of(kind)
         if name not in self._schemas:
             text = definition_of(kind).encode()
             self._schemas[name] = self._writer.register_schema(name, 'ros2msg', text)
-        self._channels[topic] = self._writer.register_channel(topic, 'cdr', self._schemas[name])
+        metadata = _RECEIVED if is_received else {}
+        return self._writer.register_channel(topic, 'cdr', self._schemas[name], metadata)
 
-    def write(self, topic: str, data: bytes, sent: int, received: int) -> None:
+    def write(self, channel: int, data: bytes, sent: int, received: int) -> None:
         """Append a message.
 
         Args:
-            topic: Declared before.
+            channel: That of its topic.
             data: As it went over the wire.
             sent: When it was published [ns].
             received: When it came [ns].
         """
-        self._writer.add_message(self._channels[topic], received, data, sent)
+        self._writer.add_message(channel, received, data, sent)
 
     def attach_urdf(self, text: str, time: int) -> None:
         """Put the arm's URDF beside the messages.
@@ -86,3 +125,45 @@ class McapFile:
 
     def _attach(self, name: str, media_type: str, text: str, time: int) -> None:
         self._writer.add_attachment(time, time, name, media_type, text.encode())
+
+
+def read_messages(path: Path) -> Iterator[RecordedMessage]:
+    """The messages in their order; up to the last whole one, if the writer was killed.
+
+    Memory is taken for one message only: a demo that runs for an hour makes a long file.
+    """
+    kinds: dict[int, str] = {}
+    channels: dict[int, Channel] = {}
+    with path.open('rb') as stream, suppress(McapError, struct.error):
+        for record in StreamReader(stream).records:
+            if isinstance(record, Message):
+                channel = channels[record.channel_id]
+                yield RecordedMessage(
+                    channel.topic,
+                    kinds[channel.schema_id],
+                    record.data,
+                    record.publish_time,
+                    record.log_time,
+                    channel.metadata == _RECEIVED,
+                )
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Schema):
+                kinds[record.id] = record.name
+
+
+def merge(paths: Iterable[Path], file: McapFile) -> None:
+    """Write what nodes have published into one file, in the order of time.
+
+    Args:
+        paths: Of the nodes' own files.
+        file: To be written.
+    """
+    messages = [
+        message for path in paths for message in read_messages(path) if not message.is_received
+    ]
+    channels: dict[str, int] = {}
+    for message in sorted(messages, key=attrgetter('time')):
+        if message.topic not in channels:
+            channels[message.topic] = file.add_topic(message.topic, find_type(message.kind))
+        file.write(channels[message.topic], message.data, message.time, message.time)

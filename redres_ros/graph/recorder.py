@@ -40,7 +40,7 @@ class GraphRecorder(Node):
         self._file = file
         self._wanted = {self.resolve_topic_name(name) for name in wanted}
         self._sampler = Sampler(self)
-        self._topics: list[str] = []
+        self._channels: dict[str, int] = {}  # by topic
         self._refused: set[str] = set()
         self._description = ''
 
@@ -68,11 +68,11 @@ class GraphRecorder(Node):
     @property
     def topics(self) -> int:
         """How many topics are recorded."""
-        return len(self._topics)
+        return len(self._channels)
 
     def _find_topics(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():
-            known = topic in self._topics or topic in self._refused
+            known = topic in self._channels or topic in self._refused
             if known or (self._wanted and topic not in self._wanted):
                 continue
             publishers = self.get_publishers_info_by_topic(topic)
@@ -89,15 +89,14 @@ class GraphRecorder(Node):
                 for publisher in publishers
             )
             self._sampler.add(topic, kind, _KEPT if latched else _QUALITY)
-            self._file.add_topic(topic, kind)
-            self._topics.append(topic)
+            self._channels[topic] = self._file.add_topic(topic, kind)
 
     def _write(self) -> None:
         """What has come since the last time."""
         write = self._file.write
-        for topic in self._topics:
+        for topic, channel in self._channels.items():
             for data, sent, received in self._sampler.take(topic):
-                write(topic, data, sent, received)
+                write(channel, data, sent, received)
                 self.messages += 1
                 if topic.endswith(_DESCRIPTION):
                     self._description = deserialize_message(data, String).data

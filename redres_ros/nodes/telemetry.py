@@ -29,7 +29,7 @@ class Telemetry:
             topic.rpartition('/')[2]: node.create_publisher(kind, topic, PUBLISH)
             for topic, kind in {**below, **(shared or {})}.items()
         }
-        self._look()  # a tape listens from the first message on
+        self._look()  # a recording listens from the first message on
         node.create_timer(LOOK_PERIOD, self._look)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:

@@ -1,4 +1,4 @@
-"""From the nodes' tapes to a table and a summary: what is written is read, and counted right."""
+"""From the nodes' recordings to a table and a summary: what is written is read, and counted."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,12 +16,13 @@ from std_msgs.msg import Int32, String
 
 from redres_ros.controller import Controller
 from redres_ros.demo.cycles import CycleCounts, count_cycles
-from redres_ros.demo.log import Log, read_log
+from redres_ros.demo.log import Log, read_log, stamped
 from redres_ros.demo.outcome import MotionFigures, Outcome
 from redres_ros.demo.replay import replay
-from redres_ros.demo.tape import Entry, Tape, read_tape, stamp_of, stamped
+from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.laws import make_law
 from redres_ros.nodes.stamps import to_time
+from redres_ros.nodes.wire import stamp_of
 from redres_ros.planner import Planner
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, columns
@@ -51,59 +52,80 @@ def log_of(**given: Any) -> Log:
     return Log(**{**empty, 'session': (), **given})
 
 
+class Recorder:
+    """A file as a node writes it, of messages at instants [ns] that go up."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = McapFile(path, in_chunks=False)
+        self._channels: dict[tuple[str, bool], int] = {}
+        self._time = 0
+
+    def write(self, topic: str, message: Any, *, received: bool = False) -> None:
+        key = (topic, received)
+        if key not in self._channels:
+            self._channels[key] = self._file.add_topic(topic, type(message), is_received=received)
+        self._time += 1
+        data = serialize_message(message)
+        self._file.write(self._channels[key], data, self._time, self._time)
+
+    def close(self) -> None:
+        self._file.__exit__(None, None, None)
+
+
 # --- the file -------------------------------------------------------------------------------------
 
 
 def test_what_was_written_is_read_in_its_order(tmp_path: Path) -> None:
-    tape = Tape(tmp_path / 'tape')
-    tape.write('joint_states', joint_state(5, np.arange(7.0)), heard=False)
-    tape.write('joint_command', joint_state(5, -np.arange(7.0)), heard=True)
-    tape.close()
-    state, command = read_tape(tmp_path / 'tape')
-    assert (state.topic, state.heard, command.topic, command.heard) == (
-        'joint_states',
-        False,
-        'joint_command',
-        True,
-    )
-    assert list(state.message.position) == list(range(7))
-    assert list(command.message.position) == [-i for i in range(7)]
+    recorder = Recorder(tmp_path / 'file')
+    recorder.write('/joint_states', joint_state(5, np.arange(7.0)))
+    recorder.write('/joint_command', joint_state(5, -np.arange(7.0)), received=True)
+    recorder.close()
+    state, command = read_messages(tmp_path / 'file')
+    assert (state.topic, state.is_received) == ('/joint_states', False)
+    assert (command.topic, command.is_received) == ('/joint_command', True)
+    assert list(state.content.position) == list(range(7))
+    assert list(command.content.position) == [-i for i in range(7)]
     assert state.time < command.time
 
 
-def test_a_tape_whose_writer_was_killed_is_read_up_to_the_last_whole_message(
+def test_a_file_whose_writer_was_killed_is_read_up_to_the_last_whole_message(
     tmp_path: Path,
 ) -> None:
-    path = tmp_path / 'tape'
-    tape = Tape(path)
-    for tick in range(3):
-        tape.write('joint_states', joint_state(tick), heard=False)
-    tape.close()
+    path = tmp_path / 'file'
+    recorder = Recorder(path)
+    message = joint_state(7)
+    for _ in range(3):
+        recorder.write('/joint_states', message)
+    recorder.close()
     whole = path.read_bytes()
-    for cut in (1, 10, len(whole) // 3 - 1):
-        path.write_bytes(whole[:-cut])
-        assert len(list(read_tape(path))) == 2
+    data = serialize_message(message)
+    end = whole.rindex(data) + len(data)  # of the last message
+    for cut in (1, 10, len(data) + 20):
+        path.write_bytes(whole[: end - cut])
+        assert len(list(read_messages(path))) == 2
+    path.write_bytes(b'')  # before it wrote anything
+    assert not list(read_messages(path))
 
 
 def test_a_message_without_a_stamp_belongs_to_the_newest_stamp_before_it(tmp_path: Path) -> None:
-    tape = Tape(tmp_path / 'tape')
-    tape.write('planner/state', String(data='idle'), heard=False)
-    tape.write('planner/desired_pose', pose(7, (1, 2, 3)), heard=False)
-    tape.write('planner/segment', Int32(data=2), heard=False)
-    tape.close()
-    got = [stamp for stamp, _ in stamped(read_tape(tmp_path / 'tape'))]
+    recorder = Recorder(tmp_path / 'file')
+    recorder.write('/planner/state', String(data='idle'))
+    recorder.write('/planner/desired_pose', pose(7, (1, 2, 3)))
+    recorder.write('/planner/segment', Int32(data=2))
+    recorder.close()
+    got = [stamp for stamp, _ in stamped(read_messages(tmp_path / 'file'))]
     assert got == [0, 7 * PERIOD, 7 * PERIOD]
 
 
 def test_what_comes_long_after_the_last_stamp_that_counts_is_not_even_read():
-    def entries() -> Iterator[Entry]:
+    def messages() -> Iterator[RecordedMessage]:
         for tick in (1, 3, 2, 10**6):  # two of them in disorder
             message = joint_state(0)
             message.header.stamp = to_time(tick * PERIOD)
-            yield Entry(0, 'joint_states', False, serialize_message(message))
+            yield recorded('/joint_states', 0, serialize_message(message))
         raise AssertionError('read on')
 
-    got = [stamp for stamp, _ in stamped(entries(), until=2.0 * PERIOD)]
+    got = [stamp for stamp, _ in stamped(messages(), until=2.0 * PERIOD)]
     assert got == [PERIOD, 2 * PERIOD]
 
 
@@ -116,33 +138,38 @@ def test_a_stamp_is_found_without_reading_the_message() -> None:
 # --- cycles ---------------------------------------------------------------------------------------
 
 
-def exchange(*times: tuple[float, float | None]) -> list[Entry]:
-    """A tape of states that went out and answers that came at some times [ms], by tick."""
-    entries = []
+def recorded(topic: str, time: int, data: bytes, *, is_received: bool = False) -> RecordedMessage:
+    return RecordedMessage(topic, 'sensor_msgs/msg/JointState', data, time, time, is_received)
+
+
+def exchange(*times: tuple[float, float | None]) -> list[RecordedMessage]:
+    """States that went out and answers that came at some times [ms], by tick."""
+    messages = []
     for tick, (sent, answered) in enumerate(times):
         data = serialize_message(joint_state(tick))
-        entries.append(Entry(int(sent * MS), 'joint_states', False, data))
+        messages.append(recorded('/joint_states', int(sent * MS), data))
         if answered is not None:
-            entries.append(Entry(int(answered * MS), 'joint_command', True, data))
-    return entries
+            at = int(answered * MS)
+            messages.append(recorded('/joint_command', at, data, is_received=True))
+    return messages
 
 
 def test_every_cycle_is_counted_as_one_of_four() -> None:
-    tape = exchange(
+    messages = exchange(
         (0.0, 1.0),  # in time
         (2.0, 5.0),  # late: the next state went out at 4
         (4.0, None),  # never answered
         (6.0, 9.0),  # the clock waited
         (9.5, 10.0),  # in time
     )
-    assert count_cycles(tape, T, (0, 4 * PERIOD)) == CycleCounts(
+    assert count_cycles(messages, T, (0, 4 * PERIOD)) == CycleCounts(
         in_time=2, waited_for=1, late=1, missed=1, stood_still=pytest.approx(0.0015)
     )
 
 
 def test_cycles_before_and_after_the_task_do_not_count() -> None:
-    tape = exchange((0.0, 1.0), (2.0, None), (4.0, 5.0), (6.0, None))
-    cycles = count_cycles(tape, T, (PERIOD, 2 * PERIOD))
+    messages = exchange((0.0, 1.0), (2.0, None), (4.0, 5.0), (6.0, None))
+    cycles = count_cycles(messages, T, (PERIOD, 2 * PERIOD))
     assert (cycles.total, cycles.in_time, cycles.missed) == (2, 1, 1)
 
 
@@ -191,7 +218,7 @@ def test_a_switch_is_told_with_both_names_and_when() -> None:
 
 
 @pytest.fixture(scope='module')
-def rows_and_tape(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, Path, RobotModel]:
+def rows_and_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, Path, RobotModel]:
     """The beginning of an ideal loop: its own table, and what nodes would have said of it."""
     from redres_ros.simulation.recording import row
 
@@ -199,8 +226,8 @@ def rows_and_tape(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, 
     task = load_task('rectangle')
     controller = Controller(model, make_law('dynamically_consistent'), T)
     planner = Planner(task)
-    path = tmp_path_factory.mktemp('tape') / 'tape'
-    tape = Tape(path)
+    path = tmp_path_factory.mktemp('recording') / 'file'
+    recorder = Recorder(path)
     q = task.start
     rows = []
     for k in range(200):
@@ -208,22 +235,24 @@ def rows_and_tape(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, 
         command = controller.update(q, reference.dx)
         rows.append(row(k * T, command, reference))
         tick = k + 1000
-        tape.write('joint_states', joint_state(tick, q), heard=False)
-        tape.write('joint_command', joint_state(tick, command.q_ref, command.dq), heard=True)
-        tape.write('controller/law', String(data='dynamically_consistent'), heard=False)
-        tape.write('planner/desired_pose', pose(tick, reference.x_d), heard=False)
-        tape.write('planner/segment', Int32(data=reference.segment), heard=False)
+        recorder.write('/joint_states', joint_state(tick, q))
+        recorder.write(
+            '/joint_command', joint_state(tick, command.q_ref, command.dq), received=True
+        )
+        recorder.write('/controller/law', String(data='dynamically_consistent'))
+        recorder.write('/planner/desired_pose', pose(tick, reference.x_d))
+        recorder.write('/planner/segment', Int32(data=reference.segment))
         if k == 0:
-            tape.write('planner/state', String(data='moving'), heard=False)
+            recorder.write('/planner/state', String(data='moving'))
         q = command.q_ref
-    tape.close()
+    recorder.close()
     return Recording.of(rows, model.n, T, False, ''), path, model
 
 
-def test_the_table_from_a_tape_is_that_of_the_loop(
-    rows_and_tape: tuple[Recording, Path, RobotModel],
+def test_the_table_from_a_recording_is_that_of_the_loop(
+    rows_and_file: tuple[Recording, Path, RobotModel],
 ) -> None:
-    expected, path, model = rows_and_tape
+    expected, path, model = rows_and_file
     got = replay(read_log([path], model.joint_names), model, make_law, T)
     assert len(got.data) == len(expected.data)
     for name in columns(model.n):
@@ -231,9 +260,9 @@ def test_the_table_from_a_tape_is_that_of_the_loop(
 
 
 def test_the_figures_of_a_motion_are_those_of_its_rows(
-    rows_and_tape: tuple[Recording, Path, RobotModel],
+    rows_and_file: tuple[Recording, Path, RobotModel],
 ) -> None:
-    recording, _, _ = rows_and_tape
+    recording, _, _ = rows_and_file
     task = load_task('rectangle')
     motion = MotionFigures.of(recording, task, 0.1)
     assert motion.error[0] == recording['task_error'].max()
@@ -248,9 +277,9 @@ def test_the_figures_of_a_motion_are_those_of_its_rows(
 
 
 def test_a_run_that_ended_early_did_not_succeed(
-    rows_and_tape: tuple[Recording, Path, RobotModel],
+    rows_and_file: tuple[Recording, Path, RobotModel],
 ) -> None:
-    recording, _, _ = rows_and_tape
+    recording, _, _ = rows_and_file
     finished = Recording(recording.data, 7, T, True, '')
     good = {'motion': None, 'cycles': None, 'session': ()}
     assert Outcome(finished, **good, stop_reason='').succeeded
