@@ -1,4 +1,4 @@
-"""The problems of test/test_bounded.py through pink, mink and embodik: what each makes of them.
+"""The problems of test/test_constrained.py through pink, mink and embodik: what each makes of them.
 
 A problem is a Jacobian (3, 7), a box of joint velocities and a task velocity. Wanted is the largest
 share of it that the box allows, in its direction. Linear programming tells how large that is.
@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'test'))
 
-from test_bounded import Problem, largest_share
+from test_constrained import Problem, largest_share
 
 from redres_ros.robots import find_arm
 

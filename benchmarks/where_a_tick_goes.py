@@ -15,7 +15,7 @@ import numpy as np
 
 from redres_ros.bench.tick import T, controllers, recorded
 from redres_ros.kernels.tick import are_usable, integrate
-from redres_ros.motion import LawMotion
+from redres_ros.policy import Policy
 from redres_ros.resolution import resolve_in_order, resolve_one
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.vectors import as_vector
@@ -52,7 +52,7 @@ def _of_one_task(model: RobotModel, q: np.ndarray, dq: np.ndarray, dx: np.ndarra
     J = task.jacobian(state)
     b = law.bias(state, T)
     q_ref = np.empty(len(q))
-    motion = LawMotion(law)
+    motion = Policy(law)
     return {
         'check of q or dx': lambda: as_vector(q, len(q), 'q'),
         'check that they are finite': lambda: are_usable(q, dx, 1.0),
@@ -76,9 +76,9 @@ def _of_limits_and_lower_tasks(
     resolver = limits._resolver
     task = limits.task
     state = RobotState(model, q, dq)
-    answer = LawMotion(limits.law).answer(state, task, dx, T)
+    answer = Policy(limits.law).answer(state, task, dx, T)
     (lower,) = found['minimum_velocity, two priorities'].secondary_tasks
-    lower = lower.begun(state)
+    lower = lower.with_initial_targets(state)
     levels = ((answer.J, dx), (lower.jacobian(state), lower.velocity(state)))
 
     def orientation() -> np.ndarray:

@@ -16,7 +16,7 @@ import time
 import numpy as np
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
-from redres_ros.planner import Planner
+from redres_ros.planning.planner import Planner
 
 T = 0.002  # [s]
 LIMITS = ('position', 'velocity', 'acceleration')
@@ -45,7 +45,7 @@ def times(law: str, scale: float, repetitions: int) -> np.ndarray:
             break
         before = independent(controller)
         command = controller.update(q, reference.dx)
-        if command.limiting:
+        if command.active_limits:
             found.append(least_time(before, q, reference.dx, repetitions))
         late += (1.0 - command.s) * T
         q = command.q_ref
@@ -74,7 +74,7 @@ def independent(controller: Controller) -> Controller:
     """A copy that also has its own memory of which limits the last search held."""
     copied = copy.copy(controller)
     copied._resolver = copy.copy(controller._resolver)
-    copied._resolver._held = controller._resolver._held.copy()
+    copied._resolver._active_set = controller._resolver._active_set.copy()
     return copied
 
 

@@ -27,7 +27,7 @@ def main() -> None:
     task = load_task('planar4r_hexagon')
     model = RobotModel.named(task.robot)
     law = make_law('minimum_acceleration')
-    kept = CollisionLimit(model, balls=BALL)
+    kept = CollisionLimit(model, spheres=BALL)
     runs = {
         'limits of the joints': (JOINTS, 'tab:red'),
         'and collision': ((*JOINTS, kept), 'tab:blue'),
@@ -59,7 +59,7 @@ def draw_arm(ax: Axes, model: RobotModel, recording: Recording, color: str) -> N
 
 def distances(model: RobotModel, recording: Recording) -> np.ndarray:
     """Of the arm from the ball, (ticks,) [m]."""
-    seen = CollisionLimit(model, balls=BALL, influence=1.0, clearance=0.0)
+    seen = CollisionLimit(model, spheres=BALL, influence=1.0, clearance=0.0)
     still = np.zeros(model.n)
     found = []
     for q in recording.vectors('q1'):

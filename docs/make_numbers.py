@@ -104,7 +104,7 @@ def effort_table(results: Results) -> str:
     rows = []
     for case in efforts():
         effort = results[case].effort
-        damping = f'{case.damping:g}' if LAWS[case.law].remembers else '–'
+        damping = f'{case.damping:g}' if LAWS[case.law].has_memory else '–'
         figures = [_figure(getattr(effort, name), least[name]) for name in _EFFORT]
         rows.append([f'`{case.law}`', damping, *figures])
     return _table(heads, rows)

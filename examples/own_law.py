@@ -17,7 +17,7 @@ from redres_ros import Controller, Law, RobotModel, RobotState, load_task, make_
 class WristFirst(Law):
     """Least velocity, where a joint weighs `ratio` times as much as the next one."""
 
-    remembers: ClassVar[bool] = False  # the last velocity does not matter
+    has_memory: ClassVar[bool] = False  # the last velocity does not matter
     ratio: float = param(2.0, 'weight of a joint, relative to the next [-]', 1.0, 10.0)
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:

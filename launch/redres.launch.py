@@ -10,10 +10,10 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from redres_ros.files.share import share_path
+from redres_ros.files.yaml import read_yaml
 from redres_ros.robots import choose_arm
 from redres_ros.robots.urdf import Urdf
-from redres_ros.share import share_path
-from redres_ros.yaml_file import read_yaml
 
 # name: (default, description); an empty default leaves what params_file says
 ARGUMENTS = {

@@ -9,11 +9,12 @@ if TYPE_CHECKING:
     from redres_ros.command import Command
     from redres_ros.controller import Controller
     from redres_ros.errors import RedresError
+    from redres_ros.files.plugins import load_plugin
     from redres_ros.laws import LAWS, Law, make_law
     from redres_ros.limits import LIMITS, Limit, make_limits
     from redres_ros.parameter import param
-    from redres_ros.planner import Planner
-    from redres_ros.plugins import load_plugin
+    from redres_ros.planning.planner import Planner
+    from redres_ros.planning.waypoints import WaypointTask, load_task
     from redres_ros.preferences import (
         PREFERENCES,
         ElbowHeight,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from redres_ros.simulation.recording import Recording
     from redres_ros.simulation.side_by_side import Comparison, compare, plot
     from redres_ros.tasks import TASKS, Task, make_task
-    from redres_ros.waypoints import WaypointTask, load_task
 
 # Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy
 # nor pinocchio.

@@ -21,8 +21,8 @@ class Command(NamedTuple):
         J: Jacobian of the first task, (m, n).
         W: Weight of the law.
         s: Share of dx that the limits allow.
-        limiting: 'joint: limit' that acts; empty if none does.
-        lost: The part of dx that a singularity does not let through, (m,).
+        active_limits: 'joint: limit' that acts; empty if none does.
+        unachieved: The part of dx that a singularity does not let through, (m,).
     """
 
     dq: np.ndarray
@@ -32,8 +32,8 @@ class Command(NamedTuple):
     J: np.ndarray
     W: Weight
     s: float
-    limiting: str
-    lost: np.ndarray
+    active_limits: str
+    unachieved: np.ndarray
 
     @property
     def null(self) -> np.ndarray:

@@ -14,8 +14,8 @@ from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError
 from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import LAWS, Law
-from redres_ros.motion import STANDING, LawMotion, Motion, advanced, after, check_task
-from redres_ros.parameter import Parameter, check_value, found, several
+from redres_ros.parameter import Parameter, as_tuple, check_value, resolve_entry
+from redres_ros.policy import HOLD, Motion, Policy, advanced, after, check_task
 from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
 from redres_ros.robot_model import RobotModel, RobotState
@@ -101,9 +101,9 @@ class Controller:
         self.task_scaling_rate = task_scaling_rate
         self._integrate_from = integrate_from
         self._turning = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
-        self._nothing_lost = np.zeros(self.m)
-        self._nothing_lost.flags.writeable = False  # every command shares it
-        self._asked = LawMotion(law, _preferences(preferences), _tasks(secondary_tasks))
+        self._all_achieved = np.zeros(self.m)
+        self._all_achieved.flags.writeable = False  # every command shares it
+        self._asked = Policy(law, _preferences(preferences), _tasks(secondary_tasks))
         self._asked.check(model)
         check_task(self.task, model)
         self._begun = self._asked  # with targets that were left open filled in
@@ -203,11 +203,11 @@ class Controller:
         self._start: np.ndarray | None = None  # from which it was integrated
         self._dq_prev = np.zeros(self.model.n)
         self._pace = 1.0  # the share of the task velocity that is asked for
-        self._motion: Motion = STANDING
+        self._motion: Motion = HOLD
         self._begun = self._asked
         self._is_open = bool(self._asked.preferences or self._asked.lower_tasks)
 
-    def stand(self) -> None:
+    def reset_at_reference(self) -> None:
         """Begin anew at rest, as reset() does, but from the last reference: the arm is held there.
 
         A servo lets the arm sag by more than a joint may move in one cycle, so the measurement
@@ -217,7 +217,7 @@ class Controller:
         self.reset()
         self._q_ref = q_ref
 
-    def take_back(self) -> None:
+    def rollback(self) -> None:
         """Have the next update start where the last one did: that reference came too late to be
         carried out in a cycle of its own.
         """
@@ -275,9 +275,9 @@ class Controller:
         start = self._integrated(q, missed)
         resolver = self._resolver
         state = RobotState(self.model, q, self._dq_prev)
-        begun = self._begun.begun(state) if self._is_open else self._begun
+        begun = self._begun.with_initial_targets(state) if self._is_open else self._begun
         motion = self._motion
-        wanted = begun if self._moving else STANDING
+        wanted = begun if self._moving else HOLD
         if motion is not wanted:
             motion = advanced(motion, wanted, self._dq_prev, self.T, self.switch_time)
         answer = motion.answer(state, self.task, dx, self.T)
@@ -304,7 +304,7 @@ class Controller:
         s = answer.s
         if self.task_scaling_rate > 0.0 or self._pace < 1.0:
             s = self._paced(s)
-        lost = self._nothing_lost if answer.lost is None else answer.lost
+        unachieved = self._all_achieved if answer.unachieved is None else answer.unachieved
         return tuple.__new__(  # in half the time of calling the class
             Command,
             (
@@ -315,8 +315,8 @@ class Controller:
                 answer.J,
                 answer.W,
                 s,
-                answer.limiting,
-                lost,
+                answer.active_limits,
+                unachieved,
             ),
         )
 
@@ -363,19 +363,19 @@ class Controller:
 
 
 def _law(law: str | Law) -> Law:
-    return found('law', LAWS, Law, law)
+    return resolve_entry('law', LAWS, Law, law)
 
 
 def _task(task: str | Task) -> Task:
-    return found('task', TASKS, Task, task)
+    return resolve_entry('task', TASKS, Task, task)
 
 
 def _tasks(tasks: str | Iterable[str | Task]) -> tuple[Task, ...]:
-    return tuple(map(_task, several(tasks)))
+    return tuple(map(_task, as_tuple(tasks)))
 
 
 def _preferences(preferences: str | Iterable[str | Preference]) -> tuple[Preference, ...]:
     return tuple(
-        found('preference', PREFERENCES, Preference, preference)
-        for preference in several(preferences)
+        resolve_entry('preference', PREFERENCES, Preference, preference)
+        for preference in as_tuple(preferences)
     )

@@ -141,7 +141,7 @@ def check_once(kind: str, names: Iterable[object]) -> None:
             seen.add(name)
 
 
-def found(kind: str, table: Mapping[str, type[T]], base: type, thing: str | T) -> T:
+def resolve_entry(kind: str, table: Mapping[str, type[T]], base: type, thing: str | T) -> T:
     """A thing of a table that is given by its name or as it is.
 
     Args:
@@ -160,7 +160,7 @@ def found(kind: str, table: Mapping[str, type[T]], base: type, thing: str | T) -
     return thing
 
 
-def several(things: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
+def as_tuple(things: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
     """Things that are given by name or as they are; a text alone is one name."""
     return (things,) if isinstance(things, str) else tuple(things)
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from redres_ros.motion import Proposal, scaled
-from redres_ros.parameter import several
-from redres_ros.planner import quintic
-from redres_ros.reach import Reach
+from redres_ros.boundary_braking import BoundaryBraking
+from redres_ros.interpolation import quintic
+from redres_ros.parameter import as_tuple
+from redres_ros.policy import Solution, scaled
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
 
@@ -33,7 +33,7 @@ class Resolver(Protocol):
             switch_time: How long a change takes [s].
         """
 
-    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+    def allows(self, answer: Solution, start: RobotState, T: float) -> bool:
         """Whether the answer can be given as it is.
 
         Args:
@@ -42,7 +42,7 @@ class Resolver(Protocol):
             T: Sampling time [s].
         """
 
-    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
+    def resolve(self, answer: Solution, start: RobotState, T: float) -> Solution:
         """The answer to give.
 
         Args:
@@ -65,11 +65,11 @@ class Unlimited:
         """Itself."""
         return self
 
-    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+    def allows(self, answer: Solution, start: RobotState, T: float) -> bool:
         """Always."""
         return True
 
-    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
+    def resolve(self, answer: Solution, start: RobotState, T: float) -> Solution:
         """The wanted one."""
         return answer
 
@@ -88,33 +88,33 @@ class Limited:
 
     def __init__(self, limits: 'Limits', task: Task, model: RobotModel) -> None:
         # compiled: loaded only where limits are wanted
-        from redres_ros.bounded import bound
+        from redres_ros.constrained import solve_constrained
         from redres_ros.limits import limit_name
         from redres_ros.limits.joint import AccelerationLimit
 
-        self._bound = bound
+        self._bound = solve_constrained
         self._limit_name = limit_name
         self._limits = limits
         self._scale = task.row_scale(model)
-        self._reach: Reach | None = None
+        self._reach: BoundaryBraking | None = None
         self.bounds_acceleration = False
         for limit in limits:
             if isinstance(limit, AccelerationLimit):
                 self.bounds_acceleration = True
                 if limit.reach > 0.0:
-                    self._reach = Reach(task, model, limit.A, limit.reach)
+                    self._reach = BoundaryBraking(task, model, limit.A, limit.reach)
         first, *_ = limits
-        self._held = np.zeros(first.model.n + 1, np.int64)  # by the search of the last tick
+        self._active_set = np.zeros(first.model.n + 1, np.int64)  # by the search of the last tick
 
     def advanced(self, T: float, switch_time: float) -> Resolver:
         """Itself."""
         return self
 
-    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+    def allows(self, answer: Solution, start: RobotState, T: float) -> bool:
         """Whether it keeps the limits."""
         return self._limits.keep(answer.dq, start, T)
 
-    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
+    def resolve(self, answer: Solution, start: RobotState, T: float) -> Solution:
         """The wanted one where it keeps the limits, otherwise what comes nearest to it."""
         lower = [(J, J.dot(answer.dq)) for J, _ in answer.levels[1:]]
         end = self._reach and self._reach.end(answer, start)
@@ -125,18 +125,20 @@ class Limited:
             levels = [scaled(answer.J, answer.executed, self._scale)]
         bounds = self._limits.at(start, T)
         levels += lower
-        bounded = self._bound(answer.dq, answer.W, levels, bounds.box, bounds.rows, self._held)
+        bounded = self._bound(
+            answer.dq, answer.W, levels, bounds.box, bounds.rows, self._active_set
+        )
         if bounded.dq is answer.dq:
             return answer
-        acting = bounds.limiting(bounded)
-        limiting = ''
+        acting = bounds.acting_limit(bounded)
+        active_limits = ''
         if acting is not None:
             limit, index = acting
-            limiting = f'{limit.place(start, index)}: {self._limit_name(limit)}'
-        lost = answer.lost
+            active_limits = f'{limit.place(start, index)}: {self._limit_name(limit)}'
+        unachieved = answer.unachieved
         if self._reach and end:
-            lost = self._reach.lost(answer, bounded.dq, end)
-        return answer.within(bounded.dq, bounded.s, limiting, lost)
+            unachieved = self._reach.unachieved(answer, bounded.dq, end)
+        return answer.within(bounded.dq, bounded.s, active_limits, unachieved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,11 +157,11 @@ class Changeover:
             return self.new
         return replace(self, share=self.share + step)
 
-    def allows(self, answer: Proposal, start: RobotState, T: float) -> bool:
+    def allows(self, answer: Solution, start: RobotState, T: float) -> bool:
         """Whether both do."""
         return self.old.allows(answer, start, T) and self.new.allows(answer, start, T)
 
-    def resolve(self, answer: Proposal, start: RobotState, T: float) -> Proposal:
+    def resolve(self, answer: Solution, start: RobotState, T: float) -> Solution:
         """The mixture of both, which executes the mixture of their shares of dx."""
         old = self.old.resolve(answer, start, T)
         new = self.new.resolve(answer, start, T)
@@ -167,8 +169,8 @@ class Changeover:
         return answer.within(
             (1.0 - part) * old.dq + part * new.dq,
             (1.0 - part) * old.s + part * new.s,
-            new.limiting or old.limiting,
-            answer.lost,
+            new.active_limits or old.active_limits,
+            answer.unachieved,
         )
 
 
@@ -193,7 +195,7 @@ def make_resolver(
     Raises:
         RedresError: A limit, a scale or a gain that cannot be used.
     """
-    limits = several(limits)
+    limits = as_tuple(limits)
     if not limits:
         return UNLIMITED
     from redres_ros.limits import make_limits

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
-from redres_ros.kernels.turn import turn_between
+from redres_ros.kernels.rotation_error import rotation_error
 
 _NO_TURN = np.eye(3)
 
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:
     """The logarithm of R (3, 3): its axis times its angle, (3,) [rad], the angle at most pi."""
-    return turn_between(_NO_TURN, R)
+    return rotation_error(_NO_TURN, R)
 
 
 def rotation_matrix(vector: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ _STUCK = 0.1
 _NOTHING = 1e-9  # of dx, is not asked for; of H, is no way
 
 
-def way_out(
+def escape_direction(
     J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, dq_prev: np.ndarray
 ) -> np.ndarray | None:
     """A self-motion (n,) that leads out of a singularity, as fast as what is asked for; or None.

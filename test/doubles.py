@@ -44,7 +44,7 @@ class SpringLaw(Law):
     k_s: float = param(4.0, 'stiffness per unit of inertia [1/s^2]', 0.0, 1e3)
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev - T * self.k_s * state.q
+        return self.forgetting_factor(T) * state.dq_prev - T * self.k_s * state.q
 
 
 def random_motion(n: int, count: int, seed: int = 0) -> list[tuple[np.ndarray, np.ndarray]]:

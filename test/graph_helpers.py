@@ -28,10 +28,10 @@ from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.stamps import to_nanoseconds, to_time
+from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.waypoints import load_task
 
 PERIOD = 2_000_000  # [ns]
 
@@ -132,7 +132,7 @@ class Probe(Node):
         self.answers[to_nanoseconds(message.header.stamp)] = message
 
 
-class Witness(Node):
+class Observer(Node):
     """Hears all that robot and controller say to each other, and judges it; sets and calls what a
     test wants.
 

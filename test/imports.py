@@ -66,6 +66,6 @@ def files_with(library: str) -> set[str]:
     return {found.file for found in imports() if re.fullmatch(library, found.library)}
 
 
-def room(name: str) -> str:
+def subpackage(name: str) -> str:
     """Of a file or module of the package: 'laws' for laws/law.py and redres_ros.laws.law."""
     return name.removeprefix('redres_ros.').split('.')[0].split('/')[0]

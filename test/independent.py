@@ -144,7 +144,7 @@ def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float
     power, memory, gravity = (
         np.array(column)[:, None] for column in zip(*(LAWS[law] for law in laws), strict=True)
     )
-    forgetting = 1.0 - k_d[:, None] * T
+    forgetting_factor = 1.0 - k_d[:, None] * T
     dq = np.zeros_like(q)
     segment = np.zeros(len(q), dtype=int)
     begun = np.zeros(len(q))
@@ -164,7 +164,7 @@ def loop(laws: list[str], k_d: np.ndarray, T: float, q: np.ndarray, t_end: float
         way = POINTS[segment + 1] - POINTS[segment]
         dx = way / 3.0 * ds + 10.0 * (A + way * s - x)
         M_inv = np.linalg.inv(M)
-        b = memory * forgetting * dq - gravity * T * (M_inv @ n[..., None])[..., 0]
+        b = memory * forgetting_factor * dq - gravity * T * (M_inv @ n[..., None])[..., 0]
         W_inv = np.stack((np.broadcast_to(np.eye(7), M.shape), M_inv, M_inv @ M_inv))[
             power[:, 0], rows
         ]

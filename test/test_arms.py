@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from doubles import random_motion
-from witness import Witness
+from reference_model import ReferenceModel
 
 from redres_ros import (
     LAWS,
@@ -21,7 +21,7 @@ from redres_ros import (
     make_law,
 )
 from redres_ros.errors import ArrayError
-from redres_ros.fri.plant import MujocoPlant
+from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.resolution import resolve
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.arm import DYNAMICS
@@ -102,7 +102,7 @@ def test_joints_are_named_as_by_the_arms_driver(name, joint_names):
 @EVERY_DYNAMICS
 def test_pinocchio_and_mujoco_agree(name, dynamics):
     arm = find_arm(name, dynamics=dynamics)
-    model, witness = RobotModel(arm), Witness(arm)
+    model, witness = RobotModel(arm), ReferenceModel(arm)
     for q, dq in random_motion(model.n, 300):
         state = model.state(q, dq)
         seen = witness.kinematics(q) + witness.dynamics(q, dq)

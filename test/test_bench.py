@@ -201,7 +201,7 @@ def test_limits_act_in_the_one_and_not_in_the_other(model: RobotModel) -> None:
     for name, controller in controllers(model).items():
         if 'limits' in name:
             commands = [controller.update(q, dx) for q, dx in twice]
-            acting[name] = float(np.mean([bool(command.limiting) for command in commands]))
+            acting[name] = float(np.mean([bool(command.active_limits) for command in commands]))
     assert acting['minimum_velocity, limits idle'] == 0.0
     assert acting['minimum_velocity, limits acting'] > 0.5
 

@@ -10,7 +10,7 @@ import pytest
 
 from redres_ros import Command, Controller, RobotModel, make_law
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.distances import FIRST_BALL, FLOOR
+from redres_ros.kernels.distances import FIRST_SPHERE, FLOOR
 from redres_ros.limits import make_limits
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.robots import ARMS, Arm
@@ -46,8 +46,8 @@ def random_states(arm: str, count: int):
 
 def shape_of(limit: CollisionLimit, state, body: int):
     """A body, or a ball, in the other library: its shape and its place."""
-    if body <= FIRST_BALL:
-        ball = np.reshape(limit.balls, (-1, 4))[FIRST_BALL - body]
+    if body <= FIRST_SPHERE:
+        ball = np.reshape(limit.spheres, (-1, 4))[FIRST_SPHERE - body]
         return coal.Sphere(ball[3]), coal.Transform3s(np.eye(3), ball[:3])
     bodies = limit.bodies
     H = state.joint_poses[bodies.moved_by[body]]
@@ -60,7 +60,7 @@ def shape_of(limit: CollisionLimit, state, body: int):
 
 @EVERY_ARM
 def test_distances_are_those_of_another_library(arm):
-    limit = limit_of(arm, influence=1.0, balls=BALLS)
+    limit = limit_of(arm, influence=1.0, spheres=BALLS)
     compared = 0
     for state in random_states(arm, 20):
         _, distances, who = limit.near(state)
@@ -93,7 +93,7 @@ def test_the_floor_is_below_the_lower_end(arm):
 @EVERY_ARM
 def test_rows_say_how_fast_bodies_approach(arm):
     """Against central differences; where bodies in line change their nearest points, none exist."""
-    limit = limit_of(arm, influence=1.0, floor=0.0, balls=BALLS)
+    limit = limit_of(arm, influence=1.0, floor=0.0, spheres=BALLS)
     model = model_of(arm)
     random = np.random.default_rng(1)
     step = 1e-6
@@ -158,7 +158,7 @@ def test_no_body_comes_nearer_to_the_floor_than_its_clearance(arm):
     limit = limit_of(arm, floor=lowest_point(arm) - 0.1)
     commands = driven(arm, np.array((0.0, 0.0, -0.3)), 1000, limit)
     assert CLEARANCE - ABOUT < least_distance(limit, commands) < 2.0 * CLEARANCE
-    assert any(command.limiting.endswith(' to floor: collision') for command in commands)
+    assert any(command.active_limits.endswith(' to floor: collision') for command in commands)
 
 
 @EVERY_ARM
@@ -177,10 +177,10 @@ def test_a_ball_in_the_way_is_passed_by_no_body():
     arm = 'iiwa7'
     x, _ = model_of(arm).tip(np.array(ARMS[arm].start))
     ball = (float(x[0]), float(x[1]) + 0.25, float(x[2]), 0.05)
-    limit = limit_of(arm, balls=ball)
+    limit = limit_of(arm, spheres=ball)
     commands = driven(arm, np.array((0.0, 0.2, 0.0)), 1000, limit)
     assert least_distance(limit, commands) > CLEARANCE - ABOUT
-    assert commands[-1].limiting.endswith(' to ball 1: collision')
+    assert commands[-1].active_limits.endswith(' to ball 1: collision')
 
 
 def test_collision_comes_before_torque_and_after_the_box():
@@ -216,7 +216,7 @@ def test_far_from_everything_the_closed_form_comes_back_to_the_bit():
 
 def test_balls_come_as_four_numbers_each():
     with pytest.raises(ArrayError, match='balls holds 3 numbers; expected four for each'):
-        limit_of('lwr4', balls=(0.1, 0.2, 0.3))
+        limit_of('lwr4', spheres=(0.1, 0.2, 0.3))
 
 
 def test_an_arm_with_two_tips_is_refused_by_their_names():

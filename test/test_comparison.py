@@ -16,6 +16,7 @@ from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.errors import RangeError, RedresError
 from redres_ros.laws import make_law
+from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -24,7 +25,6 @@ from redres_ros.simulation.comparison import Effort, first_violation, tables
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording, columns
 from redres_ros.simulation.report import print_tables
-from redres_ros.waypoints import load_task
 
 TASK = replace(load_task('rectangle'), waypoints=load_task('rectangle').waypoints[:2])
 

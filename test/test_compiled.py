@@ -15,11 +15,11 @@ import pytest
 from numba import float64
 from numba.core import caching
 
-from redres_ros.kernels import cache, telling
+from redres_ros.files.signals import handled, interruptible
+from redres_ros.kernels import cache, compile_log
 from redres_ros.kernels.cache import ROOM, own_folder, stamp
 from redres_ros.kernels.closed_form import closed_form
 from redres_ros.kernels.compiled import compiled, direct, vector
-from redres_ros.signals import handled, interruptible
 
 
 def halved(x: float) -> float:
@@ -48,7 +48,7 @@ def test_a_function_called_directly_gives_the_same():
 
 
 def test_without_compiling_the_formulas_run_as_python():
-    source = 'from redres_ros.kernels.turn import turn_between as f; print(f.__name__)'
+    source = 'from redres_ros.kernels.rotation_error import rotation_error as f; print(f.__name__)'
     done = subprocess.run(
         [sys.executable, '-c', source],
         env=os.environ | {'NUMBA_DISABLE_JIT': '1'},
@@ -56,7 +56,7 @@ def test_without_compiling_the_formulas_run_as_python():
         text=True,
         check=True,
     )
-    assert done.stdout.strip() == 'turn_between'
+    assert done.stdout.strip() == 'rotation_error'
 
 
 def test_what_is_kept_is_loaded_without_the_compiler_and_scipy():
@@ -124,9 +124,9 @@ def room(tmp_path: Path) -> Path:
     room = tmp_path / 'redres_ros' / 'kernels'
     room.mkdir(parents=True)
     (tmp_path / 'redres_ros' / '__init__.py').touch()
-    for name in ('__init__', 'cache', 'compiled', 'telling', 'arithmetic'):
+    for name in ('__init__', 'cache', 'compiled', 'compile_log', 'arithmetic'):
         shutil.copy(ROOM / f'{name}.py', room)
-    shutil.copy(ROOM.parent / 'signals.py', room.parent)
+    shutil.copy(ROOM.parent / 'files/signals.py', room.parent)
     (room / 'square.py').write_text(KERNEL)
     return room
 
@@ -187,11 +187,11 @@ def test_a_node_tells_in_one_line_that_compiling_is_over(monkeypatch, capsys):
     lines = []
     log = SimpleNamespace(info=lines.append)
     nodes = [SimpleNamespace(get_logger=lambda: log)] * 2
-    monkeypatch.setattr(telling, '_times', [])
+    monkeypatch.setattr(compile_log, '_times', [])
     runtime._tell_compiled(nodes)
     assert not lines  # nothing has been compiled
     for _ in range(2):
-        telling.tell_compiling('here')
+        compile_log.log_compiling('here')
     assert len(capsys.readouterr().err.splitlines()) == 1
     runtime._tell_compiled(nodes)
     assert lines == ['compiled the formulas in 0 s']

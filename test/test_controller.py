@@ -21,7 +21,7 @@ from redres_ros import (
     resolve,
 )
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.planner import quintic
+from redres_ros.interpolation import quintic
 
 T = 0.002  # [s]
 SWITCH_TIME = 0.5  # [s]

@@ -20,7 +20,7 @@ from redres_ros import (
 from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownNameError
 from redres_ros.limits import LIMITS
 from redres_ros.limits.joint import VelocityLimit
-from redres_ros.planner import Planner
+from redres_ros.planning.planner import Planner
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
@@ -104,7 +104,7 @@ def test_what_keeps_the_limits_is_the_closed_form_to_the_bit(law, task):
         expected = plain.update(q, DX / 2.0)
         assert (command.dq == expected.dq).all()
         assert command.s == 1.0
-        assert command.limiting == ''
+        assert command.active_limits == ''
         q = command.q_ref
 
 
@@ -114,7 +114,7 @@ def test_where_limits_act_the_direction_of_the_task_is_kept(model, task):
         command = controller.update(task.start, FAST)
         assert 0.0 < command.s < 1.0, k
         assert command.J @ command.dq == pytest.approx(command.s * FAST, abs=1e-9)
-        assert ': acceleration' in command.limiting or ': velocity' in command.limiting
+        assert ': acceleration' in command.active_limits or ': velocity' in command.active_limits
 
 
 def test_a_scale_makes_limits_narrower(model, task):
@@ -337,7 +337,7 @@ def test_a_task_velocity_that_overflows_is_refused(model, task):
 
 def test_far_from_singularities_nothing_is_lost(model, task):
     command = controller_of(model).update(task.start, DX)
-    assert (command.lost == 0.0).all()
+    assert (command.unachieved == 0.0).all()
 
 
 @EVERY_LAW
@@ -346,9 +346,9 @@ def test_what_is_not_executed_at_a_singularity_is_told(law, model):
     controller = controller_of(model, law)
     dx = np.array((0.1, 0.0, 0.05))
     command = controller.update(np.zeros(7), dx)
-    assert command.J @ command.dq == pytest.approx(dx - command.lost, abs=1e-9)
-    assert command.lost[2] == pytest.approx(0.05, abs=1e-9)
-    assert command.lost[0] == pytest.approx(0.0, abs=1e-9)
+    assert command.J @ command.dq == pytest.approx(dx - command.unachieved, abs=1e-9)
+    assert command.unachieved[2] == pytest.approx(0.05, abs=1e-9)
+    assert command.unachieved[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_shipped_task_names_no_limits():

@@ -28,10 +28,10 @@ from redres_ros.demo.demo import Demo
 from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.outcome import Ending
 from redres_ros.laws import make_law
+from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import columns
-from redres_ros.waypoints import load_task
 
 pytestmark = pytest.mark.slow
 

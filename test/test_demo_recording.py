@@ -23,10 +23,10 @@ from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.laws import make_law
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.wire import stamp_of
-from redres_ros.planner import Planner
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, columns
-from redres_ros.waypoints import load_task
 
 T = 0.002  # [s]
 PERIOD = 2_000_000  # [ns]

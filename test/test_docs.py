@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from redres_ros.fri.faults import Faults
-from redres_ros.fri.profile import FCI
-from redres_ros.fri.session import Refusal
+from redres_ros.fake_robot.faults import Faults
+from redres_ros.fake_robot.profile import FCI
+from redres_ros.fake_robot.session import Refusal
 from redres_ros.robots import ARMS
 
 HERE = Path(__file__).parent

@@ -7,18 +7,18 @@ from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
-from fri_helpers import Door
+from fake_robot_helpers import Door
 from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
-from redres_ros.fri.channel import Channel, Link
-from redres_ros.fri.faults import Faults
-from redres_ros.fri.faulty_plant import FaultyPlant
-from redres_ros.fri.guard import Guard
-from redres_ros.fri.plant import IdealPlant, MujocoPlant
-from redres_ros.fri.robot import FriRobot
-from redres_ros.fri.session import Refusal, Session, SessionSettings
+from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.faults import Faults
+from redres_ros.fake_robot.faulty_plant import FaultyPlant
+from redres_ros.fake_robot.network_model import Link, NetworkModel
+from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
+from redres_ros.fake_robot.robot import FakeRobot
+from redres_ros.fake_robot.session import Refusal, Session, SessionSettings
 from redres_ros.parameter import parameters
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -33,7 +33,7 @@ MANY = 20000  # messages
 # --- channels -------------------------------------------------------------------------------------
 
 
-def transmit(channel: Channel[int], messages: int, rest: int = 100) -> list[tuple[int, int]]:
+def transmit(channel: NetworkModel[int], messages: int, rest: int = 100) -> list[tuple[int, int]]:
     """Message k is sent at tick k; what arrives is (tick, message), in that order."""
     arrived = []
     for tick in range(messages + rest):
@@ -60,15 +60,15 @@ LINKS = st.builds(
 
 
 def test_without_faults_every_message_arrives_at_once():
-    assert transmit(Channel(), 1000) == [(k, k) for k in range(1000)]
+    assert transmit(NetworkModel(), 1000) == [(k, k) for k in range(1000)]
 
 
 def test_a_delay_is_that_of_every_message():
-    assert transmit(Channel(link=Link(delay=7)), 1000) == [(k + 7, k) for k in range(1000)]
+    assert transmit(NetworkModel(link=Link(delay=7)), 1000) == [(k + 7, k) for k in range(1000)]
 
 
 def test_a_random_delay_takes_every_value_of_its_spread_and_keeps_the_order():
-    channel = Channel(1, Link(delay=2, delay_spread=3))
+    channel = NetworkModel(1, Link(delay=2, delay_spread=3))
     arrived = []
     for k in range(1000):  # one at a time, so that none has to wait for another
         channel.send(k, 10 * k)
@@ -78,7 +78,7 @@ def test_a_random_delay_takes_every_value_of_its_spread_and_keeps_the_order():
     # With shares of a quarter, the number of each has a deviation of 14.
     assert [np.isclose(arrived.count(delay), 250, atol=70) for delay in (2, 3, 4, 5)] == [True] * 4
     assert len(arrived) == 1000
-    close = transmit(Channel(1, Link(delay=2, delay_spread=3)), 1000)
+    close = transmit(NetworkModel(1, Link(delay=2, delay_spread=3)), 1000)
     assert [message for _, message in close] == list(range(1000))
 
 
@@ -86,7 +86,7 @@ def test_a_random_delay_takes_every_value_of_its_spread_and_keeps_the_order():
 @pytest.mark.parametrize('burst', [1, 4, 20])
 def test_losses_have_the_share_and_the_length_that_were_asked_for(loss, burst):
     arrived = {
-        message for _, message in transmit(Channel(2, Link(loss=loss, loss_burst=burst)), MANY)
+        message for _, message in transmit(NetworkModel(2, Link(loss=loss, loss_burst=burst)), MANY)
     }
     lost = [k not in arrived for k in range(MANY)]
     # Bursts are independent: their number deviates by less than its square root.
@@ -99,7 +99,7 @@ def test_losses_have_the_share_and_the_length_that_were_asked_for(loss, burst):
 
 
 def test_a_total_loss_lets_nothing_through_and_ends_when_it_is_taken_away():
-    channel = Channel(3, Link(loss=1.0, loss_burst=10000))
+    channel = NetworkModel(3, Link(loss=1.0, loss_burst=10000))
     assert transmit(channel, 500) == []
     channel.link = Link()
     assert transmit(channel, 500) != []
@@ -108,7 +108,7 @@ def test_a_total_loss_lets_nothing_through_and_ends_when_it_is_taken_away():
 
 
 def test_a_doubled_message_arrives_twice_in_a_row():
-    arrived = transmit(Channel(4, Link(duplication=0.25)), MANY)
+    arrived = transmit(NetworkModel(4, Link(duplication=0.25)), MANY)
     times = [len(list(group)) for _, group in groupby(arrived)]
     assert len(times) == MANY
     assert set(times) == {1, 2}
@@ -116,7 +116,7 @@ def test_a_doubled_message_arrives_twice_in_a_row():
 
 
 def test_a_reordered_message_arrives_with_the_next_and_after_it():
-    arrived = transmit(Channel(5, Link(reordering=0.2)), MANY)
+    arrived = transmit(NetworkModel(5, Link(reordering=0.2)), MANY)
     order = [message for _, message in arrived]
     overtaken = [k for k, (first, second) in enumerate(pairwise(order)) if first > second]
     assert all(
@@ -135,8 +135,8 @@ def test_a_reordered_message_arrives_with_the_next_and_after_it():
 def test_the_same_seed_does_the_same_and_nothing_arrives_that_was_not_sent_or_too_early_or_too_late(
     link, seed
 ):
-    arrived = transmit(Channel(seed, link), 100)
-    assert arrived == transmit(Channel(seed, link), 100)
+    arrived = transmit(NetworkModel(seed, link), 100)
+    assert arrived == transmit(NetworkModel(seed, link), 100)
     for tick, message in arrived:
         # One in front of it was due no later than at the longest delay; an overtaken one waits for
         # the next.
@@ -151,14 +151,14 @@ def test_the_same_seed_does_the_same_and_nothing_arrives_that_was_not_sent_or_to
 def test_setting_one_fault_does_not_change_when_messages_are_lost(link, other, seed):
     lossy = replace(other, loss=link.loss, loss_burst=link.loss_burst, reordering=0.0)
     arrived = [
-        {message for _, message in transmit(Channel(seed, each), 100)}
+        {message for _, message in transmit(NetworkModel(seed, each), 100)}
         for each in (lossy, Link(loss=link.loss, loss_burst=link.loss_burst))
     ]
     assert arrived[0] == arrived[1]
 
 
 def test_faults_of_a_link_can_change_at_any_tick():
-    channel = Channel(6)
+    channel = NetworkModel(6)
     arrived = []
     for tick in range(40):
         channel.link = (
@@ -365,18 +365,18 @@ class Loop:
         settings = SessionSettings(profile=profile, monitor_time=0.1)
         self.session = Session(T, settings)
         plant = FaultyPlant(IdealPlant(LIMITS.joint_names, T, np.zeros(7)))
-        self.robot = FriRobot(plant, Guard(LIMITS, T), self.session)
+        self.robot = FakeRobot(plant, CommandValidator(LIMITS, T), self.session)
         self.door = Door(self.robot, seed=seed)
-        self.states: Channel[int] = Channel(f'{seed} states')
+        self.states: NetworkModel[int] = NetworkModel(f'{seed} states')
         self.start = np.zeros(7)
-        self.begun = 0  # where and at which tick the swing begins
+        self.start_stamp = 0  # where and at which tick the swing begins
         self.references = [self.robot.reference]
         self.stopped_at = 0
         self.inject(faults or Faults())
 
     def inject(self, faults: Faults) -> None:
         self.states.link = faults.states
-        self.door.inbox.link = faults.commands
+        self.door.receiver.link = faults.commands
 
     def run(self, cycles: int) -> 'Loop':
         for _ in range(cycles):
@@ -393,8 +393,8 @@ class Loop:
     def _command(self, tick: int) -> np.ndarray:
         if not self.session.commanding:
             self.start = self.robot.reference
-            self.begun = tick
-        return self.start + reference(max(tick - self.begun, 0)) - Q0
+            self.start_stamp = tick
+        return self.start + reference(max(tick - self.start_stamp, 0)) - Q0
 
 
 @pytest.mark.parametrize('profile', ['lwr_fri1', 'sunrise'])

@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.errors import FileError
-from redres_ros.fri import render as rendering
-from redres_ros.fri.render import Film, RenderError, render
+from redres_ros.fake_robot import render as rendering
 from redres_ros.paper import figures as figures_module
 from redres_ros.paper.equivalence import PERIODS, Convergence, velocity_difference
 from redres_ros.paper.experiment import Experiment
@@ -21,9 +20,10 @@ from redres_ros.paper.figures.limits import torque_share
 from redres_ros.paper.figures.norms import torque_norm
 from redres_ros.paper.figures.runs import TORQUE_SCALE, names_of_runs
 from redres_ros.paper.savgol import MeasuredMotion
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm, find_arm
+from redres_ros.simulation.render import Film, RenderError, render
 from redres_ros.simulation.shares import acceleration_share
-from redres_ros.waypoints import WaypointTask
 
 pytestmark = pytest.mark.slow
 

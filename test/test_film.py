@@ -12,9 +12,9 @@ import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.cli import main
-from redres_ros.fri.render import Film
 from redres_ros.robots import Arm
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.render import Film
 from redres_ros.view import film
 
 SIZE = (60, 48)
@@ -122,7 +122,7 @@ def test_a_window_without_a_display_is_refused(
 def test_where_there_is_a_display_a_window_shows_the_arm_and_closes() -> None:
     script = """
 import numpy as np
-from redres_ros.fri.window import opened
+from redres_ros.view.mujoco_window import opened
 from redres_ros.robots import find_arm
 arm = find_arm('planar4r')
 with opened(arm) as window:

@@ -25,7 +25,7 @@ from graph_helpers import (
     NAMES,
     PERIOD,
     START,
-    Witness,
+    Observer,
     await_that,
     graph,
     log_lines,
@@ -206,7 +206,7 @@ class TestCallbacks:
                     controller._on_hold(SetBool.Request(data=event), SetBool.Response())
         assert all(map(math.isfinite, (number for _, content in outlet.sent for number in content)))
         controller._on_hold(SetBool.Request(data=False), SetBool.Response())
-        newest = controller._following._cycles.newest
+        newest = controller._loop._cycles.newest
         last = later(newest)  # any clock may begin anew
         controller._on_state(numbered(last))
         controller._on_state(numbered(last))  # without a silence before, the first proves nothing
@@ -247,11 +247,11 @@ class TestCallbacks:
         )
     )
     def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
-        outlet = Outlet(sim._outlet, '_publisher', JointState)
+        outlet = Outlet(sim._state_publisher, '_publisher', JointState)
         robot = sim._robot
         before = robot.reference
         for event in events:
-            answers = sim._inbox.take(robot.tick)
+            answers = sim._receiver.take(robot.tick)
             sim._publish_state()
             if event == 'reset':
                 robot.reset()
@@ -303,10 +303,10 @@ class TestCallbacks:
 @pytest.fixture(scope='class')
 def live(
     tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[tuple[Witness, dict[str, Any], Path]]:
+) -> Iterator[tuple[Observer, dict[str, Any], Path]]:
     """Nodes in processes of their own, and publishers on all that they listen to."""
     directory = tmp_path_factory.mktemp('live')
-    with graph(Witness) as (witness, start):
+    with graph(Observer) as (witness, start):
         started = {
             name: start(name, directory / f'{name}.log', rate=100.0)
             for name in ('sim', 'controller', 'planner')

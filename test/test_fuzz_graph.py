@@ -73,7 +73,7 @@ class Thrower:
 
     def _stamp(self) -> int:
         """Around now, or anywhere [ns]."""
-        newest = self._run.nodes['controller']._following._cycles.newest
+        newest = self._run.nodes['controller']._loop._cycles.newest
         near = newest + int(self._chance.integers(-20, 20)) * int(1e9 / RATE)
         anywhere = int(self._chance.integers(0, 2**31)) * 10**9
         return max(near if self._chance.random() < 0.8 else anywhere, 0)

@@ -13,7 +13,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
 from geometry_msgs.msg import TwistStamped
-from graph_helpers import PATIENCE, START, Witness, await_that, graph
+from graph_helpers import PATIENCE, START, Observer, await_that, graph
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
@@ -135,7 +135,7 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
 
 
 def test_task_velocities_from_another_process_move_the_composed_arm(tmp_path: Path) -> None:
-    with graph(Witness) as (witness, start):
+    with graph(Observer) as (witness, start):
         composed = start(
             'composed', tmp_path / 'composed.log', patience=5.0, start=tuple(START.tolist())
         )

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from redres_ros.files.share import share_path
 from redres_ros.robots import find_arm
-from redres_ros.share import share_path
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / 'launch' / 'redres.launch.py'

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from imports import PACKAGE, ROS, WITH_ROS, Import, files_with, imports, room
+from imports import PACKAGE, ROS, WITH_ROS, Import, files_with, imports, subpackage
 
 import redres_ros
 
@@ -36,7 +36,7 @@ LAYERS = (
 
 
 def level(name: str) -> int:
-    levels = [number for number, layer in enumerate(LAYERS) if room(name) in layer]
+    levels = [number for number, layer in enumerate(LAYERS) if subpackage(name) in layer]
     assert levels, f'{name} is in no layer: add its room to LAYERS'
     return levels[0]
 
@@ -46,8 +46,12 @@ def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
     them.
     """
     for file, module, _ in imports():
-        if module.startswith('redres_ros.') and file != '__init__.py' and where in ('', room(file)):
-            yield file, room(module)
+        if (
+            module.startswith('redres_ros.')
+            and file != '__init__.py'
+            and where in ('', subpackage(file))
+        ):
+            yield file, subpackage(module)
 
 
 # --- libraries ------------------------------------------------------------------------------------
@@ -69,13 +73,13 @@ def test_only_the_robot_model_and_the_peers_import_pinocchio():
 
 def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
     assert (
-        {'fri/plant.py', 'fri/mujoco_arm.py'}
+        {'fake_robot/plant.py', 'fake_robot/mujoco_arm.py'}
         <= files_with('mujoco')
         <= {
-            'fri/plant.py',
-            'fri/mujoco_arm.py',
-            'fri/render.py',
-            'fri/window.py',
+            'fake_robot/plant.py',
+            'fake_robot/mujoco_arm.py',
+            'simulation/render.py',
+            'view/mujoco_window.py',
             PEERS,
         }
     )
@@ -88,7 +92,7 @@ def test_what_is_not_required_is_imported_when_it_is_asked_for():
 
 
 def test_only_the_page_imports_viser():
-    assert {room(file) for file in files_with('viser')} == {'view'}
+    assert {subpackage(file) for file in files_with('viser')} == {'view'}
 
 
 def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():
@@ -96,14 +100,14 @@ def test_only_nodes_and_what_runs_them_import_ros_when_they_are_loaded():
         found.file for found in imports() if found.on_loading and re.fullmatch(ROS, found.library)
     }
     # The page has it by way of graph/.
-    assert {room(file) for file in loading} == WITH_ROS - {'view'}
+    assert {subpackage(file) for file in loading} == WITH_ROS - {'view'}
 
 
 def test_only_nodes_and_the_command_line_import_ros_at_all():
-    assert {room(file) for file in files_with(ROS)} - WITH_ROS <= {'cli'}
+    assert {subpackage(file) for file in files_with(ROS)} - WITH_ROS <= {'cli'}
 
 
-AROUND_THEM = ('compiled', 'cache', 'telling')
+AROUND_THEM = ('compiled', 'cache', 'compile_log')
 FORMULAS = ('closed_form', 'factors', 'solving')
 
 
@@ -115,27 +119,32 @@ def test_resolution_needs_nothing_but_numpy_and_the_compiled_formulas():
 
 
 def test_compiled_formulas_need_nothing_but_numpy_and_numba():
-    formulas = [found for found in imports() if room(found.file) == 'kernels']
+    formulas = [found for found in imports() if subpackage(found.file) == 'kernels']
     formulas = [found for found in formulas if Path(found.file).stem not in AROUND_THEM]
-    assert {room(found.module) for found in formulas} <= {'typing', 'numpy', 'numba', 'kernels'}
+    assert {subpackage(found.module) for found in formulas} <= {
+        'typing',
+        'numpy',
+        'numba',
+        'kernels',
+    }
 
 
 def test_everything_compiled_is_in_one_room():
     """Whose files numba's cache depends on."""
-    assert {room(file) for file in files_with('numba')} == {'kernels'}
+    assert {subpackage(file) for file in files_with('numba')} == {'kernels'}
     assert {
-        room(found.file)
+        subpackage(found.file)
         for found in imports()
-        if found.module == 'redres_ros.kernels.compiled' and room(found.file) != 'kernels'
+        if found.module == 'redres_ros.kernels.compiled' and subpackage(found.file) != 'kernels'
     } == set()
 
 
 def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():
     loading = {
-        found.module for found in imports() if room(found.file) == 'cli' and found.on_loading
+        found.module for found in imports() if subpackage(found.file) == 'cli' and found.on_loading
     }
     own = {module for module in loading if module.startswith('redres_ros')}
-    assert {module for module in own if room(module) != 'cli'} == {'redres_ros.errors'}
+    assert {module for module in own if subpackage(module) != 'cli'} == {'redres_ros.errors'}
     assert all(module.partition('.')[0] in sys.stdlib_module_names for module in loading - own)
 
 
@@ -146,7 +155,7 @@ def test_imports_point_downward():
     upward = [
         (file, target)
         for file, target in own_imports()
-        if room(file) != target and level(target) >= level(file)
+        if subpackage(file) != target and level(target) >= level(file)
     ]
     assert upward == []
 
@@ -170,7 +179,7 @@ def test_laws_know_the_state_and_nothing_of_who_runs_them():
 def test_no_file_but_the_table_names_a_law():
     for path in sorted(PACKAGE.rglob('*.py')):
         if (
-            room(path.relative_to(PACKAGE).as_posix()) in ('controller', 'nodes', 'fri')
+            subpackage(path.relative_to(PACKAGE).as_posix()) in ('controller', 'nodes', 'fri')
             or path.stem == 'closed_loop'
         ):
             tree = ast.parse(path.read_text(encoding='utf-8'))

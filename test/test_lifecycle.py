@@ -127,7 +127,7 @@ class TestWithin:
     ) -> None:
         sim = SimNode()
         sent = []
-        sim._outlet._publisher = type('Outlet', (), {'publish': sent.append})
+        sim._state_publisher._publisher = type('Outlet', (), {'publish': sent.append})
         for active in (False, True):
             assert sim.active is active
             sim._publish_state()

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from redres_ros import Controller, RobotModel, load_task
-from redres_ros.bounded import bound
+from redres_ros.constrained import solve_constrained
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
@@ -160,7 +160,7 @@ def follow(model, limits, ticks, random, state, speed=3.0):
         state = model.state(q, dq)
         bounds = limits.at(state, T)
         free = resolve(state.J[:3], wanted, 0.98 * dq)
-        bounded = bound(free, None, [(state.J[:3], wanted)], bounds.box, bounds.rows)
+        bounded = solve_constrained(free, None, [(state.J[:3], wanted)], bounds.box, bounds.rows)
         yield state, bounds, bounded
         dq = bounded.dq
         q = q + T * dq
@@ -220,7 +220,7 @@ def test_a_joint_outside_its_range_comes_back_within_its_acceleration(model):
     for _ in range(600):
         bounds = limits.at(model.state(q, dq), T)
         told.append([(limit_name(limit), joint) for limit, joint in bounds.broken()])
-        bounded = bound(np.zeros(model.n), None, [], bounds.box)
+        bounded = solve_constrained(np.zeros(model.n), None, [], bounds.box)
         assert (np.abs(bounded.dq - dq) <= A * T + 1e-12).all()
         dq = bounded.dq
         q = q + T * dq
@@ -235,7 +235,7 @@ def test_a_joint_faster_than_a_tightened_limit_brakes_within_its_acceleration(mo
     dq = 0.9 * model.dq_max
     bounds = limits.at(model.state(np.zeros(model.n), dq), T)
     reach = 0.2 * T * np.array(model.arm.acceleration_limit)
-    bounded = bound(dq, None, [], bounds.box)
+    bounded = solve_constrained(dq, None, [], bounds.box)
     assert bounded.dq == pytest.approx(dq - reach)
     assert not bounds.kept
     assert ('velocity', 0) in [(limit_name(limit), joint) for limit, joint in bounds.broken()]
@@ -246,8 +246,8 @@ def test_the_limit_that_resists_is_told_with_its_joint(model):
     q = np.zeros(model.n)
     bounds = limits.at(rest_state(model, q), T)
     unit = np.eye(model.n)
-    bounded = bound(unit[2], None, [(unit[2:3], np.ones(1))], bounds.box)
-    limit, joint = bounds.limiting(bounded)
+    bounded = solve_constrained(unit[2], None, [(unit[2:3], np.ones(1))], bounds.box)
+    limit, joint = bounds.acting_limit(bounded)
     assert (limit_name(limit), joint) == ('acceleration', 2)
     assert bounded.side == 1
 

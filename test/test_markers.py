@@ -89,7 +89,7 @@ def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -
     node = Listened()
     parameters = {
         'limits': ['position'],
-        'collision.balls': [0.5, 0.1, 0.4, 0.1, 0.0, 0.0, 0.0, 0.0],  # radius 0: none
+        'collision.spheres': [0.5, 0.1, 0.4, 0.1, 0.0, 0.0, 0.0, 0.0],  # radius 0: none
         'collision.floor': 0.0,
     }
     node.get_parameter = lambda name: SimpleNamespace(value=parameters[name])

@@ -38,10 +38,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.controller import Controller
 from redres_ros.demo.processes import own_domain
-from redres_ros.following import Following
-from redres_ros.following_settings import FollowingSettings
 from redres_ros.graph.client import CallError
 from redres_ros.laws import LAWS, make_law
+from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.loop.settings import LoopSettings
 from redres_ros.nodes import controller, planner, sim
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED
@@ -202,7 +202,7 @@ def test_what_the_kernel_does_not_permit_gets_one_warning_and_the_node_runs(tmp_
 
 def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
     law = make_law('minimum_acceleration', damping=7.0)
-    following = Following(
+    following = CommandLoop(
         Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1, limits=BOX)
     )
     with nodes(tmp_path, controller={'damping': 7.0, 'switch_time': 0.1}) as (probe, _):
@@ -229,7 +229,7 @@ def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_
         switch_time=0.1,
         limits=BOX,
     )
-    following = Following(controller, FollowingSettings(lockstep=True))
+    following = CommandLoop(controller, LoopSettings(lockstep=True))
     with nodes(tmp_path, controller={'lockstep': True, 'switch_time': 0.1}) as (probe, _):
         session = probe.create_publisher(String, 'sim/session_state', LATCHED)
         await_that(lambda: session.get_subscription_count() == 1, 'a listener to the session')

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, WaypointTask
-from redres_ros.planner import Reference, orientation_error, quintic
+from redres_ros.interpolation import quintic
+from redres_ros.planning.planner import Reference, orientation_error
 
 T = 0.001  # [s]
 
@@ -392,9 +393,9 @@ def test_what_a_singularity_does_not_let_through_keeps_no_segment_from_ending(sq
     planner.reference(square.waypoints[0], 0.0)
     waiting = planner.reference(beside, 0.6)
     assert waiting.segment == 1
-    assert planner.reference(beside, 0.7, lost=np.zeros(3)).segment == 1
-    lost = np.array((0.0, 0.0, 0.2))  # all of k_P e
-    assert planner.reference(beside, 0.8, lost=lost).segment == 2
+    assert planner.reference(beside, 0.7, unachieved=np.zeros(3)).segment == 1
+    unachieved = np.array((0.0, 0.0, 0.2))  # all of k_P e
+    assert planner.reference(beside, 0.8, unachieved=unachieved).segment == 2
 
 
 def test_the_last_point_must_be_reached_all_the_same(square):
@@ -402,8 +403,8 @@ def test_the_last_point_must_be_reached_all_the_same(square):
     for k in range(3):
         planner.reference(square.waypoints[k], 0.5 * k)
     beside = square.waypoints[-1] + (0.0, 0.0, -0.02)
-    lost = np.array((0.0, 0.0, 0.2))
-    assert not planner.reference(beside, 9.0, lost=lost).finished
+    unachieved = np.array((0.0, 0.0, 0.2))
+    assert not planner.reference(beside, 9.0, unachieved=unachieved).finished
 
 
 def test_a_position_is_aside_of_the_line_of_its_segment_alone(square):

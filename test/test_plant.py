@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from witness import Witness
+from reference_model import ReferenceModel
 
 from redres_ros.errors import ArrayError, FileError, RangeError, RedresError, UnknownNameError
-from redres_ros.fri.mujoco_arm import MujocoSettings
-from redres_ros.fri.plant import IdealPlant, MujocoPlant
+from redres_ros.fake_robot.mujoco_arm import MujocoSettings
+from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, find_arm
 
@@ -111,7 +111,7 @@ def test_an_arm_that_is_told_to_stand_stands(name):
 @BOTH
 def test_no_mode_of_the_servos_is_underdamped(name):
     arm = find_arm(name)
-    witness = Witness(find_arm(name))
+    witness = ReferenceModel(find_arm(name))
     # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is
     # positive semidefinite.
     D = (
@@ -125,7 +125,7 @@ def test_no_mode_of_the_servos_is_underdamped(name):
 @BOTH
 def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second(name):
     arm = find_arm(name)
-    witness = Witness(arm)
+    witness = ReferenceModel(arm)
     references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
     wanted, reached = (
         np.array([witness.kinematics(q)[0] for q in positions])
@@ -238,7 +238,7 @@ def test_settings_out_of_range_are_refused(wrong):
 
 @BOTH
 def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
-    witness = Witness(find_arm(name))
+    witness = ReferenceModel(find_arm(name))
     h = 1e-6
     for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
         changes = [
@@ -252,7 +252,7 @@ def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
 
 @BOTH
 def test_the_bias_holds_no_friction_and_vanishes_only_with_gravity(name):
-    witness = Witness(find_arm(name))
+    witness = ReferenceModel(find_arm(name))
     upright = witness.dynamics(np.zeros(7), np.zeros(7))[1]
     assert np.abs(upright).max() < 1e-12  # all centres of mass above the base
     turning = witness.dynamics(np.zeros(7), 0.1 * np.eye(7)[0])[1]
@@ -263,7 +263,7 @@ def test_the_bias_holds_no_friction_and_vanishes_only_with_gravity(name):
 def test_the_rotors_add_to_the_diagonal_of_the_inertia_matrix_and_nothing_else():
     arm = find_arm('lwr4')
     with_rotors, without = (
-        Witness(a).dynamics(Q0, Q0)[0] for a in (arm, replace(arm, rotor_inertia=()))
+        ReferenceModel(a).dynamics(Q0, Q0)[0] for a in (arm, replace(arm, rotor_inertia=()))
     )
     assert with_rotors - without == pytest.approx(np.diag(arm.rotor_inertia), abs=1e-12)
 
@@ -282,7 +282,7 @@ ONE_LINK = """<robot name="one">
 
 def test_inertias_are_taken_as_they_are_and_shapes_are_not_needed(tmp_path):
     (tmp_path / 'one.urdf').write_text(ONE_LINK)
-    M, n = Witness(Arm(tmp_path / 'one.urdf', 'tip')).dynamics(
+    M, n = ReferenceModel(Arm(tmp_path / 'one.urdf', 'tip')).dynamics(
         np.array([np.pi / 2]), np.array([3.0])
     )
     assert M == pytest.approx(np.array([[0.2 + 2.0 * 0.5**2]]), rel=1e-12)
@@ -299,7 +299,7 @@ def test_inertias_are_taken_as_they_are_and_shapes_are_not_needed(tmp_path):
 def test_a_urdf_that_mujoco_cannot_use_is_a_file_error(tmp_path, text):
     (tmp_path / 'bad.urdf').write_text(text)
     with pytest.raises(FileError, match=r'bad\.urdf'):
-        Witness(Arm(tmp_path / 'bad.urdf', 'tip'))
+        ReferenceModel(Arm(tmp_path / 'bad.urdf', 'tip'))
 
 
 def test_holding_its_weight_takes_part_of_a_joints_effort(tmp_path):
@@ -314,7 +314,7 @@ def test_holding_its_weight_takes_part_of_a_joints_effort(tmp_path):
 
 def test_a_tip_frame_that_is_not_there_is_an_error(tmp_path):
     with pytest.raises(UnknownNameError, match='gripper'):
-        Witness(replace(find_arm('lwr4'), tip_frame='gripper'))
+        ReferenceModel(replace(find_arm('lwr4'), tip_frame='gripper'))
 
 
 def test_a_plant_without_its_tip_frame_is_an_error():
@@ -343,7 +343,7 @@ def test_a_push_at_the_tip_is_borne_by_the_stiffness_of_the_servos(force, tip_fr
     arm = replace(find_arm('lwr4'), tip_frame=tip_frame)
     plant = MujocoPlant(arm, T, Q0)
     q = pushed(plant, force)
-    J = Witness(arm).kinematics(q)[2][:3]
+    J = ReferenceModel(arm).kinematics(q)[2][:3]
     stiffness = plant._model.actuator_gainprm[:7, 0]
     assert np.abs(q - Q0).max() > 1e-5
     assert stiffness * (q - Q0) == pytest.approx(

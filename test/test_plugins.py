@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from redres_ros import plugins
 from redres_ros.cli import main
+from redres_ros.files import plugins
+from redres_ros.files.plugins import PluginError, load_plugin
 from redres_ros.laws import LAWS, make_law
 from redres_ros.limits import LIMITS
-from redres_ros.plugins import PluginError, load_plugin
 from redres_ros.preferences import PREFERENCES
 from redres_ros.tasks import TASKS
 

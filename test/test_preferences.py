@@ -29,14 +29,14 @@ from redres_ros.robots import ARMS
 T = 0.002  # [s]
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 EVERY_PREFERENCE = pytest.mark.parametrize('name', PREFERENCES)
-WITH_MEMORY = pytest.mark.parametrize('law', [name for name in LAWS if LAWS[name].remembers])
+WITH_MEMORY = pytest.mark.parametrize('law', [name for name in LAWS if LAWS[name].has_memory])
 STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 both stay below 1e-9
 
 
 def begun(name: str, state: RobotState) -> Preference:
     """Of that name, with what is left open taken from a state a little aside."""
     aside = state.model.state(state.q + 0.1, state.dq_prev)
-    return make_preference(name).begun(aside)
+    return make_preference(name).with_initial_targets(aside)
 
 
 # --- every preference -----------------------------------------------------------------------------
@@ -90,7 +90,7 @@ def test_a_law_with_memory_takes_it_into_its_bias(name, law, states):
 
 
 @EVERY_PREFERENCE
-@pytest.mark.parametrize('law', [name for name in LAWS if not LAWS[name].remembers])
+@pytest.mark.parametrize('law', [name for name in LAWS if not LAWS[name].has_memory])
 def test_a_law_without_memory_does_not(name, law, states):
     made = make_law(law)
     ddq_N = begun(name, states[0]).acceleration(states[0])
@@ -103,7 +103,7 @@ def test_every_arm_has_one_of_every_kind(name, arm):
     model = RobotModel.named(arm)
     q = np.array(ARMS[arm].start)
     state = model.state(q, np.zeros(model.n))
-    ddq_N = make_preference(name).begun(state).acceleration(state)
+    ddq_N = make_preference(name).with_initial_targets(state).acceleration(state)
     assert ddq_N.shape == (model.n,)
     assert np.isfinite(ddq_N).all()
 

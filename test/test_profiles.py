@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import UnknownNameError
-from redres_ros.fri.profile import FCI, LWR_FRI1, PROFILES, SUNRISE, Event, Profile, State
-from redres_ros.fri.quality import Quality, SunriseQuality
-from redres_ros.fri.session import Session, SessionSettings
-from redres_ros.fri.timing import WINDOW
+from redres_ros.fake_robot.profile import FCI, LWR_FRI1, PROFILES, SUNRISE, Event, Profile, State
+from redres_ros.fake_robot.quality import Quality, SunriseQuality
+from redres_ros.fake_robot.session import Session, SessionSettings
+from redres_ros.fake_robot.timing import WINDOW
 
 T = 0.002  # [s]
 EACH = pytest.mark.parametrize('profile', PROFILES.values(), ids=list(PROFILES))

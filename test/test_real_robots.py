@@ -29,14 +29,14 @@ from stand_in import (
 from test_urdf import PARTS, urdf
 from virtual_graph import Graph
 
+from redres_ros.files.share import share_path
+from redres_ros.files.yaml import read_yaml
 from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.share import share_path
-from redres_ros.yaml_file import read_yaml
 
 FOLDER = share_path('config/robots')
 PAGE = Path(__file__).parents[1] / 'docs' / 'real_robots.md'

@@ -7,7 +7,7 @@ import pytest
 
 from redres_ros import Command, RobotModel
 from redres_ros.errors import FileError
-from redres_ros.planner import Reference
+from redres_ros.planning.planner import Reference
 from redres_ros.simulation.recording import Recording, columns, row
 
 T = 0.002  # [s]

@@ -25,7 +25,7 @@ import rclpy
 from graph_helpers import (
     PATIENCE,
     START,
-    Witness,
+    Observer,
     await_that,
     graph,
     log_lines,
@@ -65,7 +65,7 @@ STANDSTILL = 1.5
 class Graph(NamedTuple):
     """The three nodes at work, the arm moving; start(name) starts another process of one."""
 
-    witness: Witness
+    witness: Observer
     processes: dict[str, NodeProcess]
     start: Callable[[str], NodeProcess]
     directory: Path
@@ -116,7 +116,7 @@ def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
 
     sim: what is set in the sim besides.
     """
-    with graph(Witness) as (witness, start):
+    with graph(Observer) as (witness, start):
         counts: dict[str, int] = {}
         processes: dict[str, NodeProcess] = {}
         own = OWN | {
@@ -138,7 +138,7 @@ def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
     assert not any('Traceback' in path.read_text() for path in directory.glob('*.log'))
 
 
-def await_going_on(witness: Witness) -> None:
+def await_going_on(witness: Observer) -> None:
     """Wait until the arm moves in command mode again."""
     await_that(lambda: witness.commanding and witness.speed > 0.02, 'motion in command mode')
 
@@ -252,7 +252,7 @@ def joined() -> Iterator[None]:
 def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_command_mode(
     tmp_path: Path,
 ) -> None:
-    with graph(Witness) as (witness, start):
+    with graph(Observer) as (witness, start):
         start('sim', tmp_path / 'sim.log', **ALL, patience=STALL)
         await_that(lambda: bool(witness.states), 'the robot')
         start('controller', tmp_path / 'controller.log', **ALL)

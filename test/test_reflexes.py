@@ -7,15 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from fri_helpers import Door
+from fake_robot_helpers import Door
 
 from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.fri.guard import Guard
-from redres_ros.fri.plant import IdealPlant
-from redres_ros.fri.profile import FCI, State
-from redres_ros.fri.reflex import Reflex
-from redres_ros.fri.robot import FriRobot
-from redres_ros.fri.session import Session, SessionSettings
+from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.plant import IdealPlant
+from redres_ros.fake_robot.profile import FCI, State
+from redres_ros.fake_robot.reflex import Reflex
+from redres_ros.fake_robot.robot import FakeRobot
+from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation import closed_loop
@@ -32,8 +32,8 @@ class Client:
 
     def __init__(self, q: np.ndarray = START) -> None:
         session = Session(T, SessionSettings(profile='fci', monitor_time=0.05))
-        guard = Guard(LIMITS, T, FCI.guard, FCI.reflexes)
-        self.door = Door(FriRobot(IdealPlant(LIMITS.joint_names, T, q), guard, session))
+        guard = CommandValidator(LIMITS, T, FCI.guard, FCI.reflexes)
+        self.door = Door(FakeRobot(IdealPlant(LIMITS.joint_names, T, q), guard, session))
         self.session = session
         self.q = q
         self.states = [session.state]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from redres_ros.fri import robot_clock
-from redres_ros.fri.robot_clock import CATCH_UP, NANOSECONDS, RobotClock
+from redres_ros.fake_robot import robot_clock
+from redres_ros.fake_robot.robot_clock import CATCH_UP, NANOSECONDS, RobotClock
 
 PERIOD = 2_000_000  # [ns]
 T = PERIOD / NANOSECONDS  # [s]

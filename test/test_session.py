@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
-from redres_ros.fri.profile import PROFILES, Profile, State
-from redres_ros.fri.quality import THRESHOLDS, Quality, Statistics
-from redres_ros.fri.session import AnswerError, Refusal, Session, SessionSettings
-from redres_ros.fri.timing import WINDOW, TimingMonitor
+from redres_ros.fake_robot.profile import PROFILES, Profile, State
+from redres_ros.fake_robot.quality import THRESHOLDS, Quality, Statistics
+from redres_ros.fake_robot.session import AnswerError, Refusal, Session, SessionSettings
+from redres_ros.fake_robot.timing import WINDOW, TimingMonitor
 
 T = 0.002  # [s]
 

@@ -8,8 +8,8 @@ import pytest
 import redres_ros
 from redres_ros import RobotModel, compare, load_task, make_law, plot
 from redres_ros.errors import ArrayError, FileError
+from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import find_arm
-from redres_ros.waypoints import task_for
 
 T = 0.02  # [s]
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from redres_ros import LAWS, Command, Controller, RobotModel, make_law
-from redres_ros.planner import quintic
+from redres_ros.interpolation import quintic
 from redres_ros.resolution import SINGULAR_RATIO
 from redres_ros.robots import ARMS
 
@@ -109,7 +109,7 @@ def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(a
     _, outward = stretched(arm)
     inward = -SPEED * outward
     commands = led_inward(arm, law)
-    losses = [np.linalg.norm(command.lost) for command in commands]
+    losses = [np.linalg.norm(command.unachieved) for command in commands]
     assert max(losses[round(0.05 / T) :]) < 1e-9  # a planar arm always lacks a direction
     for command in commands[350:]:
         assert command.s == 1.0
@@ -295,7 +295,9 @@ def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm)
     check(arm, commands)
     assert still(commands) <= 2
     assert len(found) * T < 1.05 * 5.0
-    assert max(np.linalg.norm(command.lost) for command in commands) > 0.01  # and that is told
+    assert (
+        max(np.linalg.norm(command.unachieved) for command in commands) > 0.01
+    )  # and that is told
     for command, dx, _ in found[-len(found) // 4 :]:
         assert command.J @ command.dq == pytest.approx(dx, abs=1e-9)
     _, _, error = found[-1]
@@ -360,7 +362,7 @@ def test_the_stretched_arm_swings_about_its_base(arm, law):
 def test_outward_of_it_there_is_no_way_and_that_is_told(arm):
     q, outward = stretched(arm)
     command = driven(arm, 'minimum_velocity', q, [SPEED * outward] * 3)[0]
-    assert np.linalg.norm(command.lost) == pytest.approx(SPEED, rel=1e-2)
+    assert np.linalg.norm(command.unachieved) == pytest.approx(SPEED, rel=1e-2)
 
 
 def test_the_way_out_is_no_part_of_a_regular_tick():

@@ -19,7 +19,7 @@ from graph_helpers import PATIENCE, Probe, await_that, graph
 
 from redres_ros.cli import main
 from redres_ros.errors import RangeError
-from redres_ros.graph.steering import HELP, WAYS, Steering
+from redres_ros.graph.key_map import HELP, WAYS, KeyMap
 
 
 def test_the_page_shows_the_keys_as_the_command_does() -> None:
@@ -33,36 +33,36 @@ def test_every_row_of_the_task_velocity_has_a_key_for_either_way() -> None:
 
 @pytest.mark.parametrize(('key', 'way'), WAYS.items())
 def test_a_key_moves_or_turns_along_its_axis_alone(key: str, way: tuple[int, float]) -> None:
-    steering = Steering(speed=0.1, turn=0.4)
-    steering.press(key, 10.0)
+    key_map = KeyMap(speed=0.1, turn=0.4)
+    key_map.press(key, 10.0)
     expected = np.zeros(6)
     expected[way[0]] = way[1] * (0.1 if way[0] < 3 else 0.4)
-    np.testing.assert_array_equal(steering.twist(10.1), expected)
+    np.testing.assert_array_equal(key_map.twist(10.1), expected)
 
 
 def test_a_key_that_is_not_repeated_counts_as_released_within_a_second() -> None:
-    steering = Steering()
-    steering.press('w', 0.0)
-    steering.press('w', 0.5)
-    assert steering.twist(1.0).any()
-    assert not steering.twist(1.5).any()
+    key_map = KeyMap()
+    key_map.press('w', 0.0)
+    key_map.press('w', 0.5)
+    assert key_map.twist(1.0).any()
+    assert not key_map.twist(1.5).any()
 
 
 @pytest.mark.parametrize('key', [' ', 'x', '\x1b', '\N{SNOWMAN}'])
 def test_space_and_every_key_without_a_meaning_stop(key: str) -> None:
-    steering = Steering()
-    steering.press('w', 0.0)
-    steering.press(key, 0.1)
-    assert not steering.twist(0.1).any()
+    key_map = KeyMap()
+    key_map.press('w', 0.0)
+    key_map.press(key, 0.1)
+    assert not key_map.twist(0.1).any()
 
 
 def test_speeds_stay_within_what_a_keyboard_should_have() -> None:
-    steering = Steering(speed=0.1)
+    key_map = KeyMap(speed=0.1)
     for _ in range(100):
-        steering.press('+', 0.0)
-    assert (steering.speed, steering.turn) == (2.0, 6.0)
+        key_map.press('+', 0.0)
+    assert (key_map.speed, key_map.turn) == (2.0, 6.0)
     with pytest.raises(RangeError, match=r'speed is nan; allowed: 0\.001 to 2 \(m/s\)'):
-        Steering(speed=np.nan)
+        KeyMap(speed=np.nan)
 
 
 def test_without_a_terminal_it_refuses_in_one_line(

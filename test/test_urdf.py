@@ -13,18 +13,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from witness import Witness
+from reference_model import ReferenceModel
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.errors import FileError, RedresError, UnknownNameError
-from redres_ros.fri.plant import MujocoPlant
+from redres_ros.fake_robot.plant import MujocoPlant
+from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.robots.square import square_before_tip
 from redres_ros.robots.urdf import rotation_from_rpy, rpy_from_rotation
 from redres_ros.simulation.closed_loop import run
-from redres_ros.waypoints import task_for
 
 EXAMPLES = Path(__file__).parents[1] / 'examples'
 AGREEMENT = 1e-9  # two libraries in double precision
@@ -108,7 +108,7 @@ def random_motion(n: int, count: int = 50) -> list[tuple[np.ndarray, np.ndarray]
 
 def assert_libraries_agree(text: str, tip: str = 'tip') -> None:
     arm = arm_from_urdf(text, tip)
-    model, witness = RobotModel(arm), Witness(arm)
+    model, witness = RobotModel(arm), ReferenceModel(arm)
     for q, dq in random_motion(model.n):
         state = model.state(q, dq)
         seen = witness.kinematics(q) + witness.dynamics(q, dq)
@@ -175,7 +175,7 @@ def test_a_turning_joint_is_held_with_its_link_turned():
         nail_tip='<link name="nail_tip"/>',
     )
     # The same finger as an arm of one joint, which MuJoCo moves to the middle of the range.
-    finger = Witness(Arm(text, 'nail_tip'))
+    finger = ReferenceModel(Arm(text, 'nail_tip'))
     arm = model_of(text)
     q = np.array((0.1, 0.2, 0.3, 0.4))
     expected, _, _ = finger.kinematics(np.array((*q, 0.8)))

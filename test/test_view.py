@@ -28,25 +28,30 @@ from redres_ros.command import norm
 from redres_ros.demo.listener import DemoListener
 from redres_ros.errors import ArrayError
 from redres_ros.graph import live_arm
+from redres_ros.graph.active_limits import ActiveLimits
 from redres_ros.graph.client import CallError
-from redres_ros.graph.judge import Judge
+from redres_ros.graph.graph_monitor import WORDS
 from redres_ros.graph.sampling import Sampler
 from redres_ros.graph.settings import credible, judge_of, model_of
-from redres_ros.graph.spectator import WORDS
 from redres_ros.limits import limit_name, make_limits
-from redres_ros.nodes import glance
+from redres_ros.nodes import controller_snapshot
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.glance import Figures, Glance, from_message, to_message
+from redres_ros.nodes.controller_snapshot import (
+    ControllerSnapshot,
+    Figures,
+    from_message,
+    to_message,
+)
 from redres_ros.nodes.session_topics import SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
-from redres_ros.task_run import RunState
-from redres_ros.view import gate, words
+from redres_ros.view import origin_check, words
 from redres_ros.view.controls import Controls
+from redres_ros.view.ring_buffer import RingBuffer
 from redres_ros.view.saved import write_page
 from redres_ros.view.shapes import FIXED, shapes_of
-from redres_ros.view.trail import Trail
 
 T = 0.002  # [s]
 DX = np.array((0.0, 0.6, -0.3))  # [m/s]
@@ -60,8 +65,8 @@ CHROMIUM = ('/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-c
 
 @pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:8080'])
 def test_a_browser_at_the_pages_own_address_is_let_in(host: str) -> None:
-    assert not gate.refusal([host], [], PORT, steers=False)
-    assert not gate.refusal([host], [f'http://{host}'], PORT, steers=True)
+    assert not origin_check.refusal([host], [], PORT, steers=False)
+    assert not origin_check.refusal([host], [f'http://{host}'], PORT, steers=True)
 
 
 @pytest.mark.parametrize(
@@ -81,14 +86,14 @@ def test_a_browser_at_the_pages_own_address_is_let_in(host: str) -> None:
     ],
 )
 def test_everybody_else_is_refused(hosts: list[str], origins: list[str], steers: bool) -> None:
-    assert gate.refusal(hosts, origins, PORT, steers=steers)
+    assert origin_check.refusal(hosts, origins, PORT, steers=steers)
 
 
 @pytest.fixture(scope='module')
 def server() -> Iterator[Any]:
-    server = gate.open_server(gate.free_port(18080), 'test')
+    server = origin_check.open_server(origin_check.free_port(18080), 'test')
     yield server
-    gate.close_server(server)
+    origin_check.close_server(server)
 
 
 def ask(server: Any, **headers: str) -> Any:
@@ -134,9 +139,9 @@ def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
 
 
 def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gate, '_judging', lambda answer: answer)
-    with pytest.raises(gate.GateError, match='strangers'):
-        gate.open_server(gate.free_port(18180), 'test')
+    monkeypatch.setattr(origin_check, '_judging', lambda answer: answer)
+    with pytest.raises(origin_check.OriginError, match='strangers'):
+        origin_check.open_server(origin_check.free_port(18180), 'test')
 
 
 # --- what it shows --------------------------------------------------------------------------------
@@ -176,7 +181,7 @@ def motion() -> SimpleNamespace:
     for _ in range(300):
         commands.append(controller.update(q, DX))
         q = commands[-1].q_ref
-    judge = Judge(model, make_limits(names, model, limit_scale=0.2), T)
+    judge = ActiveLimits(model, make_limits(names, model, limit_scale=0.2), T)
     return SimpleNamespace(model=model, judge=judge, commands=commands)
 
 
@@ -185,10 +190,10 @@ def test_the_limits_that_are_shown_are_those_that_the_controller_kept(
 ) -> None:
     kinds = set()
     for tick, command in enumerate(motion.commands):
-        told = to_message(Glance.of(tick, command, speed=0.0, acceleration=0.0))
+        told = to_message(ControllerSnapshot.of(tick, command, speed=0.0, acceleration=0.0))
         acting = motion.judge.acting(from_message(told, motion.model.n))
-        if command.limiting:
-            joint, _, limit = command.limiting.partition(': ')
+        if command.active_limits:
+            joint, _, limit = command.active_limits.partition(': ')
             assert (limit, joint) in acting
             kinds.add(limit)
     assert len(kinds) >= 2
@@ -216,7 +221,7 @@ def test_the_page_has_the_arm_and_the_limits_that_the_controller_has() -> None:
 
 
 def test_a_glance_that_no_controller_would_send_is_passed_over() -> None:
-    given = Glance(Figures(*range(7)), *np.arange(8.0).reshape(4, 2))
+    given = ControllerSnapshot(Figures(*range(7)), *np.arange(8.0).reshape(4, 2))
     message = to_message(given)
     assert np.concatenate(from_message(message, 2)).tolist() == np.concatenate(given).tolist()
     with pytest.raises(ArrayError, match='15 numbers; expected 35'):
@@ -242,11 +247,11 @@ class Heard:
 def test_glances_are_few_and_hide_no_peak_between_them(
     motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(glance, 'Telemetry', Heard)
-    glances = glance.Glances(SimpleNamespace())
+    monkeypatch.setattr(controller_snapshot, 'Telemetry', Heard)
+    snapshots = controller_snapshot.SnapshotPublisher(SimpleNamespace())
     for tick, command in enumerate(motion.commands):
-        glances.see(round((tick + 10**6) * T * 1e9), command)
-    published = glances._telemetry.messages
+        snapshots.see(round((tick + 10**6) * T * 1e9), command)
+    published = snapshots._telemetry.messages
     told = [from_message(message, motion.model.n) for message in published]
     assert len(told) == len(motion.commands) // 25
     ticks = range(1, len(motion.commands) - 25 + 1, 25)
@@ -267,7 +272,9 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
     with graph(ControllerNode) as (node, _):
         arm = live_arm.LiveArm(node, values_of(node))
         states = node.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
-        glances = node.create_publisher(Float64MultiArray, glance.TOPIC, QoSProfile(depth=1))
+        snapshots = node.create_publisher(
+            Float64MultiArray, controller_snapshot.TOPIC, QoSProfile(depth=1)
+        )
 
         def heard(publisher: Any, message: Any, q: np.ndarray) -> bool:
             publisher.publish(message)
@@ -278,8 +285,8 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
         state = to_joint_state(5, motion.model.joint_names, where, np.zeros(motion.model.n))
         await_that(lambda: heard(states, state, where), 'the states')
         command = motion.commands[0]
-        told = to_message(Glance.of(5, command, speed=0.0, acceleration=0.0))
-        await_that(lambda: heard(glances, told, command.state.q), 'the glance')
+        told = to_message(ControllerSnapshot.of(5, command, speed=0.0, acceleration=0.0))
+        await_that(lambda: heard(snapshots, told, command.state.q), 'the glance')
         assert arm._states is None
         arm.close()
 
@@ -307,7 +314,7 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
 
 
 def test_a_trail_keeps_its_span_and_begins_anew_with_another_clock() -> None:
-    trail = Trail(1.0)
+    trail = RingBuffer(1.0)
     for tick in range(30):
         trail.add(0.1 * tick, tick)
     assert trail.values[0] >= 18 and trail.values[-1] == 29
@@ -361,7 +368,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         for name in ('controller', 'planner'):
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'
-        start('view.serve', log, port=gate.free_port(18280), patience=100.0)
+        start('view.serve', log, port=origin_check.free_port(18280), patience=100.0)
         await_that(lambda: node.word(SESSION) == 'CMD', 'command mode')
         await_that(lambda: 'page: ' in log.read_text(), 'the page', patience=BROWSER_PATIENCE)
         address = log.read_text().partition('page: ')[2].strip()
@@ -381,7 +388,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         chromium.get_by_role('checkbox', name='torque').dispatch_event('click')
         chromium.get_by_role('button', name='start').dispatch_event('click')
         await_that(
-            lambda: node.word(TASK_STATE) in (RunState.MOVING.value, RunState.FINISHED.value),
+            lambda: node.word(TASK_STATE) in (TaskState.MOVING.value, TaskState.FINISHED.value),
             'the task',
         )
         chromium.get_by_role('button', name='x', exact=True).dispatch_event('click')

@@ -15,9 +15,9 @@ from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
 from wire_faults import off
 
+from redres_ros.files.share import share_path
 from redres_ros.nodes.conversions import to_pose, to_twist
-from redres_ros.share import share_path
-from redres_ros.task_run import RunState
+from redres_ros.planning.task_executor import TaskState
 
 pytestmark = pytest.mark.slow
 
@@ -193,7 +193,7 @@ def test_a_point_out_of_reach_does_not_keep_the_task_waiting(tmp_path: Path) -> 
     planner = {**loop, 'autostart': True, 'task': str(task)}
     with virtual_run(sim=loop, controller=loop, planner=planner) as run:
         run_of_task = run.nodes['planner']._run
-        assert run.run_until(lambda: run_of_task.state is RunState.FINISHED, 20.0)
+        assert run.run_until(lambda: run_of_task.state is TaskState.FINISHED, 20.0)
         assert run.commanding
 
 
@@ -237,7 +237,7 @@ def test_after_a_long_silence_of_the_robot_nothing_moves_until_it_is_asked_for(
     task = resting.nodes['planner']._run
     assert resting.graph.call('planner/start').success
     resting.run(1.0)
-    assert task.state is RunState.MOVING
+    assert task.state is TaskState.MOVING
     for listener in ('controller', 'planner'):
         resting.graph.faults['joint_states', listener] = lambda message, now: []
     resting.run(silence)
@@ -245,12 +245,12 @@ def test_after_a_long_silence_of_the_robot_nothing_moves_until_it_is_asked_for(
     resting.graph.call('sim/reset')
     assert resting.run_until(lambda: resting.commanding, 2.0)
     resting.run(0.5)
-    assert (task.state is RunState.MOVING) is goes_on
+    assert (task.state is TaskState.MOVING) is goes_on
     told = [line for node, line in resting.graph.log if 'the task is over' in line]
     assert len(told) == (not goes_on)
     assert resting.graph.call('planner/start').success
     resting.run(0.5)
-    assert task.state is RunState.MOVING
+    assert task.state is TaskState.MOVING
 
 
 def test_a_task_that_was_started_before_the_controller_was_there_begins_without_a_snap(

@@ -7,24 +7,24 @@ import sys
 import pytest
 from rich.console import Console
 
-from redres_ros.graph.heard import STALE, Heard, NodeHealth
+from redres_ros.graph.last_value import STALE, LastValue, NodeHealth
 from redres_ros.graph.watch_page import JointBar, line, page
 
 FULL = {
-    'sim': Heard(NodeHealth('in command', True), 100.0),
-    'sim/session_state': Heard('CMD', 90.0),
-    'sim/stop_reason': Heard('', 90.0),
-    'planner': Heard(NodeHealth('moving', True), 100.0),
-    'planner/state': Heard('moving', 95.0),
-    'planner/task_error': Heard(0.00025, 100.0),
-    'controller': Heard(NodeHealth('commanding', True), 100.0),
-    'controller/law': Heard('minimum_torque', 100.0),
-    'controller/tip_pose': Heard((0.1, -0.2, 0.3), 100.0),
-    'controller/joint_torque_norm': Heard(42.5, 100.0),
+    'sim': LastValue(NodeHealth('in command', True), 100.0),
+    'sim/session_state': LastValue('CMD', 90.0),
+    'sim/stop_reason': LastValue('', 90.0),
+    'planner': LastValue(NodeHealth('moving', True), 100.0),
+    'planner/state': LastValue('moving', 95.0),
+    'planner/task_error': LastValue(0.00025, 100.0),
+    'controller': LastValue(NodeHealth('commanding', True), 100.0),
+    'controller/law': LastValue('minimum_torque', 100.0),
+    'controller/tip_pose': LastValue((0.1, -0.2, 0.3), 100.0),
+    'controller/joint_torque_norm': LastValue(42.5, 100.0),
 }
 
 
-def text_of(heard: dict[str, Heard], now: float, joints: tuple[JointBar, ...] = ()) -> str:
+def text_of(heard: dict[str, LastValue], now: float, joints: tuple[JointBar, ...] = ()) -> str:
     """The page as plain text."""
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(page(heard, now, 7, joints))
@@ -53,7 +53,7 @@ def test_values_have_units() -> None:
 
 
 def test_a_robot_that_has_stopped_is_the_first_thing_to_see() -> None:
-    stopped = {**FULL, 'sim/stop_reason': Heard('protective stop: joint 1', 100.0)}
+    stopped = {**FULL, 'sim/stop_reason': LastValue('protective stop: joint 1', 100.0)}
     lines = text_of(stopped, 100.5).splitlines()
     at = next(number for number, line in enumerate(lines) if 'The robot has stopped' in line)
     assert 'protective stop: joint 1' in lines[at]
@@ -69,9 +69,9 @@ def test_after_the_graph_has_gone_everything_is_marked_as_old() -> None:
 
 
 def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
-    heard = {**FULL, 'sim': Heard(NodeHealth('in command', True), 100.0)}
+    heard = {**FULL, 'sim': LastValue(NodeHealth('in command', True), 100.0)}
     for source in [source for source in heard if source.startswith('controller')]:
-        heard[source] = Heard(heard[source].value, 100.0 - 2.0 * STALE)
+        heard[source] = LastValue(heard[source].value, 100.0 - 2.0 * STALE)
     text = text_of(heard, 100.5)
     assert 'controller: silent for' in text
     assert 'old' in line_of(text, 'joint torque')
@@ -80,7 +80,7 @@ def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
 
 
 def test_a_word_that_seldom_changes_is_not_old_while_its_node_lives() -> None:
-    heard = {**FULL, 'sim/session_state': Heard('CMD', 0.0)}
+    heard = {**FULL, 'sim/session_state': LastValue('CMD', 0.0)}
     assert 'old' not in line_of(text_of(heard, 100.5), 'session')
 
 

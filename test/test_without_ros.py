@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from imports import PACKAGE, ROS, WITH_ROS, imports, room
+from imports import PACKAGE, ROS, WITH_ROS, imports, subpackage
 
 import redres_ros
 
@@ -51,7 +51,7 @@ def test_the_core_loads_without_ros():
     modules = {
         found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.')
         for found in imports()
-        if room(found.file) not in (*WITH_ROS, '__init__.py')
+        if subpackage(found.file) not in (*WITH_ROS, '__init__.py')
     }
     result = run_blocked('\n'.join(f'import redres_ros.{module}' for module in sorted(modules)))
     assert result.returncode == 0, result.stderr

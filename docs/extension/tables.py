@@ -6,14 +6,14 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from extension.building_blocks import building_blocks
 from extension.commands import commands
 from extension.equations import equations
+from extension.layout import layout
 from extension.notebook import page
 from extension.paper import claims
 from extension.public import public
-from extension.rooms import rooms
 from extension.ros import parameters, services, topics
-from extension.things import things
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -25,9 +25,9 @@ def setup(app: Sphinx) -> dict[str, bool]:
         'notebook': page,
         'parameters': parameters,
         'public': public,
-        'rooms': rooms,
+        'layout': layout,
         'services': services,
-        'tables': things,
+        'tables': building_blocks,
         'topics': topics,
     }
     for name, make in makers.items():

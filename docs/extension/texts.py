@@ -20,9 +20,9 @@ TOPICS = {
     'controller/joint_torque_norm': '‖τ‖ that the command needs [Nm]',
     'controller/min_singular_value': 'of the Jacobian: 0 at a singularity',
     'controller/task_scaling': 's, the share of the task velocity that the limits leave',
-    'controller/limiting': 'the joint, or the pair of bodies, and the limit that acts most',
+    'controller/active_limits': 'the joint, or the pair of bodies, and the limit that acts most',
     'controller/lost_velocity': 'what a singularity takes from the task [m/s]',
-    'controller/glance': 'for pages: q, q̇ and the figures above, at most 20 times a second, with '
+    'controller/snapshot': 'for pages: q, q̇ and the figures above, at most 20 times a second, with '
     'the largest ‖q̇‖ and ‖q̈‖ since the last one',
     'controller/law': 'name of the law in force',
     'planner/desired_pose': 'where the tip should be',

@@ -10,10 +10,10 @@ from redres_ros.bench.peers import Peer, floors, limited_peers, missing_peers, p
 from redres_ros.bench.timing import Times, measure
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
-from redres_ros.planner import Planner
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.report import table
-from redres_ros.waypoints import load_task
 
 T = 1.0 / 500.0  # [s]
 TICKS = 1500  # of the recorded stretch, over and over again: from rest to rest, without a jump

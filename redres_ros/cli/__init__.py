@@ -24,7 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
     # At its end Python would look for garbage in all that was loaded: 0.15 s after a demo.
     atexit.register(gc.freeze)
     try:
-        from redres_ros.streams import open_error_output
+        from redres_ros.files.streams import open_error_output
 
         open_error_output()
         from redres_ros.cli.command import run_command

@@ -88,7 +88,7 @@ def _names(text: str) -> list[str]:
 
 
 def _numbers(text: str) -> list[float]:
-    from redres_ros.cycles import RATES
+    from redres_ros.loop.cycle_counter import RATES
 
     try:
         rates = [float(rate) for rate in text.split(',')]

@@ -8,7 +8,7 @@ from redres_ros.cli.parser import add_command
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
-    from redres_ros.check.verdict import ExpectedArm
+    from redres_ros.preflight.verdict import ExpectedArm
 
 _SHORTEST = 0.5  # [s]
 _LONGEST = 60.0
@@ -50,12 +50,12 @@ def add(commands: Any) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from redres_ros.check.judge import judge
-    from redres_ros.check.sighting import Looker
-    from redres_ros.check.verdict import Level
-    from redres_ros.cycles import RATES
+    from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
+    from redres_ros.preflight.graph_snapshot import SnapshotNode
+    from redres_ros.preflight.judge import judge
+    from redres_ros.preflight.verdict import Level
 
     if not _SHORTEST <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')
@@ -63,8 +63,8 @@ def _check(options: argparse.Namespace) -> int:
         raise RangeError('rate', options.rate, *RATES, 'Hz')
     wanted = _wanted(options)
 
-    def make() -> Looker:
-        return Looker(options.namespace, options.states)
+    def make() -> SnapshotNode:
+        return SnapshotNode(options.namespace, options.states)
 
     with joined_domain(options.domain), spun(make) as node:
         seen = node.look(options.duration)
@@ -77,7 +77,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _wanted(options: argparse.Namespace) -> 'ExpectedArm | None':
-    from redres_ros.check.verdict import ExpectedArm
+    from redres_ros.preflight.verdict import ExpectedArm
 
     if options.robot is None:
         return None

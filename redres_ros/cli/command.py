@@ -91,7 +91,7 @@ def _load_plugins(words: list[str]) -> None:
     words = [part for word in words for part in _parts(word)]
     paths = [path for word, path in pairwise(words) if word == _PLUGIN]
     if paths:
-        from redres_ros.plugins import load_plugins
+        from redres_ros.files.plugins import load_plugins
 
         load_plugins(paths)
 

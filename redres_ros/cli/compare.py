@@ -46,7 +46,7 @@ class _Contender:
         from redres_ros.simulation.comparison import plain
 
         law = self.law
-        return f'{self.name}_{plain(law.damping)}.csv' if law.remembers else f'{self.name}.csv'
+        return f'{self.name}_{plain(law.damping)}.csv' if law.has_memory else f'{self.name}.csv'
 
 
 def add(commands: Any) -> None:
@@ -119,7 +119,7 @@ def _contender(options: argparse.Namespace, text: str) -> _Contender:
         raise OptionError(
             f'--laws {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
         ) from None
-    if at and not contender.law.remembers:
+    if at and not contender.law.has_memory:
         raise OptionError(f'--laws {text}; {name} has no memory, and so no damping')
     return contender
 

@@ -60,6 +60,6 @@ def _laws(text: str) -> list[str]:
 
     names = [name.strip() for name in text.split(',')]
     for name in names:
-        if not make_law(name).remembers:
+        if not make_law(name).has_memory:
             raise OptionError(f'--laws {text}; {name} has no memory, and so no damping')
     return names

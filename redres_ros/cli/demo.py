@@ -109,7 +109,7 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.demo_results import check_files, write_results
     from redres_ros.demo.processes import own_domain
     from redres_ros.demo.words import after, before
-    from redres_ros.signals import handled
+    from redres_ros.files.signals import handled
     from redres_ros.simulation.report import progress_bar
 
     check_files(options)
@@ -187,7 +187,7 @@ def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
         views['view.window'] = {}
     if options.view:
         from redres_ros.demo.demo import START_PATIENCE
-        from redres_ros.view.gate import free_port
+        from redres_ros.view.origin_check import free_port
 
         views[_PAGE] = {'port': free_port(), 'patience': START_PATIENCE}
         if options.plugin:

@@ -165,7 +165,7 @@ class Version(argparse.Action):
         """Print it, and end."""
         from xml.etree import ElementTree
 
-        from redres_ros.share import share_path
+        from redres_ros.files.share import share_path
 
         version = ElementTree.parse(share_path('package.xml')).findtext('version')
         print(f'redres_ros {version}')

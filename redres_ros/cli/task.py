@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from redres_ros.cli.parser import OptionError
 
 if TYPE_CHECKING:
+    from redres_ros.planning.waypoints import WaypointTask
     from redres_ros.robot_model import RobotModel
     from redres_ros.robots import Arm
-    from redres_ros.waypoints import WaypointTask
 
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
@@ -52,8 +52,8 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
         FileError: A file that cannot be used.
         OptionError: A task and a robot that do not go together.
     """
+    from redres_ros.planning.waypoints import load_task, task_for
     from redres_ros.robot_model import RobotModel
-    from redres_ros.waypoints import load_task, task_for
 
     if options.robot and not options.task:
         arm = find_arm_of(options, options.robot)

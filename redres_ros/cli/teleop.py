@@ -33,20 +33,20 @@ def add(commands: Any) -> None:
 
 
 def _teleop(options: argparse.Namespace) -> int:
-    from redres_ros.graph.steering import Steering
+    from redres_ros.graph.key_map import KeyMap
     from redres_ros.graph.teleop import Teleop, check_terminal, steer
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     check_terminal()
-    steering = Steering(options.speed, options.turn)
+    key_map = KeyMap(options.speed, options.turn)
 
     def make() -> Teleop:
-        return Teleop(steering, options.frame or '', options.namespace)
+        return Teleop(key_map, options.frame or '', options.namespace)
 
     try:
         with joined_domain(options.domain), spun(make) as node:
-            steer(node, steering)
+            steer(node, key_map)
     except KeyboardInterrupt:
         pass  # the way to end it
     return 0

@@ -10,25 +10,25 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from redres_ros.demo.crew import NODES, Crew
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.listener import DemoListener
 from redres_ros.demo.log import FINISHED, read_log
+from redres_ros.demo.node_group import NODES, NodeGroup
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
 from redres_ros.demo.replay import replay
 from redres_ros.graph.client import call, read_parameters, set_parameters
 from redres_ros.graph.mcap_file import McapFile, merge, read_messages
 from redres_ros.laws import Law
+from redres_ros.loop.session import COMMANDING
 from redres_ros.nodes.controller import ControllerParameters
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.parameter import check_parameters
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.robot_session import COMMANDING
 from redres_ros.simulation.closed_loop import PATIENCE
-from redres_ros.waypoints import WaypointTask
 
 # [s] from starting the processes to command mode, and to the first motion. The first start after an
 # installation compiles what keeps the limits; on a busy machine that takes most of a minute.
@@ -71,7 +71,7 @@ class Demo:
         self._T = 1.0 / options.rate
         for name in (options.law, *(name for name, _ in options.switches)):
             law(name).check_damping(self._T)
-        self._crew = Crew(options, task, law(options.law), out)
+        self._node_group = NodeGroup(options, task, law(options.law), out)
         self._node_parameters: dict[str, dict[str, Any]] = {}  # as the nodes have them, by name
 
     @property
@@ -79,8 +79,8 @@ class Demo:
         """Law, rate, and the law's parameters, if they matter to it."""
         law = self.law(self.options.law)
         title = f'{self.options.law} at {self.options.rate:g} Hz'
-        if law.remembers:
-            title += f', k_d = {law.damping:g} 1/s, λ = {law.forgetting(self._T):g}'
+        if law.has_memory:
+            title += f', k_d = {law.damping:g} 1/s, λ = {law.forgetting_factor(self._T):g}'
         return title
 
     def run(self, progress: Callable[[float], None]) -> Ending:
@@ -99,7 +99,7 @@ class Demo:
         endurance = None
         last = math.inf
         try:
-            with spun(DemoListener) as listener, self._crew.running():
+            with spun(DemoListener) as listener, self._node_group.running():
                 self._await_robot(listener)
                 if self.options.mcap:
                     self._node_parameters = {
@@ -170,7 +170,7 @@ class Demo:
 
     def _repeat(self, listener: DemoListener, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""
-        before = {node.name: node.memory for node in self._crew.nodes}
+        before = {node.name: node.memory for node in self._node_group.nodes}
         duration = self.options.duration
         begun = listener.first_began
 
@@ -181,7 +181,7 @@ class Demo:
         while not listener.word(REASON) and seconds() < duration:
             self._run_task(listener, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
-        memory = {node.name: (before[node.name], node.memory) for node in self._crew.nodes}
+        memory = {node.name: (before[node.name], node.memory) for node in self._node_group.nodes}
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, listener: DemoListener) -> None:
@@ -189,14 +189,14 @@ class Demo:
         try:
             # Loads what draws, so that nobody waits for that after Ctrl-C.
             import_module('redres_ros.simulation.plots')
-            while self._crew.is_watched:
+            while self._node_group.is_watched:
                 self._check(listener)
                 time.sleep(_LOOK)
         except KeyboardInterrupt:
             return
 
     def _check(self, listener: DemoListener) -> None:
-        self._crew.check()
+        self._node_group.check()
         if listener.newest and time.monotonic() - listener.heard_at > SILENCE:
             raise DemoError(
                 f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
@@ -204,7 +204,7 @@ class Demo:
 
     def outcome(self, ending: Ending) -> Outcome:
         """What came of the run that ended so, from the recordings, which are removed."""
-        recordings = self._crew.recordings
+        recordings = self._node_group.recordings
         if self.options.mcap:
             self._write_mcap(self.options.mcap, recordings)
         log = read_log(recordings, self.model.joint_names, ending.last)
@@ -236,7 +236,7 @@ class Demo:
 
     def remove_recordings(self) -> None:
         """Remove what the outcome is made from."""
-        self._crew.remove_recordings()
+        self._node_group.remove_recordings()
 
     def _write_mcap(self, path: Path, recordings: list[Path]) -> None:
         """All that was recorded, with the arm and the nodes' parameters beside it."""

@@ -11,7 +11,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.nodes.wire import stamp_of
-from redres_ros.task_run import RunState
+from redres_ros.planning.task_executor import TaskState
 
 
 class DemoListener(Node):
@@ -43,7 +43,7 @@ class DemoListener(Node):
 
     def _on_word(self, topic: str, message: String) -> None:
         self._words[topic] = message.data
-        if topic == TASK_STATE and message.data == RunState.MOVING.value:
+        if topic == TASK_STATE and message.data == TaskState.MOVING.value:
             self.began = self.newest
             self.first_began = self.first_began or self.newest
 

@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from redres_ros.graph.mcap_file import RecordedMessage, read_messages
-from redres_ros.nodes.conversions import JointOrder
+from redres_ros.nodes.conversions import JointMapper
 from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.nodes.wire import stamp_of
-from redres_ros.task_run import RunState
+from redres_ros.planning.task_executor import TaskState
 
 V = TypeVar('V')
 
@@ -39,8 +39,8 @@ JUDGED = tuple(
     for topic in (*_STAMPED, _SEGMENT, _TASK, _LAW, _SCALING, _REASON, _SESSION)
 )
 
-MOVING = RunState.MOVING.value  # the planner's word while a task is under way
-FINISHED = RunState.FINISHED.value
+MOVING = TaskState.MOVING.value  # the planner's word while a task is under way
+FINISHED = TaskState.FINISHED.value
 
 _DISORDER = 1e9  # [ns] by which a stamp may come before a smaller one, where faults are injected
 
@@ -194,7 +194,7 @@ class _Topics:
     """
 
     def __init__(self, joint_names: tuple[str, ...]) -> None:
-        joints = JointOrder(joint_names)
+        joints = JointMapper(joint_names)
         self._converters: dict[str, Callable[[Any], Any]] = {
             STATES: joints.positions,
             COMMANDS: lambda message: (joints.positions(message), np.array(message.velocity)),

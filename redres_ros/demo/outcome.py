@@ -11,9 +11,9 @@ from rich.table import Table
 
 from redres_ros.demo.cycles import CycleCounts
 from redres_ros.errors import FileError
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import facts
-from redres_ros.waypoints import WaypointTask
 
 MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
 STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still

@@ -8,7 +8,7 @@ import numpy as np
 from redres_ros.command import Command
 from redres_ros.demo.log import Log
 from redres_ros.laws import Law
-from redres_ros.planner import Reference, orientation_error
+from redres_ros.planning.planner import Reference, orientation_error
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion
 from redres_ros.simulation.recording import Recording, row
@@ -50,8 +50,8 @@ def replay(
                 J,
                 make_law(log.law_at(stamp)).weight(state),
                 s=log.scaling_at(stamp),
-                limiting='',
-                lost=np.zeros(len(J)),
+                active_limits='',
+                unachieved=np.zeros(len(J)),
             )
             reference = _reference(desired[stamp], state, log.segment_at(stamp), pose)
             rows.append(row((stamp - under_way[0]) / 1e9, command, reference))

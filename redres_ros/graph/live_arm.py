@@ -15,9 +15,9 @@ from std_msgs.msg import Float64MultiArray, String
 from redres_ros.errors import RedresError
 from redres_ros.graph.sampling import Sampler
 from redres_ros.graph.settings import credible, judge_of, model_of
-from redres_ros.nodes import glance
-from redres_ros.nodes.conversions import JointOrder
-from redres_ros.nodes.glance import Figures, Glance
+from redres_ros.nodes import controller_snapshot
+from redres_ros.nodes.controller_snapshot import ControllerSnapshot, Figures
+from redres_ros.nodes.conversions import JointMapper
 from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 
@@ -50,14 +50,14 @@ class LiveArm:
         self.q = np.zeros(self.model.n)  # as measured [rad]
         self._values = dict(values)
         self._judge = judge_of(values, self.model)
-        self._joints = JointOrder(self.model.joint_names)
+        self._joints = JointMapper(self.model.joint_names)
         self._acted: dict[tuple[str, str], float] = {}  # limit and place: when it did [s]
         self._now = 0.0  # [s] of the newest glance
-        self._waiting: deque[Glance] = deque(maxlen=_QUALITY.depth)
+        self._waiting: deque[ControllerSnapshot] = deque(maxlen=_QUALITY.depth)
         self._heard_at = time.monotonic()  # [s] when a glance came last
         self._states: Sampler | None = None  # while there are none
         self._subscription = node.create_subscription(
-            Float64MultiArray, glance.TOPIC, self._on_glance, _QUALITY
+            Float64MultiArray, controller_snapshot.TOPIC, self._on_glance, _QUALITY
         )
 
     def apply(self, changes: Mapping[str, Any]) -> None:
@@ -116,7 +116,7 @@ class LiveArm:
 
     def _on_glance(self, message: Float64MultiArray) -> None:
         with suppress(RedresError):  # one that no controller would send
-            self._waiting.append(glance.from_message(message, self.model.n))
+            self._waiting.append(controller_snapshot.from_message(message, self.model.n))
             self._heard_at = time.monotonic()
 
     def _look_at_states(self) -> None:

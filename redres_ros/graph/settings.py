@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.graph.judge import Judge
+from redres_ros.graph.active_limits import ActiveLimits
 from redres_ros.limits import Limits, gain_names, make_limits
 from redres_ros.nodes.motion_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
+from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import choose_arm, choose_tip
-from redres_ros.waypoints import load_task, task_for
 
 Values = Mapping[str, Any]  # parameters of a node by name
 
@@ -51,7 +51,7 @@ def points_of(planner: Values, model: RobotModel) -> np.ndarray:
     return task.waypoints
 
 
-def judge_of(values: Values, model: RobotModel) -> Judge:
+def judge_of(values: Values, model: RobotModel) -> ActiveLimits:
     """What says which limits of a controller with these parameters act.
 
     Args:
@@ -61,7 +61,7 @@ def judge_of(values: Values, model: RobotModel) -> Judge:
     Raises:
         RedresError: A parameter has a value that cannot be.
     """
-    return Judge(model, _limits(values, model), 1.0 / values['rate'])
+    return ActiveLimits(model, _limits(values, model), 1.0 / values['rate'])
 
 
 def credible(changes: Values, known: Values) -> dict[str, Any]:

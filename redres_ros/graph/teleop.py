@@ -15,10 +15,10 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 
 from redres_ros.errors import RedresError
-from redres_ros.graph.steering import HELP, Steering
+from redres_ros.files.signals import handled
+from redres_ros.graph.key_map import HELP, KeyMap
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import PUBLISH
-from redres_ros.signals import handled
 
 TOPIC = 'cartesian_velocity'
 
@@ -37,21 +37,21 @@ class Teleop(Node):
     """Publishes what the keys ask for, and nothing while nobody steers.
 
     Args:
-        steering: What the keys ask for.
+        key_map: What the keys ask for.
         frame: Whose axes the velocities are in.
         namespace: Of the robot; empty for none.
     """
 
-    def __init__(self, steering: Steering, frame: str, namespace: str = '') -> None:
+    def __init__(self, key_map: KeyMap, frame: str, namespace: str = '') -> None:
         super().__init__('teleop', namespace=namespace or None)
-        self._steering = steering
+        self._key_map = key_map
         self._frame = frame
         self._moved_at = -np.inf  # [s] when the task velocity was last not zero
         self._publisher = self.create_publisher(TwistStamped, TOPIC, PUBLISH)
 
     def publish(self, now: float) -> np.ndarray:
         """Publish the task velocity of now [s]; it is returned, (6,)."""
-        dx = self._steering.twist(now)
+        dx = self._key_map.twist(now)
         if dx.any():
             self._moved_at = now
         if now - self._moved_at < _LAST_WORDS:
@@ -105,23 +105,23 @@ def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def steer(node: Teleop, steering: Steering) -> None:
+def steer(node: Teleop, key_map: KeyMap) -> None:
     """Publish what is typed until Ctrl-C; then ask for a standstill.
 
     Args:
         node: Publishes.
-        steering: Takes the keys.
+        key_map: Takes the keys.
     """
     with keyboard() as terminal:
         print(HELP, flush=True)
         try:
-            _steer(node, steering, terminal)
+            _steer(node, key_map, terminal)
         finally:
             node.stop()
             print(flush=True)
 
 
-def _steer(node: Teleop, steering: Steering, terminal: int) -> None:
+def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
     told = ''
     while True:
         due = time.monotonic() + _PERIOD
@@ -132,19 +132,19 @@ def _steer(node: Teleop, steering: Steering, terminal: int) -> None:
             if not keys:
                 return  # the terminal has gone
             for key in keys.decode(errors='replace'):
-                steering.press(key, time.monotonic())
+                key_map.press(key, time.monotonic())
         dx = node.publish(time.monotonic())
-        line = _line(dx, steering, node.listeners)
+        line = _line(dx, key_map, node.listeners)
         if line != told:
             print(f'\r{line:<78}', end='', flush=True)
             told = line
 
 
-def _line(dx: np.ndarray, steering: Steering, listeners: int) -> str:
+def _line(dx: np.ndarray, key_map: KeyMap, listeners: int) -> str:
     """What is asked for, in words."""
     if not listeners:
         return f'nobody listens to {TOPIC}; is the controller running in this ROS domain?'
-    speeds = f'{steering.speed:.3f} m/s, {steering.turn:.2f} rad/s'
+    speeds = f'{key_map.speed:.3f} m/s, {key_map.turn:.2f} rad/s'
     moves = [
         f'{axis} {value:+.3f}'
         for axis, value in zip(('x', 'y', 'z', 'rx', 'ry', 'rz'), dx, strict=True)

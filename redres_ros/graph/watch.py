@@ -12,9 +12,9 @@ from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.errors import RedresError
+from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.remote import Remote
-from redres_ros.graph.spectator import WORDS, Spectator
 from redres_ros.graph.watch_page import NODES, JointBar, line, page
 from redres_ros.nodes.qos import NEWEST
 
@@ -22,11 +22,11 @@ _REFRESH = 5.0  # [Hz]
 _LINE_EVERY = 1.0  # [s]
 
 _LAW = 'controller/law'
-_LIMITING = 'controller/limiting'
+_ACTIVE_LIMITS = 'controller/active_limits'
 _TIP = 'controller/tip_pose'
 _TYPES = {
     _LAW: String,
-    _LIMITING: String,
+    _ACTIVE_LIMITS: String,
     'planner/segment': Int32,
     _TIP: PoseStamped,
 }  # all others are a Float64
@@ -41,7 +41,7 @@ _FIGURES = {
 }
 
 
-class Watch(Spectator):
+class Watch(GraphMonitor):
     """Keeps the newest word and figure of every topic on the page, and when it came.
 
     Args:
@@ -90,8 +90,10 @@ class Watch(Spectator):
         for topic, figure in _FIGURES.items():
             self.keep(topic, getattr(seen[-1], figure))
         self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
-        limiting = [f'{place}: {limit}' for place, names in arm.acting.items() for limit in names]
-        self.keep(_LIMITING, ', '.join(sorted(limiting)))
+        active_limits = [
+            f'{place}: {limit}' for place, names in arm.acting.items() for limit in names
+        ]
+        self.keep(_ACTIVE_LIMITS, ', '.join(sorted(active_limits)))
 
     def _joints(self) -> list[JointBar]:
         arm = self._arm

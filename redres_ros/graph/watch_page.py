@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from redres_ros.graph.heard import STALE, Heard, NodeHealth
+from redres_ros.graph.last_value import STALE, LastValue, NodeHealth
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 
@@ -50,7 +50,7 @@ NODES: dict[str, tuple[Row, ...]] = {
         Row('controller/law', 'law'),
         Row('controller/tip_pose', 'tip', 'm'),
         Row('controller/task_scaling', 'share of the task velocity', '%', 100.0),
-        Row('controller/limiting', 'limited by'),
+        Row('controller/active_limits', 'limited by'),
         Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s'),
         Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
         Row('controller/null_velocity_norm', 'null-space velocity, norm', 'rad/s'),
@@ -65,7 +65,7 @@ _IN_LINE = {
     TASK_STATE,
     'planner/task_error',
     'controller/law',
-    'controller/limiting',
+    'controller/active_limits',
     'controller/joint_velocity_norm',
 }
 
@@ -80,7 +80,7 @@ class JointBar(NamedTuple):
 
 
 def page(
-    heard: Mapping[str, Heard], now: float, domain: int, joints: Sequence[JointBar] = ()
+    heard: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[JointBar] = ()
 ) -> RenderableType:
     """The whole page.
 
@@ -97,7 +97,7 @@ def page(
     return Group(title, *_alarms(heard, now), *_panels(heard, now), *bars)
 
 
-def line(heard: Mapping[str, Heard], now: float, domain: int) -> str:
+def line(heard: Mapping[str, LastValue], now: float, domain: int) -> str:
     """What of the page matters most, in a line, as for a file.
 
     Args:
@@ -123,7 +123,7 @@ def is_near_an_end(share: float) -> bool:
     return min(share, 1.0 - share) < _NEAR
 
 
-def silence(heard: Mapping[str, Heard], node: str, now: float) -> float:
+def silence(heard: Mapping[str, LastValue], node: str, now: float) -> float:
     """For how long nothing was heard of a node [s]; infinite if nothing ever was.
 
     Args:
@@ -143,9 +143,9 @@ def _nobody(domain: int) -> Text:
     )
 
 
-def _alarms(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
+def _alarms(heard: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
     """What must not be overlooked."""
-    reason = heard.get(REASON, Heard('', now)).value
+    reason = heard.get(REASON, LastValue('', now)).value
     if reason:
         text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')
         yield Panel(text, style='bold red', expand=False)
@@ -157,7 +157,7 @@ def _alarms(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
         yield Panel(text, style='bold yellow', expand=False)
 
 
-def _panels(heard: Mapping[str, Heard], now: float) -> Iterator[Panel]:
+def _panels(heard: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
     for node, rows in NODES.items():
         quiet = silence(heard, node, now)
         table = Table(box=None, show_header=False, pad_edge=False)
@@ -202,13 +202,13 @@ def _bar(share: float) -> Text:
     return bar
 
 
-def _health(heard: Mapping[str, Heard], node: str) -> NodeHealth:
+def _health(heard: Mapping[str, LastValue], node: str) -> NodeHealth:
     """What the node said last; before it says anything, that it is there."""
     value = heard[node].value if node in heard else None
     return value if isinstance(value, NodeHealth) else NodeHealth('is there', True)
 
 
-def _value(heard: Mapping[str, Heard], row: Row, is_stale: bool, now: float) -> Text:
+def _value(heard: Mapping[str, LastValue], row: Row, is_stale: bool, now: float) -> Text:
     entry = heard.get(row.topic)
     if entry is None:
         return Text('-', style='dim')

@@ -154,7 +154,7 @@ def hardest_of(search: Search, force: np.ndarray, tight: float) -> int:
 
 
 @inlined
-def settle(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
+def fix_level(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
     """Fix A z and the limits that are tight; other held limits stay held."""
     marks = search.marks
     fixed = marks[COUNT, 0]

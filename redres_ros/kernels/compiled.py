@@ -8,9 +8,9 @@ import numba
 from numba import types
 from numba.core.typeinfer import register_dispatcher
 
+from redres_ros.files.signals import interruptible
 from redres_ros.kernels.cache import Kept, enter
-from redres_ros.kernels.telling import tell_compiling
-from redres_ros.signals import interruptible
+from redres_ros.kernels.compile_log import log_compiling
 
 # Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
 _IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])
@@ -65,7 +65,7 @@ def _made(function: Callable[..., Any], signatures: tuple[Any, ...]) -> Any:
             made.compile(signature)
     made.disable_compile()
     if not made.stats.cache_hits:
-        tell_compiling(folder)
+        log_compiling(folder)
     return made
 
 

@@ -13,7 +13,7 @@ from redres_ros.kernels.arithmetic import dot
 from redres_ros.kernels.compiled import compiled, matrix, several, vector
 
 FLOOR = -1  # in place of a second body
-FIRST_BALL = -2  # the second one is -3
+FIRST_SPHERE = -2  # the second one is -3
 
 _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a part in
 
@@ -129,7 +129,7 @@ def look_at_floor(scene: Scene, i: int, floor: float) -> None:
 
 
 @compiled()
-def look_at_ball(scene: Scene, i: int, name: int, ball: np.ndarray) -> None:
+def look_at_sphere(scene: Scene, i: int, name: int, ball: np.ndarray) -> None:
     """A body, and a ball (4,) with its centre and its radius [m]; a radius of 0 is none."""
     a = scene.points[i, 0]
     u = scene.points[i, 1] - a
@@ -172,7 +172,7 @@ def approaches(
     radius: np.ndarray,
     pairs: np.ndarray,
     floor: float,
-    balls: np.ndarray,
+    spheres: np.ndarray,
     J: np.ndarray,
     x: np.ndarray,
     reach: float,
@@ -186,7 +186,7 @@ def approaches(
         radius: (B,) [m].
         pairs: (P, 2) bodies that may collide with each other.
         floor: Its height [m].
-        balls: (S, 4) centres and radii of obstacles [m].
+        spheres: (S, 4) centres and radii of obstacles [m].
         J: (6, n) Jacobian of the tip.
         x: (3,) where that is [m].
         reach: [m].
@@ -195,7 +195,7 @@ def approaches(
         Rows C (r, n), so that C dq is the speed of approach [m/s]; the distances (r,) [m]; and who
         approaches whom, (r, 2), with FLOOR, FIRST_BALL and so on for the second one.
     """
-    most = len(pairs) + len(radius) * (1 + len(balls))
+    most = len(pairs) + len(radius) * (1 + len(spheres))
     scene = Scene(
         placed(poses, moved_by, ends),
         radius,
@@ -212,7 +212,7 @@ def approaches(
         look_at_body(scene, pairs[k, 0], pairs[k, 1])
     for i in range(len(radius)):
         look_at_floor(scene, i, floor)
-        for k in range(len(balls)):
-            look_at_ball(scene, i, FIRST_BALL - k, balls[k])
+        for k in range(len(spheres)):
+            look_at_sphere(scene, i, FIRST_SPHERE - k, spheres[k])
     found = scene.found[0]
     return scene.C[:found], scene.distance[:found], scene.who[:found]

@@ -31,7 +31,7 @@ def begin_at(
     low: np.ndarray,
     high: np.ndarray,
     d: int,
-    held: np.ndarray,
+    active_set: np.ndarray,
 ) -> tuple[Search, np.ndarray]:
     """A search that starts at the point of the box nearest to dq_free, with a share of 1.
 
@@ -70,15 +70,15 @@ def begin_at(
         if marks[STATE, i] == FIXED:
             continue
         towards = dq_free[i] - z[i]
-        if held[n] != UNKNOWN:
-            towards = float(held[i])
+        if active_set[n] != UNKNOWN:
+            towards = float(active_set[i])
             end = upper[i] if towards > 0.0 else lower[i]
             if towards == 0.0 or not np.isfinite(end):
                 continue
             z[i] = end
         if towards != 0.0:
             hold(search, i, towards)
-    if held[n] != LESS:
+    if active_set[n] != LESS:
         hold(search, n, 1.0)
     for r in range(len(C)):
         i = n + 1 + r
@@ -95,10 +95,10 @@ def begin_at(
 
 
 @inlined
-def leave_behind(search: Search, held: np.ndarray) -> None:
+def leave_behind(search: Search, active_set: np.ndarray) -> None:
     """Write down which limits a search holds in the end: the side of each joint, and the share."""
     for i in range(search.n):
-        held[i] = 0
+        active_set[i] = 0
         if search.marks[STATE, i] in (HELD, FIXED):
-            held[i] = search.marks[SIDE, i]
-    held[search.n] = WHOLE if search.z[search.n] >= 1.0 else LESS
+            active_set[i] = search.marks[SIDE, i]
+    active_set[search.n] = WHOLE if search.z[search.n] >= 1.0 else LESS

@@ -1,6 +1,6 @@
 """The laws of the paper by name. A new law is one small class and one line in this table."""
 
-from redres_ros.installed import installed
+from redres_ros.files.installed import installed
 from redres_ros.laws.dynamic import (
     DynamicallyConsistent,
     MinimumKineticEnergy,

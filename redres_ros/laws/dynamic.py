@@ -17,7 +17,7 @@ class MinimumKineticEnergy(Law):
     nothing.
     """
 
-    remembers: ClassVar[bool] = False
+    has_memory: ClassVar[bool] = False
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return np.zeros(len(state.q))
@@ -34,7 +34,7 @@ class _TorqueLaw(Law):
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         b = np.empty(len(state.q))  # lambda dq_{k-1} - T M^-1 n, Eq. (27), (32), (A.14)
-        free_motion(self.forgetting(T), state.dq_prev, T, state.M, state.n, b)
+        free_motion(self.forgetting_factor(T), state.dq_prev, T, state.M, state.n, b)
         return b
 
 

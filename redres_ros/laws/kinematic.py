@@ -13,7 +13,7 @@ from redres_ros.robot_model import RobotState
 class MinimumVelocity(Law):
     """Least joint velocity, Eq. (2) with dq_N = 0. Has no memory, so damping changes nothing."""
 
-    remembers: ClassVar[bool] = False
+    has_memory: ClassVar[bool] = False
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
         return np.zeros(len(state.q))
@@ -24,4 +24,4 @@ class MinimumAcceleration(Law):
     """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23)."""
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        return self.forgetting(T) * state.dq_prev  # lambda dq_{k-1}
+        return self.forgetting_factor(T) * state.dq_prev  # lambda dq_{k-1}

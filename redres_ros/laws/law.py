@@ -21,7 +21,7 @@ class Law(ABC):
     k_d of Eq. (21); it acts through the forgetting factor lambda = 1 - k_d T (Appendix B).
     """
 
-    remembers: ClassVar[bool] = True  # has the last velocity in its bias, and so takes preferences
+    has_memory: ClassVar[bool] = True  # has the last velocity in its bias, and so takes preferences
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class Law(ABC):
             ddq_N: (n,) [rad/s^2], the sum of the preferences; None without any.
         """
         b = self.bias(state, T)
-        if ddq_N is None or not self.remembers:
+        if ddq_N is None or not self.has_memory:
             return b
         return b + T * ddq_N
 
@@ -53,7 +53,7 @@ class Law(ABC):
         """W, symmetric positive definite, (n, n), or its Factor; None for the identity."""
         return None
 
-    def forgetting(self, T: float) -> float:
+    def forgetting_factor(self, T: float) -> float:
         """lambda = 1 - k_d T, Eq. (23)."""
         return 1.0 - self.damping * T
 

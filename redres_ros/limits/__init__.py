@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.installed import installed
+from redres_ros.files.installed import installed
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit

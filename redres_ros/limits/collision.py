@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 
-from redres_ros.bounded import Rows
+from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
@@ -39,7 +39,7 @@ class CollisionLimit(RowLimit):
         0.3, 't_d, time in which what is left to d_s may be covered [s]', 0.01, 10.0, live=True
     )
     floor: float = param(-10.0, 'height of a floor in the base frame [m]', -10.0, 10.0, live=True)
-    balls: tuple[float, ...] = param(
+    spheres: tuple[float, ...] = param(
         (0.0, 0.0, 0.0, 0.0),
         'obstacles: x, y, z of the centre and the radius of each ball [m]; radius 0 for none',
         -100.0,
@@ -54,9 +54,9 @@ class CollisionLimit(RowLimit):
                 f'the limit collision knows arms with one tip; {self.model.arm.source} has also '
                 f'{", ".join(self.model.arm.other_tips)}'
             )
-        if len(self.balls) % 4:
+        if len(self.spheres) % 4:
             raise ArrayError(
-                f'balls holds {len(self.balls)} numbers; '
+                f'balls holds {len(self.spheres)} numbers; '
                 'expected four for each ball: x, y, z and radius'
             )
         if not self.clearance < self.influence:
@@ -77,7 +77,7 @@ class CollisionLimit(RowLimit):
 
     @cached_property
     def _balls(self) -> np.ndarray:
-        return np.reshape(self.balls, (-1, 4))
+        return np.reshape(self.spheres, (-1, 4))
 
     def near(self, state: ReferenceState) -> Near:
         """What is nearer than d_i: C dq is the speed of approach [m/s]."""
@@ -111,8 +111,8 @@ class CollisionLimit(RowLimit):
         distances = _distances()
         if other == distances.FLOOR:
             return 'floor'
-        if other <= distances.FIRST_BALL:
-            return f'ball {distances.FIRST_BALL - other + 1}'
+        if other <= distances.FIRST_SPHERE:
+            return f'ball {distances.FIRST_SPHERE - other + 1}'
         return self.bodies.links[other]
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.bounded import Box
+from redres_ros.constrained import Box
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, POSITION, VELOCITY, fill_boxes
 from redres_ros.limits.limit import BoxLimit, ReferenceState
@@ -67,7 +67,7 @@ class AccelerationLimit(_Braking):
 
     Args:
         reach: Of the largest singular value of the task: below it the tip brakes before the end of
-            its reach (reach.py), and the share of dx that is executed is one of each direction.
+            its reach (boundary_braking.py), and the share of dx that is executed is one of each direction.
     """
 
     order = 0

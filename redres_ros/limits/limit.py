@@ -6,7 +6,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from redres_ros.bounded import Box, Rows
+from redres_ros.constrained import Box, Rows
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotModel
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.bounded import Bounded, Box, Rows, keeps_rows
+from redres_ros.constrained import Box, Constrained, Rows, keeps_rows
 from redres_ros.kernels.boxes import GIVEN, TOUCHING, fill_boxes, keeps_boxes
 from redres_ros.limits.joint import JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
@@ -23,7 +23,7 @@ class Bounds(NamedTuple):
     boxes: np.ndarray  # (k, 2, n)
     row_limits: tuple[RowLimit, ...]  # what the rows come from, in order
 
-    def limiting(self, bounded: Bounded) -> tuple[Limit, int] | None:
+    def acting_limit(self, bounded: Constrained) -> tuple[Limit, int] | None:
         """The limit that resists hardest, and its joint or row; None where none does."""
         index = bounded.limiting
         n = len(self.box[0])

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from redres_ros.bounded import Rows
+from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
 from redres_ros.limits.limit import ReferenceState, RowLimit
 

@@ -13,12 +13,22 @@ from std_srvs.srv import SetBool
 
 from redres_ros.controller import INTEGRATE_FROM, Controller
 from redres_ros.errors import RedresError, one_line
-from redres_ros.following import Following, Reply
-from redres_ros.following_settings import FollowingSettings, why_it_would_leap
+from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
+from redres_ros.loop.command_loop import CommandLoop, Response
+from redres_ros.loop.settings import LoopSettings, why_it_would_leap
+from redres_ros.loop.twist_buffer import TwistBufferSettings
 from redres_ros.nodes.command_publisher import CommandPublisher
-from redres_ros.nodes.conversions import Axes, JointOrder
-from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
+from redres_ros.nodes.conversions import JointMapper, TwistTransformer
+from redres_ros.nodes.diagnostics import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Health,
+    InputMonitor,
+    Watchdog,
+)
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.motion_parameters import NONE, MotionParameters, named
@@ -29,8 +39,6 @@ from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
-from redres_ros.playout import PlayoutSettings
-from redres_ros.plugins import load_plugins
 from redres_ros.vectors import check_finite
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
@@ -92,17 +100,17 @@ class ControllerNode(ManagedNode):
             preferences=wanted.preferences,
             secondary_tasks=wanted.secondary_tasks,
         )
-        following = declare(self, FollowingSettings())
-        self._following = Following(self._controller, following, declare(self, PlayoutSettings()))
+        following = declare(self, LoopSettings())
+        self._loop = CommandLoop(self._controller, following, declare(self, TwistBufferSettings()))
         if leap := why_it_would_leap(settings.forward_commands, following.bridging):
             self.get_logger().warning(leap)
         frame = settings.base_frame or model.base_frame
-        self._axes = Axes(model, frame)
+        self._axes = TwistTransformer(model, frame)
         self._states = JointStateReader()
-        self._joints = JointOrder(model.joint_names, self.get_logger().info)
+        self._joints = JointMapper(model.joint_names, self.get_logger().info)
         self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
         self._telemetry = MotionTelemetry(self, frame, T)
-        self._refusals = Refusals(self)
+        self._refusals = InputMonitor(self)
         self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
         self._diagnostics = Diagnostics(self, robot.name, self._health)
         self._hold_wanted = False  # by the service
@@ -118,7 +126,7 @@ class ControllerNode(ManagedNode):
         )
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
-        if self._following.settings.twist_patience:
+        if self._loop.settings.twist_patience:
             self.create_timer(_LOOK, self._on_look)
 
     def _on_state(self, message: JointState | bytes) -> None:
@@ -131,24 +139,24 @@ class ControllerNode(ManagedNode):
             self._watchdog.feed()
             self._answer('joint_states', self._enter_state, sample)
 
-    def _enter_state(self, sample: JointSample) -> Reply | None:
+    def _enter_state(self, sample: JointSample) -> Response | None:
         q = self._joints.positions(sample)
-        return self._following.enter_state(sample.stamp, q, time.monotonic())
+        return self._loop.enter_state(sample.stamp, q, time.monotonic())
 
     def _on_twist(self, message: TwistStamped | bytes) -> None:
         self._answer('cartesian_velocity', self._enter_twist, message)
 
-    def _enter_twist(self, message: TwistStamped | bytes) -> Reply | None:
+    def _enter_twist(self, message: TwistStamped | bytes) -> Response | None:
         stamp, frame, dx = read_twist(message)
         check_finite(dx, 'cartesian_velocity')
-        if self._following.q is not None:
-            dx = self._axes.to_base(dx, frame, self._following.q)
-        return self._following.enter_twist(stamp, dx[: self._controller.m], time.monotonic())
+        if self._loop.q is not None:
+            dx = self._axes.to_base(dx, frame, self._loop.q)
+        return self._loop.enter_twist(stamp, dx[: self._controller.m], time.monotonic())
 
     def _on_look(self) -> None:
-        self._answer('joint_states', self._following.answer_if_due, time.monotonic())
+        self._answer('joint_states', self._loop.answer_if_due, time.monotonic())
 
-    def _answer(self, source: str, enter: Callable[[Any], Reply | None], given: Any) -> None:
+    def _answer(self, source: str, enter: Callable[[Any], Response | None], given: Any) -> None:
         """Publish what is answered to what was given, or tell why it was refused."""
         if not self.configured:
             return
@@ -161,11 +169,11 @@ class ControllerNode(ManagedNode):
         if answer is not None and (self.active or answer.command.dq.any()):
             self._publish(answer)
 
-    def _publish(self, answer: Reply) -> None:
+    def _publish(self, answer: Response) -> None:
         # The planner is to know of another scaling before the state after this one.
         self._telemetry.publish_change(answer.scaling)
         self._commands.publish(answer.stamp, answer.command)
-        self._following.note_sent(time.monotonic())
+        self._loop.note_sent(time.monotonic())
         self._telemetry.publish(answer, self._controller.law)
         if answer.restarted:
             self.get_logger().warning(
@@ -174,30 +182,30 @@ class ControllerNode(ManagedNode):
             )
 
     def _on_session(self, message: String) -> None:
-        before = self._following.commanding
-        self._following.enter_session(message.data)
-        if before and not self._following.commanding and self._following.answered:
+        before = self._loop.commanding
+        self._loop.enter_session(message.data)
+        if before and not self._loop.commanding and self._loop.answered:
             word = one_line(message.data)
             self.get_logger().warning(f'the robot takes no commands: its session is {word}')
-        elif not before and self._following.commanding:
+        elif not before and self._loop.commanding:
             self.get_logger().info('the robot takes commands')
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._hold_wanted = request.data
-        self._following.held = request.data or not self.active
+        self._loop.held = request.data or not self.active
         response.success = True
         response.message = 'holding' if request.data else 'following cartesian_velocity'
         return response
 
     def _begin(self) -> None:
         self._controller.reset()  # the arm may have been moved by others
-        self._following.held = self._hold_wanted
+        self._loop.held = self._hold_wanted
 
     def _end(self) -> None:
-        self._following.held = True  # softly to rest
+        self._loop.held = True  # softly to rest
 
     def _forget(self) -> None:
-        self._following.forget()
+        self._loop.forget()
         self._hold_wanted = False
 
     def _check(self, changes: dict[str, Any]) -> None:
@@ -209,19 +217,19 @@ class ControllerNode(ManagedNode):
             self._controller.switch_time = changes['switch_time']
         if 'task_scaling_rate' in changes:
             self._controller.task_scaling_rate = changes['task_scaling_rate']
-        self._following.settings = _changed(self._following.settings, changes)
+        self._loop.settings = _changed(self._loop.settings, changes)
 
     def _health(self) -> Health:
         law = self._controller.law
-        following = self._following
+        following = self._loop
         figures = {
             'law': law_name(law),
             'damping [1/s]': law.damping,
-            'forgetting factor': law.forgetting(self._controller.T),
+            'forgetting factor': law.forgetting_factor(self._controller.T),
             'states answered': following.answered,
             'states skipped': following.skipped,
-            'task velocities missing': following.playout.missing,
-            'task velocities late': following.playout.late,
+            'task velocities missing': following.twist_buffer.missing,
+            'task velocities late': following.twist_buffer.late,
             'messages refused': self._refusals.count,
         }
         if self._watchdog.silent:
@@ -232,8 +240,8 @@ class ControllerNode(ManagedNode):
             return Health(WARN, self.life, figures)
         if not following.commanding:
             return Health(WARN, 'mirroring: the robot takes no commands', figures)
-        if following.hindrance:
-            return Health(WARN, following.hindrance, figures)
+        if following.limit_warning:
+            return Health(WARN, following.limit_warning, figures)
         return Health(OK, 'holding' if following.held else 'commanding', figures)
 
 

@@ -30,7 +30,7 @@ class LengthError(ArrayError):
     """Another number of values than of joints."""
 
 
-class JointOrder:
+class JointMapper:
     """Finds an arm's joints by name, in any order and among others: of a gripper, of another robot.
 
     Args:
@@ -122,7 +122,7 @@ def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
     return message
 
 
-class Axes:
+class TwistTransformer:
     """Turns velocities of the tip from the axes of any link into those of the base.
 
     Args:

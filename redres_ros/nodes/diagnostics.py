@@ -84,7 +84,7 @@ class _Episode:
     kinds: set[type[Exception]] = field(default_factory=set)
 
 
-class Refusals:
+class InputMonitor:
     """Input that was refused: a log line when a source turns bad, or bad in another way, and one
     when it has been good for a while.
     """

@@ -116,8 +116,8 @@ def show_obstacles(node: Node, frame: str) -> None:
 def _obstacles(node: Node) -> Iterator[Marker]:
     if 'collision' in node.get_parameter('limits').value:
         yield _floor(node.get_parameter('collision.floor').value)
-        balls = np.reshape(node.get_parameter('collision.balls').value, (-1, 4))
-        for number, ball in enumerate(balls, start=1):
+        spheres = np.reshape(node.get_parameter('collision.spheres').value, (-1, 4))
+        for number, ball in enumerate(spheres, start=1):
             if ball[3] > 0.0:
                 yield _ball(number, ball)
 

@@ -10,7 +10,6 @@ from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS, Law, make_law
 from redres_ros.limits import LIMITS, Limit, make_limits
-from redres_ros.motion import LawMotion
 from redres_ros.nodes.parameters import declare, declare_one
 from redres_ros.parameter import (
     SHARED_GAINS,
@@ -22,6 +21,7 @@ from redres_ros.parameter import (
     param,
     parameters,
 )
+from redres_ros.policy import Policy
 from redres_ros.preferences import PREFERENCES, Preference, make_preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import TASKS, Task, make_task
@@ -128,7 +128,7 @@ class MotionParameters:
         tasks = tuple(
             make_task(name, **_own(TASKS, name, gains)) for name in named(settings.secondary_tasks)
         )
-        LawMotion(law, preferences, tasks).check(self._model)
+        Policy(law, preferences, tasks).check(self._model)
         self._check_unused(changes, gains)
         return Wanted(law, tuple(limits), preferences, tasks)
 
@@ -143,7 +143,7 @@ class MotionParameters:
         ]
         tasks = [make_task(name, **_own(TASKS, name, gains)) for name in TASKS.keys() & owners]
         law = make_law(self._settings.law)
-        LawMotion(law, tuple(preferences), tuple(tasks)).check(self._model)
+        Policy(law, tuple(preferences), tuple(tasks)).check(self._model)
         of_limits = {key: gains[key] for key in changed if _is_of_limit(key)}
         make_limits({key.partition('.')[0] for key in of_limits}, self._model, gains=of_limits)
 

@@ -7,10 +7,10 @@ from rclpy.node import Node
 from std_msgs.msg import Float64, String
 
 from redres_ros.command import FIGURES, norm
-from redres_ros.following import Reply
 from redres_ros.laws import Law, law_name
+from redres_ros.loop.command_loop import Response
+from redres_ros.nodes.controller_snapshot import SnapshotPublisher
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.glance import Glances
 from redres_ros.nodes.telemetry import Telemetry
 
 _SCALING = 'task_scaling'
@@ -31,11 +31,11 @@ class MotionTelemetry:
 
     def __init__(self, node: Node, frame: str, T: float) -> None:
         numbers = dict.fromkeys((*_FIGURES, 'lost_velocity'), Float64)
-        words = {'limiting': String, 'law': String}
+        words = {'active_limits': String, 'law': String}
         self._telemetry = Telemetry(node, {'tip_pose': PoseStamped, **numbers, **words})
         # By itself: the planner always listens to it.
         self._scaling_telemetry = Telemetry(node, {_SCALING: Float64})
-        self._glances = Glances(node)
+        self._snapshots = SnapshotPublisher(node)
         self._frame = frame
         self._scaling = 0.0  # published last
         self._unsaid = 0  # ticks since then
@@ -54,7 +54,7 @@ class MotionTelemetry:
         self._unsaid = 0
         self._scaling_telemetry.publish(_SCALING, lambda: scaling)
 
-    def publish(self, answer: Reply, law: Law) -> None:
+    def publish(self, answer: Response, law: Law) -> None:
         """Publish all that is listened to, and now and then what was published before.
 
         Args:
@@ -64,7 +64,7 @@ class MotionTelemetry:
         self._unsaid += 1
         if self._unsaid >= self._unsaid_most:
             self._publish_scaling(answer.scaling)
-        self._glances.see(answer.stamp, answer.command)
+        self._snapshots.see(answer.stamp, answer.command)
         if not self._telemetry.heard:
             return
         publish = self._telemetry.publish
@@ -73,6 +73,6 @@ class MotionTelemetry:
         publish('tip_pose', lambda: to_pose(answer.stamp, self._frame, state.x, state.R))
         for name, figure in _FIGURES.items():
             publish(name, partial(figure, command))
-        publish('lost_velocity', lambda: norm(command.lost))
-        publish('limiting', lambda: command.limiting)
+        publish('lost_velocity', lambda: norm(command.unachieved))
+        publish('active_limits', lambda: command.active_limits)
         publish('law', lambda: law_name(law))

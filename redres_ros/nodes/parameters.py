@@ -15,8 +15,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from redres_ros.cycles import RATES
 from redres_ros.errors import RedresError
+from redres_ros.loop.cycle_counter import RATES
 from redres_ros.parameter import Parameter, check_parameters, param, parameters
 
 if TYPE_CHECKING:

@@ -14,9 +14,16 @@ from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
 from redres_ros.laws import make_law
-from redres_ros.motion import LawMotion
-from redres_ros.nodes.conversions import JointOrder, from_pose
-from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals, Watchdog
+from redres_ros.nodes.conversions import JointMapper, from_pose
+from redres_ros.nodes.diagnostics import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Health,
+    InputMonitor,
+    Watchdog,
+)
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.parameters import ListenerParameters, declare
@@ -26,14 +33,15 @@ from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.session_topics import REASON
 from redres_ros.nodes.task_topics import TaskTopics
 from redres_ros.nodes.wire import JointSample, JointStateReader, TwistWriter
-from redres_ros.pacing import Pacing
 from redres_ros.parameter import param
-from redres_ros.planner import Planner
-from redres_ros.task_run import RunState, Step, TaskRun, way_to
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.task_clock import TaskClock
+from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState, way_to
+from redres_ros.planning.waypoints import load_task, task_for
+from redres_ros.policy import Policy
 from redres_ros.tasks import make_task
-from redres_ros.waypoints import load_task, task_for
 
-_ANY_LAW = LawMotion(make_law('minimum_velocity'))
+_ANY_LAW = Policy(make_law('minimum_velocity'))
 
 
 @dataclass(frozen=True)
@@ -82,12 +90,14 @@ class PlannerNode(ManagedNode):
         self._frame = self._settings.base_frame or self._model.base_frame
         self._states = JointStateReader()
         self._twists = TwistWriter(self._frame)
-        self._joints = JointOrder(self._model.joint_names, self.get_logger().info)
+        self._joints = JointMapper(self._model.joint_names, self.get_logger().info)
         T = 1.0 / self._settings.rate
         self._T = T
-        pacing = Pacing(T, self._settings.lockstep)
+        task_clock = TaskClock(T, self._settings.lockstep)
         resume_within = None if self._settings.autostart else self._settings.resume_within
-        self._run = TaskRun(T, self._make_planner, pacing, self._robot.task_space, resume_within)
+        self._run = TaskExecutor(
+            T, self._make_planner, task_clock, self._robot.task_space, resume_within
+        )
         self._first_task = make_task(self._robot.task_space)
         self._asked: np.ndarray | None = None  # dx of the newest step
         self._tip: tuple[np.ndarray, np.ndarray] | None = None  # at the newest state
@@ -100,7 +110,7 @@ class PlannerNode(ManagedNode):
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
         self._topics = TaskTopics(self, self._frame, self._run)
         self._markers = Markers(self, self._frame, self._task.waypoints)
-        self._refusals = Refusals(self)
+        self._refusals = InputMonitor(self)
         self._watchdog = Watchdog(self, 'joint_states', self._settings.state_timeout)
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
@@ -138,10 +148,10 @@ class PlannerNode(ManagedNode):
         self._tip = (x, R)
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-        lost = self._lost(q) if self._run.is_due else None
-        asking = self._run.state in (RunState.WAITING, RunState.MOVING)
-        step = self._run.enter_state(stamp, x, R, time.monotonic(), lost)
-        if asking and self._run.state is RunState.IDLE:
+        unachieved = self._unachieved(q) if self._run.is_due else None
+        asking = self._run.state in (TaskState.WAITING, TaskState.MOVING)
+        step = self._run.enter_state(stamp, x, R, time.monotonic(), unachieved)
+        if asking and self._run.state is TaskState.IDLE:
             self.get_logger().warning(
                 'the robot was started again, or silent for more than '
                 f'{self._settings.resume_within:g} s (resume_within): the task is over; '
@@ -151,12 +161,12 @@ class PlannerNode(ManagedNode):
         if step is not None:
             self._publish(step, R)
 
-    def _lost(self, q: np.ndarray) -> np.ndarray | None:
+    def _unachieved(self, q: np.ndarray) -> np.ndarray | None:
         """The part of the last dx that a singularity does not let through at q, as any law."""
         if self._asked is None:
             return None
         state = self._model.unchecked_state(q, np.zeros(self._model.n))
-        return _ANY_LAW.answer(state, self._first_task, self._asked, self._T).lost
+        return _ANY_LAW.answer(state, self._first_task, self._asked, self._T).unachieved
 
     def _publish(self, step: Step, R: np.ndarray) -> None:
         self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
@@ -186,11 +196,11 @@ class PlannerNode(ManagedNode):
             way_to(self._task, *self._tip, *target, self._settings.target_speed)
 
     def _on_scaling(self, message: Float64) -> None:
-        self._run.hear(message.data)
+        self._run.set_scaling(message.data)
 
     def _on_stop_reason(self, message: String) -> None:
         stopped = one_line(message.data)
-        if stopped and not self._stop_reason and self._run.state is RunState.MOVING:
+        if stopped and not self._stop_reason and self._run.state is TaskState.MOVING:
             self.get_logger().warning(f'the robot has stopped, the task waits: {stopped}')
         self._stop_reason = stopped
 
@@ -206,7 +216,7 @@ class PlannerNode(ManagedNode):
             )
             return response
         response.success = True
-        if self._run.state is RunState.MOVING:
+        if self._run.state is TaskState.MOVING:
             response.message = f'{task}: is under way already; planner/stop ends it'
         else:
             self._target = None
@@ -216,7 +226,7 @@ class PlannerNode(ManagedNode):
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        moved = self._run.state in (RunState.WAITING, RunState.MOVING)
+        moved = self._run.state in (TaskState.WAITING, TaskState.MOVING)
         self._run.stop()
         self._topics.tell()
         response.success = True
@@ -240,7 +250,7 @@ class PlannerNode(ManagedNode):
         figures = {
             'task': self._settings.task or 'that of the arm',
             'state': self._run.state.value,
-            'begun at [ns]': self._run.begun,
+            'begun at [ns]': self._run.start_stamp,
             'messages refused': self._refusals.count,
         }
         if self._watchdog.silent:

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.errors import UnknownNameError
+from redres_ros.files.signals import handled
 from redres_ros.nodes.parameters import ParameterError, declare
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.parameter import param
@@ -17,7 +18,6 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, choose_arm, choose_tip
 from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.choice import ALLOWED, names_an_arm
-from redres_ros.signals import handled
 
 TOPIC = 'topic'  # in place of an arm's name: the URDF that somebody publishes
 DESCRIPTION = 'robot_description'

@@ -22,11 +22,11 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
-from redres_ros.kernels.telling import time_compiling
+from redres_ros.files.streams import open_error_output
+from redres_ros.kernels.compile_log import time_compiling
 from redres_ros.nodes import discovery
 from redres_ros.nodes.parameters import misspelt
 from redres_ros.nodes.real_time import ask_kernel
-from redres_ros.streams import open_error_output
 
 N = TypeVar('N', bound=Node)
 

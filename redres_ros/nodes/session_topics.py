@@ -3,7 +3,7 @@
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.fri.session import Session
+from redres_ros.fake_robot.session import Session
 from redres_ros.nodes.qos import LATCHED
 
 REASON = 'sim/stop_reason'

@@ -14,24 +14,25 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from redres_ros.fri.faults import Faults
-from redres_ros.fri.faulty_plant import FaultyPlant
-from redres_ros.fri.guard import Guard
-from redres_ros.fri.inbox import Inbox
-from redres_ros.fri.mujoco_arm import MujocoSettings
-from redres_ros.fri.plant import IdealPlant, MujocoPlant
-from redres_ros.fri.robot import FriRobot
-from redres_ros.fri.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.fri.session import AnswerError, Session, SessionSettings
+from redres_ros.fake_robot.command_receiver import CommandReceiver
+from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.faults import Faults
+from redres_ros.fake_robot.faulty_plant import FaultyPlant
+from redres_ros.fake_robot.mujoco_arm import MujocoSettings
+from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
+from redres_ros.fake_robot.robot import FakeRobot
+from redres_ros.fake_robot.robot_clock import RobotClock
+from redres_ros.fake_robot.session import AnswerError, Session, SessionSettings
+from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes.conversions import to_wrench
-from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, Refusals
+from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
-from redres_ros.nodes.state_outlet import StateOutlet
+from redres_ros.nodes.state_publisher import StatePublisher
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import EncodingError, JointStateReader
 from redres_ros.parameter import param
@@ -90,16 +91,16 @@ class SimNode(ManagedNode):
         self._session = Session(period, declare(self, SessionSettings()))
         profile = self._session.profile
         limits = JointLimits.of(arm)
-        guard = Guard(limits, period, declare(self, profile.guard), profile.reflexes)
-        self._robot = FriRobot(self._plant, guard, self._session)
-        self._refusals = Refusals(self)
+        guard = CommandValidator(limits, period, declare(self, profile.guard), profile.reflexes)
+        self._robot = FakeRobot(self._plant, guard, self._session)
+        self._refusals = InputMonitor(self)
         self._told_refusal: AnswerError | None = None
         # Not the node's clock: with use_sim_time that stands at 0 until somebody publishes /clock.
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
-        self._outlet = StateOutlet(self, names, seed, faults.states)
-        self._inbox = Inbox(
+        self._state_publisher = StatePublisher(self, names, seed, faults.states)
+        self._receiver = CommandReceiver(
             names,
             self._robot_clock,
             self._session,
@@ -154,7 +155,7 @@ class SimNode(ManagedNode):
                 waiting.sleep(_ASK_AGAIN)  # nobody keeps time
                 continue
             # Before the next state is out: what comes later may be an answer to that one.
-            answers = self._inbox.take(self._robot.tick)
+            answers = self._receiver.take(self._robot.tick)
             self._publish_state()
             if not self._settings.lockstep:
                 waiting.wait(self._arrival, _HEADSTART / self._settings.rate)
@@ -179,9 +180,9 @@ class SimNode(ManagedNode):
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
         self._arrival.clear()
-        self._outlet.send(stamp, self._robot.q, self._robot.dq, tick)
+        self._state_publisher.send(stamp, self._robot.q, self._robot.dq, tick)
         if self.active:
-            self._outlet.publish(tick)
+            self._state_publisher.publish(tick)
         tip = self._description.arm.tip_frame
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
@@ -203,13 +204,13 @@ class SimNode(ManagedNode):
             self._unanswered and self.active and not stopped.is_set() and time.monotonic() < until
         ):
             if not waiting.wait(self._arrival, _ASK_AGAIN):
-                self._outlet.publish_again()
+                self._state_publisher.publish_again()
             self._arrival.clear()
 
     @property
     def _unanswered(self) -> bool:
         """Whether a state that got out, not lost or delayed by a fault, has no answer."""
-        return self._inbox.newest < self._outlet.newest
+        return self._receiver.newest < self._state_publisher.newest
 
     def _on_command(self, message: JointState | bytes) -> None:
         if not self.active:
@@ -219,7 +220,7 @@ class SimNode(ManagedNode):
         except EncodingError as error:
             self._refusals.refuse('joint_command', error)
             return
-        self._inbox.put(sample.stamp, sample.name, np.array(sample.position))
+        self._receiver.put(sample.stamp, sample.name, np.array(sample.position))
         self._client_lives = True
         self._arrival.set()
 
@@ -235,7 +236,7 @@ class SimNode(ManagedNode):
         self._reset_wanted = True
 
     def _count_commanders(self) -> None:
-        self._inbox.publishers = self.count_publishers('joint_command')
+        self._receiver.publishers = self.count_publishers('joint_command')
 
     def _with(self, changes: dict[str, Any]) -> Faults:
         """The faults after changes of parameters; other parameters among them do not matter."""
@@ -247,8 +248,8 @@ class SimNode(ManagedNode):
     def _set_faults(self, changes: dict[str, Any]) -> None:
         faults = self._with(changes)
         self._plant.faults = faults
-        self._outlet.set_link(faults.states)
-        self._inbox.link = faults.commands
+        self._state_publisher.set_link(faults.states)
+        self._receiver.link = faults.commands
 
     def _tell_refusals(self) -> None:
         refused = self._session.answer_error

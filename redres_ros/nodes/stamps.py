@@ -2,7 +2,7 @@
 
 from builtin_interfaces.msg import Time
 
-from redres_ros.fri.robot_clock import NANOSECONDS
+from redres_ros.loop.cycle_counter import NANOSECONDS
 
 
 def to_time(stamp: int) -> Time:

@@ -10,8 +10,8 @@ from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.planner import Reference
-from redres_ros.task_run import RunState, TaskRun
+from redres_ros.planning.planner import Reference
+from redres_ros.planning.task_executor import TaskExecutor, TaskState
 
 TASK_STATE = 'planner/state'
 TASK_BEGUN = 'planner/begun'
@@ -26,21 +26,21 @@ class TaskTopics:
         run: What is told.
     """
 
-    def __init__(self, node: Node, frame: str, run: TaskRun) -> None:
+    def __init__(self, node: Node, frame: str, run: TaskExecutor) -> None:
         self._frame = frame
         self._run = run
         self._state_publisher = node.create_publisher(String, TASK_STATE, LATCHED)
         self._begun_publisher = node.create_publisher(Time, TASK_BEGUN, LATCHED)
         kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
         self._telemetry = Telemetry(node, kinds)
-        self._told_state: RunState | None = None
+        self._told_state: TaskState | None = None
         self._told_begun = 0
         self.tell()
 
     def tell(self) -> None:
         """Publish what has changed of the run since the last call."""
-        if self._run.begun != self._told_begun:
-            self._told_begun = self._run.begun
+        if self._run.start_stamp != self._told_begun:
+            self._told_begun = self._run.start_stamp
             self._begun_publisher.publish(to_time(self._told_begun))
         if self._run.state is not self._told_state:
             self._told_state = self._run.state

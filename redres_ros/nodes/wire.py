@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import RedresError
-from redres_ros.fri.robot_clock import NANOSECONDS
+from redres_ros.loop.cycle_counter import NANOSECONDS
 
 _LITTLE_ENDIAN = b'\x00\x01'  # plain CDR, what every DDS of ROS 2 sends on today's processors
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds

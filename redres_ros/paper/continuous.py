@@ -10,10 +10,11 @@ from scipy.integrate import solve_ivp
 
 from redres_ros.controller import SPEED_LIMIT
 from redres_ros.errors import RangeError, RedresError
+from redres_ros.interpolation import quintic
 from redres_ros.paper.second_order import Scheme
-from redres_ros.planner import Planner, quintic
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.waypoints import WaypointTask
 
 RTOL = 1e-10
 ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes

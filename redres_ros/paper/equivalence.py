@@ -12,9 +12,9 @@ from redres_ros.errors import RangeError
 from redres_ros.laws import make_law
 from redres_ros.paper.continuous import integrate
 from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
-from redres_ros.waypoints import WaypointTask
 
 ZERO = 1e-9  # [rad/s]; a difference up to here is taken for rounding
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2

@@ -8,19 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.fri.faulty_plant import FaultyPlant
-from redres_ros.fri.guard import Guard
-from redres_ros.fri.plant import MujocoPlant
-from redres_ros.fri.robot import Answer, FriRobot
-from redres_ros.fri.session import Session
+from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.faulty_plant import FaultyPlant
+from redres_ros.fake_robot.plant import MujocoPlant
+from redres_ros.fake_robot.robot import Answer, FakeRobot
+from redres_ros.fake_robot.session import Session
 from redres_ros.paper.savgol import MeasuredMotion, differentiate
 from redres_ros.paper.sensing import Recorder, Sensing
-from redres_ros.planner import Planner, Reference
+from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import PATIENCE, Client
 from redres_ros.simulation.recording import Recording, row
-from redres_ros.waypoints import WaypointTask
 
 # [s] for which the arm is still watched once the task is over or the robot has stopped
 AFTERMATH = 1.0
@@ -74,9 +74,9 @@ def experiment(
     """
     sensing = sensing or Sensing()
     plant = MujocoPlant(arm, client.T, task.start)
-    robot = FriRobot(
+    robot = FakeRobot(
         FaultyPlant(plant, sensing.faults, sensing.seed),
-        Guard(JointLimits.of(arm), client.T),
+        CommandValidator(JointLimits.of(arm), client.T),
         Session(client.T),
     )
     return _Run(client, task, robot, sensing).result()
@@ -86,13 +86,13 @@ class _Run:
     """One client at one robot."""
 
     def __init__(
-        self, client: Client, task: WaypointTask, robot: FriRobot, sensing: Sensing
+        self, client: Client, task: WaypointTask, robot: FakeRobot, sensing: Sensing
     ) -> None:
         self._client = client
         self._task = task
         self._robot = robot
         self._ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
-        self._lost: np.ndarray | None = None  # (m,) [m/s] of the last command
+        self._unachieved: np.ndarray | None = None  # (m,) [m/s] of the last command
         self._answer: Answer | None = None  # to the state of the tick before
         while not robot.session.commanding and not robot.session.reason:
             self._advance(robot.q)
@@ -129,13 +129,13 @@ class _Run:
 
     def _reference(self) -> Reference:
         x, _ = self._client.model.tip(self._robot.q)
-        return self._planner.reference(x, self._t + self._ahead, lost=self._lost)
+        return self._planner.reference(x, self._t + self._ahead, unachieved=self._unachieved)
 
     def _command(self, reference: Reference) -> Command:
         """A cycle in which the client answers with what it wants next."""
         command = self._client.update(self._robot.q, reference.dx)
         self._ahead -= (1.0 - command.s) * self._client.T
-        self._lost = command.lost
+        self._unachieved = command.unachieved
         self._recorder.add(self._robot.q)
         self._advance(command.q_ref)
         return command

@@ -241,7 +241,15 @@ class SecondOrderController:
         q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
         W = self.scheme.metric(state)
         self._last = Command(
-            dq, q_ref, state, self.T, state.J[:3], W, s=1.0, limiting='', lost=np.zeros(3)
+            dq,
+            q_ref,
+            state,
+            self.T,
+            state.J[:3],
+            W,
+            s=1.0,
+            active_limits='',
+            unachieved=np.zeros(3),
         )
         self._dx_prev = dx
         return self._last

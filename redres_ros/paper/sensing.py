@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.fri.faults import Faults
+from redres_ros.fake_robot.faults import Faults
 from redres_ros.parameter import check_parameters, param
 
 

@@ -1,6 +1,6 @@
 """The preferences by name. A new preference is one small class and one line in this table."""
 
-from redres_ros.installed import installed
+from redres_ros.files.installed import installed
 from redres_ros.parameter import make
 from redres_ros.preferences.joints import JointCentering, Posture
 from redres_ros.preferences.preference import Preference

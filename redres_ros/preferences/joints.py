@@ -43,5 +43,5 @@ class Posture(Preference):
         ddq_N: np.ndarray = -self.gain * (state.q - target)
         return ddq_N
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         return replace(self, target=self.target or tuple(state.q.tolist()))

@@ -27,6 +27,6 @@ class Preference(ABC):
     def acceleration(self, state: RobotState) -> np.ndarray:
         """ddq_N, (n,) [rad/s^2]."""
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         """The same preference; what was left open is what it is at this state."""
         return self

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.chain import UNLIMITED_EFFORT, settle_chain, tree_to
-from redres_ros.robots.hold import hold_the_rest
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
 from redres_ros.robots.kinematics import Kinematics
+from redres_ros.robots.lock_joints import lock_joints
 from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
@@ -168,7 +168,7 @@ class Arm:
         tree = tree_to(urdf, (self.tip_frame, *self.other_tips))
         if self.elbow_frame:
             urdf.check_link(self.elbow_frame)
-        remarks = settle_chain(urdf, tree) + hold_the_rest(urdf, tree)
+        remarks = settle_chain(urdf, tree) + lock_joints(urdf, tree)
         self._check_sizes([joint.name for joint in tree if joint.type != 'fixed'])
         self._set_efforts(tree)
         if self.dynamics == 'cylinders':

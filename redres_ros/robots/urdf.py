@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
-from redres_ros.text_file import read_file
+from redres_ros.files.text import read_file
 
 _LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand
 _MOST_JOINTS = 500  # humanoids with hands have two hundred; with a thousand a node thinks for long

@@ -10,10 +10,10 @@ from redres_ros.command import Command
 from redres_ros.controller import SPEED_LIMIT, Controller
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.laws import Law
-from redres_ros.planner import Planner
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, row
-from redres_ros.waypoints import WaypointTask
 
 PATIENCE = 3.0  # a task may take this many times its nominal duration
 
@@ -114,7 +114,7 @@ class _Loop:
         self._q = task.start
         self._on_the_way = deque([task.start] * delay)  # references not yet taken up
         self._late = 0.0  # [s] by which the planner's clock is behind
-        self._lost: np.ndarray | None = None  # of the last task velocity, (m,)
+        self._unachieved: np.ndarray | None = None  # of the last task velocity, (m,)
         self._rows: list[list[float]] = []
 
     def advance(self, t: float) -> bool:
@@ -124,7 +124,9 @@ class _Loop:
         """
         x, R = self._controller.model.tip(self._q)
         R_of_task = R if self._turns else None
-        reference = self._planner.reference(x, t - self._late, R_of_task, lost=self._lost)
+        reference = self._planner.reference(
+            x, t - self._late, R_of_task, unachieved=self._unachieved
+        )
         if reference.finished:
             return True
         command = self._controller.update(self._q, reference.dx)
@@ -133,7 +135,7 @@ class _Loop:
             raise DivergedError(speed, SPEED_LIMIT, 'the scheme')
         self._rows.append(row(t, command, reference))
         self._late += (1.0 - command.s) * self._controller.T
-        self._lost = command.lost
+        self._unachieved = command.unachieved
         self._on_the_way.append(command.q_ref)
         self._q = self._on_the_way.popleft()
         return False

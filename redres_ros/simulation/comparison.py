@@ -159,7 +159,7 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
 
 def label(law: Law) -> str:
     """What tells a law from others, as 'minimum_acceleration, k_d = 5 1/s'."""
-    if not law.remembers:
+    if not law.has_memory:
         return law_name(law)
     return f'{law_name(law)}, k_d = {plain(law.damping)} 1/s'
 

@@ -9,13 +9,13 @@ from rich.table import Table
 
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.comparison import first_violation
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import table
-from redres_ros.waypoints import WaypointTask
 
 DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
 GOOD = 1.25  # times the least peak of a task

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask
 
 _BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
 _ARROW = 0.08  # [m]

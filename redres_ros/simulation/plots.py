@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.errors import FileError
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.paths import draw_paths
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask
 
 NORMS = {
     'joint_acceleration_norm': r'acceleration $\Vert\ddot q\Vert$ [rad/s$^2$]',

@@ -10,7 +10,7 @@ import numpy as np
 
 from redres_ros.command import FIGURES, Command, norm
 from redres_ros.errors import FileError
-from redres_ros.planner import Reference
+from redres_ros.planning.planner import Reference
 
 
 def columns(n: int, pose: bool = False) -> tuple[str, ...]:

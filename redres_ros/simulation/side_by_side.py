@@ -11,13 +11,13 @@ from redres_ros.controller import Controller
 from redres_ros.errors import ArrayError
 from redres_ros.laws import Law, make_law
 from redres_ros.limits import Limit
-from redres_ros.parameter import several
+from redres_ros.parameter import as_tuple
+from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.comparison import Effort, label, picture, tables
 from redres_ros.simulation.plots import save
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask, load_task
 
 _WIDTH = 160  # columns of a table
 
@@ -67,10 +67,10 @@ def compare(
     if not isinstance(task, WaypointTask):
         task = load_task(str(task))
     model = model or RobotModel.named(task.robot)
-    limits = several(limits)
+    limits = as_tuple(limits)
     recordings = {}
     efforts = {}
-    for each in several(laws):
+    for each in as_tuple(laws):
         law = make_law(each) if isinstance(each, str) else each
         name = label(law)
         recordings[name] = run(Controller(model, law, T, limits=limits), task)

@@ -1,6 +1,6 @@
 """The tasks by name. A new task is one small class and one line in this table."""
 
-from redres_ros.installed import installed
+from redres_ros.files.installed import installed
 from redres_ros.parameter import make
 from redres_ros.tasks.joints import Elbow, Joint
 from redres_ros.tasks.task import Task

@@ -30,7 +30,7 @@ class Elbow(Task):
     def error(self, state: RobotState) -> np.ndarray:
         return np.array(self.target) - state.pose(state.model.elbow_frame)[0]
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         x, _ = state.pose(state.model.elbow_frame)
         return replace(self, target=self.target or tuple(x.tolist()))
 
@@ -55,7 +55,7 @@ class Joint(Task):
     def error(self, state: RobotState) -> np.ndarray:
         return np.array(self.target) - state.q[self._index(state.model)]
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         angle = float(state.q[self._index(state.model)])
         return replace(self, target=self.target or (angle,))
 

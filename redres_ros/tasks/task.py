@@ -35,7 +35,7 @@ class Task(ABC):
         """e, (m,): what J dq has to bring about to reach the target; the target is not open."""
 
     @abstractmethod
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         """The same task; an open target is what it is at this state."""
 
     def velocity(self, state: RobotState) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.turn import part_of_turn, turn_between
+from redres_ros.kernels.rotation_error import part_of_turn, rotation_error
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
@@ -36,7 +36,7 @@ class Position(FrameTask):
     def error(self, state: RobotState) -> np.ndarray:
         return np.array(self.target) - state.pose(self.frame)[0]
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         x, _ = state.pose(self.frame)
         return replace(self, target=self.target or tuple(x.tolist()))
 
@@ -62,7 +62,7 @@ class Orientation(FrameTask):
         return state.jacobian_derivatives(self.frame)[:, 3:]
 
     def error(self, state: RobotState) -> np.ndarray:
-        e: np.ndarray = turn_between(state.rotation(self.frame), self._wanted)
+        e: np.ndarray = rotation_error(state.rotation(self.frame), self._wanted)
         return e
 
     def velocity(self, state: RobotState) -> np.ndarray:
@@ -76,7 +76,7 @@ class Orientation(FrameTask):
         """The target as a matrix, (3, 3)."""
         return from_quaternion(np.array(self.target))
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         _, R = state.pose(self.frame)
         return replace(self, target=self.target or tuple(to_quaternion(R).tolist()))
 
@@ -103,7 +103,7 @@ class Pose(FrameTask):
 
     def error(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
-        turn = turn_between(R, self._wanted)
+        turn = rotation_error(R, self._wanted)
         return np.concatenate((np.array(self.target[:3]) - x, turn))
 
     @cached_property
@@ -111,7 +111,7 @@ class Pose(FrameTask):
         """The target's orientation as a matrix, (3, 3)."""
         return from_quaternion(np.array(self.target[3:]))
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         x, R = state.pose(self.frame)
         here = (*x.tolist(), *to_quaternion(R).tolist())
         return replace(self, target=self.target or here)
@@ -161,7 +161,7 @@ class Axis(FrameTask):
         e: np.ndarray = across.T.dot(turn)
         return e
 
-    def begun(self, state: RobotState) -> Self:
+    def with_initial_targets(self, state: RobotState) -> Self:
         _, R = state.pose(self.frame)
         return replace(self, target=self.target or tuple(R.dot(_unit(self.axis)).tolist()))
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import viser
 
-from redres_ros.fri.faults import Faults
+from redres_ros.fake_robot.faults import Faults
 from redres_ros.graph.client import CallError
 from redres_ros.graph.remote import Remote
 from redres_ros.graph.settings import credible

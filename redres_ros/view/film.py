@@ -10,10 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from redres_ros.errors import FileError, RedresError
-from redres_ros.fri.render import Film, render
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask
+from redres_ros.simulation.render import Film, render
 
 FORMATS = ('.mp4', '.webp', '.gif')
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import viser
 
+from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.remote import Remote
 from redres_ros.graph.settings import Values, points_of
-from redres_ros.graph.spectator import Spectator
 from redres_ros.view import words
 from redres_ros.view.controls import Controls
 from redres_ros.view.plots import Plots
+from redres_ros.view.ring_buffer import RingBuffer
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.trail import Trail
 
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, ways and words to the next
@@ -36,16 +36,16 @@ class Page:
         RedresError: It has an arm or a task that is not known here.
     """
 
-    def __init__(self, server: viser.ViserServer, spectator: Spectator, remote: Remote) -> None:
+    def __init__(self, server: viser.ViserServer, spectator: GraphMonitor, remote: Remote) -> None:
         self._server = server
-        self._spectator = spectator
+        self._monitor = spectator
         values = {'controller': remote.parameters('controller'), 'sim': _of_sim(remote)}
         self._arm = LiveArm(spectator, values['controller'])
         model = self._arm.model
         self._scene = ArmScene(server, model, points_of(remote.parameters('planner'), model))
         self._add_panels(remote, values)
-        self._figures = Trail(_PLOTTED)
-        self._ways = {way: Trail(_TRACED) for way in self._scene.ways(self._arm.q)}
+        self._figures = RingBuffer(_PLOTTED)
+        self._ways = {way: RingBuffer(_TRACED) for way in self._scene.ways(self._arm.q)}
         self._shown = np.full(model.n, np.nan)  # q of the newest picture
         spectator.on_parameters = self._on_parameters
 
@@ -97,7 +97,7 @@ class Page:
             self._scene.show(self._shown)
 
     def _show_slowly(self) -> None:
-        self._state.content = words.state(self._spectator.words, self._spectator.health())
+        self._state.content = words.state(self._monitor.words, self._monitor.health())
         arm = self._arm
         self._bars.content = words.joints(arm.model.joint_names, arm.shares, arm.acting)
         for way, trail in self._ways.items():

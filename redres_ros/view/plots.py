@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from redres_ros.nodes.glance import Figures
+from redres_ros.nodes.controller_snapshot import Figures
 
 _HEIGHT = 92  # [pixels]
 _ZERO = np.zeros(2)

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from redres_ros.errors import FileError
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.view.gate import CONTENT, close_server, free_port, open_server
+from redres_ros.view.origin_check import CONTENT, close_server, free_port, open_server
 from redres_ros.view.scene import ArmScene
-from redres_ros.waypoints import WaypointTask
 
 _RATE = 20.0  # pictures a second
 _TRACED = 4  # pictures from one drawing of the ways to the next

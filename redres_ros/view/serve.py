@@ -5,14 +5,14 @@ import sys
 import threading
 from dataclasses import dataclass
 
+from redres_ros.files.plugins import load_plugins
+from redres_ros.graph.graph_monitor import NICENESS, GraphMonitor
 from redres_ros.graph.remote import Remote
-from redres_ros.graph.spectator import NICENESS, Spectator
 from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
-from redres_ros.plugins import load_plugins
-from redres_ros.view.gate import ADDRESS, close_server, open_server
+from redres_ros.view.origin_check import ADDRESS, close_server, open_server
 from redres_ros.view.page import Page
 
 
@@ -27,7 +27,7 @@ class ViewParameters:
     patience: float = param(10.0, 'how long a graph may take to appear [s]', 0.0, 600.0)
 
 
-class ViewNode(Spectator):
+class ViewNode(GraphMonitor):
     """Serves a page of the graph in its domain and namespace."""
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class ViewNode(Spectator):
 
         Raises:
             CallError: No graph has appeared.
-            GateError: A server that would let in strangers.
+            OriginError: A server that would let in strangers.
         """
         if not self._remote.await_nodes(stopped, waiting, self._settings.patience):
             return

@@ -4,16 +4,16 @@ import os
 import sys
 import threading
 
-from redres_ros.fri.window import opened
+from redres_ros.graph.graph_monitor import NICENESS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.remote import Remote
-from redres_ros.graph.spectator import NICENESS, Spectator
 from redres_ros.nodes.runtime import Waiting, run_nodes
+from redres_ros.view.mujoco_window import opened
 
 _PERIOD = 0.02  # [s] from one look at the arm to the next
 
 
-class WindowNode(Spectator):
+class WindowNode(GraphMonitor):
     """Shows the arm of the graph in its domain and namespace."""
 
     def __init__(self) -> None:

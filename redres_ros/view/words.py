@@ -5,7 +5,7 @@ from html import escape
 
 import numpy as np
 
-from redres_ros.graph.spectator import NODES
+from redres_ros.graph.graph_monitor import NODES
 from redres_ros.graph.watch_page import is_near_an_end
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from redres_ros.paper.apart import Apart
 from redres_ros.paper.claims.claim import Claim, Finding
 from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.figures.runs import Runs
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion, differentiate
+from redres_ros.paper.velocity_difference import VelocityDifference
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask
 
 # share of the largest velocity up to which two experiments count as practically the same
 _PRACTICAL = 0.02
@@ -96,22 +96,22 @@ def alike(runs: Runs) -> Finding:
 
 def practically_23(runs: Runs) -> Finding:
     """Two experiments, both measured."""
-    return _practically(runs.apart_23)
+    return _practically(runs.difference_23)
 
 
 def practically_35(runs: Runs) -> Finding:
     """Two experiments, both measured."""
-    return _practically(runs.apart_35)
+    return _practically(runs.difference_35)
 
 
 def plotted_23(runs: Runs) -> Finding:
     """The quantity of Fig. 13."""
-    return _plotted(runs.apart_23)
+    return _plotted(runs.difference_23)
 
 
 def plotted_35(runs: Runs) -> Finding:
     """The quantity of Fig. 16."""
-    return _plotted(runs.apart_35)
+    return _plotted(runs.difference_35)
 
 
 def reverse_order(runs: Runs) -> Finding:
@@ -126,7 +126,7 @@ def reverse_order(runs: Runs) -> Finding:
     )
 
 
-def _practically(apart: Apart) -> Finding:
+def _practically(apart: VelocityDifference) -> Finding:
     largest = float(apart.measured.max())
     speed = float(apart.dq.max())
     return Finding(
@@ -138,7 +138,7 @@ def _practically(apart: Apart) -> Finding:
     )
 
 
-def _plotted(apart: Apart) -> Finding:
+def _plotted(apart: VelocityDifference) -> Finding:
     at = int(np.argmax(apart.total))
     largest = float(apart.total[at])
     speed = float(apart.dq.max())

@@ -121,11 +121,13 @@ def resting_place(runs: Runs) -> Finding:
     start = runs.task.start
     dq = first
     q = start
-    forgetting = make_law('minimum_acceleration', damping=SIMULATION_DAMPING).forgetting(T)
+    forgetting_factor = make_law(
+        'minimum_acceleration', damping=SIMULATION_DAMPING
+    ).forgetting_factor(T)
     for _ in range(5000):
         q = q + T * dq
-        dq = resolve(np.zeros((3, 7)), np.zeros(3), forgetting * dq)  # Eq. (B.1)
-    miss = float(np.abs(q - (start + T * first / (1.0 - forgetting))).max())
+        dq = resolve(np.zeros((3, 7)), np.zeros(3), forgetting_factor * dq)  # Eq. (B.1)
+    miss = float(np.abs(q - (start + T * first / (1.0 - forgetting_factor))).max())
     return Finding(miss <= 1e-12, f'the joints rest {miss:.1e} rad from where Eq. (B.2) says')
 
 

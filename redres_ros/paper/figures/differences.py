@@ -5,7 +5,6 @@ that they come from.
 import numpy as np
 from matplotlib.figure import Figure
 
-from redres_ros.paper.apart import Apart
 from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.figures.naming import gain, title
 from redres_ros.paper.figures.runs import (
@@ -15,6 +14,7 @@ from redres_ros.paper.figures.runs import (
     SIMULATION_T,
     Runs,
 )
+from redres_ros.paper.velocity_difference import VelocityDifference
 from redres_ros.simulation.recording import Recording
 
 _ROUNDING = 1e-17, 1e2  # of the axis [rad/s]: from below rounding to above any speed of the arm
@@ -40,13 +40,13 @@ def figure_8(runs: Runs) -> Figure:
 def figure_13(runs: Runs) -> Figure:
     """Experiment: law (23) against scheme (22)."""
     text = f'{_PAIR_23}{gain(EXPERIMENT_T, EXPERIMENT_DAMPING)}, T = 2 ms'
-    return _experiments(title(13, 'Experiments', text), runs.apart_23)
+    return _experiments(title(13, 'Experiments', text), runs.difference_23)
 
 
 def figure_16(runs: Runs) -> Figure:
     """Experiment: law (35) against scheme (29)."""
     text = f'{_PAIR_35}{gain(EXPERIMENT_T, 1.0 / EXPERIMENT_T)},\npoints in reverse order, T = 2 ms'
-    return _experiments(title(16, 'Experiments', text), runs.apart_35)
+    return _experiments(title(16, 'Experiments', text), runs.difference_35)
 
 
 def _simulations(heading: str, law: Recording, scheme: Recording) -> Figure:
@@ -58,7 +58,7 @@ def _simulations(heading: str, law: Recording, scheme: Recording) -> Figure:
     return _draw(heading, law['t'], curves, _ROUNDING)
 
 
-def _experiments(heading: str, apart: Apart) -> Figure:
+def _experiments(heading: str, apart: VelocityDifference) -> Figure:
     """The paper's quantity, and what it consists of."""
     curves = {
         _SCALE: apart.dq,

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
-from redres_ros.fri.render import AZIMUTH, ELEVATION, Film, RenderError, render
 from redres_ros.paper.figures.naming import law, title
 from redres_ros.paper.figures.runs import (
     EXPERIMENT_DAMPING,
@@ -16,10 +15,11 @@ from redres_ros.paper.figures.runs import (
     SIMULATION_T,
     Runs,
 )
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.paths import draw_paths
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask
+from redres_ros.simulation.render import AZIMUTH, ELEVATION, Film, RenderError, render
 
 PICTURES = (2, 3)  # rows and columns of pictures, evenly spaced in time
 

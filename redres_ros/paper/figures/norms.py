@@ -17,10 +17,10 @@ from redres_ros.paper.figures.runs import (
     Runs,
 )
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import NORMS, draw_norm
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 

@@ -10,7 +10,6 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.laws import make_law
 from redres_ros.paper import saturation
-from redres_ros.paper.apart import Apart
 from redres_ros.paper.equivalence import (
     SIMULATION_DYNAMICS,
     Convergence,
@@ -22,12 +21,13 @@ from redres_ros.paper.experiment import Experiment, experiment
 from redres_ros.paper.saturation import Saturated
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.paper.sensing import as_in_the_paper
+from redres_ros.paper.velocity_difference import VelocityDifference
+from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.simulation.closed_loop import Client, run
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording
-from redres_ros.waypoints import WaypointTask, load_task
 
 SIMULATION_T = 0.001
 EXPERIMENT_T = 0.002  # [s]
@@ -176,14 +176,14 @@ class Runs:
         return saturation.run(saturation.PLANAR)
 
     @property
-    def apart_23(self) -> Apart:
+    def difference_23(self) -> VelocityDifference:
         """Law (23) and scheme (22) in experiments of their own."""
-        return Apart.of(self.experiment_damped_unblended, self.experiment_22)
+        return VelocityDifference.of(self.experiment_damped_unblended, self.experiment_22)
 
     @property
-    def apart_35(self) -> Apart:
+    def difference_35(self) -> VelocityDifference:
         """Law (35) and scheme (29) in experiments of their own."""
-        return Apart.of(self.experiment_35_unblended, self.experiment_29)
+        return VelocityDifference.of(self.experiment_35_unblended, self.experiment_29)
 
     # --- laws beside their schemes ----------------------------------------------------------------
 

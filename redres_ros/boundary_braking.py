@@ -1,0 +1,180 @@
+"""The end of the reach, under limits: how fast the arm may go towards it.
+
+Beside the stretched arm a tip speed rho along the arm takes joint speeds of rho / sigma, where
+sigma is the singular value of that direction u. With v the joint motion that belongs to it, and
+
+    h = -v' H v,    H = sum_c u_c dJ_c/dq,
+
+sigma becomes smaller by h a radian, so that the joints have to accelerate by h rho^2 / sigma^3.
+Where that is more than they can, they cannot keep the tip at its speed any further. Nor could they
+stop where the arm is stretched: it would bend to the other side, and back, again and again. So the
+tip goes on with what they can,
+
+    rho <= sqrt(a sigma^3 / h),
+
+from which they brake with a / 2 and come to rest where the arm is stretched; a is the acceleration
+along v at which the first joint is at its limit. The rest of rho is lost, and the other directions
+go on as ever.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.kernels.closed_form import SINGULAR_RATIO
+from redres_ros.kernels.conditioning import is_far
+from redres_ros.policy import Solution, scaled
+from redres_ros.resolution import Level, resolve_one
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.tasks import Task
+
+_NOTHING = 1e-9  # of dx, is not asked for
+# of the curvature towards the end; a self-motion that bends less the other way is no way on
+_NO_WAY = 0.1
+
+
+class EndOfReach(NamedTuple):
+    """Directions of a task in which the arm nears its end too fast, and the others.
+
+    Attributes:
+        ended: (k, m) orthonormal rows.
+        others: (m - k, m) orthonormal rows.
+        most: (k,) the speed from which the arm can stop in the ended ones.
+    """
+
+    ended: np.ndarray
+    others: np.ndarray
+    most: np.ndarray
+
+
+def end_of_reach(
+    J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, ddq_max: np.ndarray, near: float
+) -> EndOfReach | None:
+    """The directions in which the arm would be too fast to stop at the end of its reach, or None.
+
+    Args:
+        J: (m, n) Jacobian of the task, with comparable rows.
+        dJ: (n, m, n) its derivatives by each joint.
+        dx: (m,) what is asked for.
+        ddq_max: (n,) [rad/s^2] the acceleration limits.
+        near: Share of the largest singular value below which a direction is beside its end.
+    """
+    U, s, Vt = np.linalg.svd(J)
+    rho = U.T.dot(dx)  # (m,)
+    most = np.full(len(rho), np.inf)
+    is_asked = np.abs(rho) > _NOTHING * np.linalg.norm(dx)
+    for i in range(len(s)):
+        if is_asked[i] and s[i] < near * s[0]:
+            H = np.einsum('c,icj->ij', np.copysign(1.0, rho[i]) * U[:, i], dJ)  # (n, n)
+            most[i] = _fastest(i, (H + H.T) / 2.0, s, Vt, ddq_max)
+    is_ended = np.abs(rho) > most
+    if not is_ended.any():
+        return None
+    return EndOfReach(U.T[is_ended], U.T[~is_ended], most[is_ended])
+
+
+def _fastest(i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: np.ndarray) -> float:
+    """The speed from which the arm can stop where direction i ends; infinite where it does not.
+
+    Args:
+        i: Of the singular directions.
+        H: (n, n) curvature of the way in this direction, symmetric.
+        s: (k,) singular values.
+        Vt: (n, n) right singular vectors in its rows.
+        ddq_max: (n,) [rad/s^2].
+    """
+    v = Vt[i]
+    h = -float(v.dot(H).dot(v))
+    if h <= 0.0:
+        return np.inf
+    is_free = np.ones(len(Vt), bool)
+    is_free[: len(s)] = s < SINGULAR_RATIO * s[0]
+    is_free[i] = True
+    Z = Vt[is_free]  # joint motions that leave the other directions alone
+    curvatures = np.linalg.eigvalsh(Z.dot(H).dot(Z.T))
+    if curvatures[-1] > -_NO_WAY * curvatures[0]:
+        return np.inf  # a self-motion leads on
+    a = float((ddq_max / np.maximum(np.abs(v), _NOTHING)).min())
+    return float(np.sqrt(a * s[i] ** 3 / h))
+
+
+class BoundaryBraking:
+    """Slows down an answer that goes too fast towards the end of the reach.
+
+    Args:
+        task: The first one.
+        model: The arm.
+        ddq_max: (n,) [rad/s^2] the acceleration limits.
+        near: Share of the largest singular value below which a direction is beside its end. Farther
+            off, limits make the arm slower on its path, and it may well stop in time.
+    """
+
+    def __init__(self, task: Task, model: RobotModel, ddq_max: np.ndarray, near: float) -> None:
+        self._task = task
+        self._scale = task.row_scale(model)
+        self._ddq_max = ddq_max
+        self._near = near
+
+    def end(self, answer: Solution, start: RobotState) -> EndOfReach | None:
+        """Where the answer goes too fast; None where it does not.
+
+        Args:
+            answer: What a motion would do.
+            start: State at the reference that is integrated.
+        """
+        J, dx = scaled(answer.J, _wanted(answer), self._scale)
+        if is_far(J, self._near):
+            return None
+        dJ = self._task.derivatives(start)
+        if dJ is None:
+            return None
+        if self._scale is not None:
+            dJ = self._scale[:, None] * dJ
+        return end_of_reach(J, dJ, dx, self._ddq_max, self._near)
+
+    def slowed(self, answer: Solution, end: EndOfReach) -> Solution:
+        """The answer with the speed from which the arm can stop.
+
+        Args:
+            answer: What a motion would do.
+            end: Where it goes too fast.
+        """
+        J, executed = scaled(answer.J, answer.executed, self._scale)
+        rho = end.ended.dot(executed)
+        excess = end.ended.T.dot(rho - np.clip(rho, -end.most, end.most))  # (m,)
+        less, _ = resolve_one(J, excess, np.zeros(len(answer.dq)), answer.W)
+        dq = answer.dq - less
+        executed = answer.J.dot(dq)
+        return replace(answer, dq=dq, executed=executed, unachieved=_wanted(answer) - executed)
+
+    def levels(self, answer: Solution, end: EndOfReach) -> list[Level]:
+        """The first task as two: what goes on as ever, and below it where the reach ends.
+
+        Args:
+            answer: What a motion would do.
+            end: Where the reach ends.
+        """
+        J, executed = scaled(answer.J, answer.executed, self._scale)
+        ways = (end.others, end.ended)
+        return [(rows.dot(J), rows.dot(executed)) for rows in ways if len(rows)]
+
+    def unachieved(self, answer: Solution, dq: np.ndarray, end: EndOfReach) -> np.ndarray:
+        """The part of dx that is not executed, (m,), where a velocity differs from the answer's.
+
+        Args:
+            answer: The slowed one.
+            dq: (n,) [rad/s] the velocity.
+            end: Where the reach ends.
+        """
+        _, left = scaled(answer.J, answer.executed - answer.J.dot(dq), self._scale)
+        left = end.ended.T.dot(end.ended.dot(left))
+        if self._scale is not None:
+            left = left / self._scale
+        unachieved: np.ndarray = left if answer.unachieved is None else left + answer.unachieved
+        return unachieved
+
+
+def _wanted(answer: Solution) -> np.ndarray:
+    """dx, (m,)."""
+    return answer.executed if answer.unachieved is None else answer.executed + answer.unachieved

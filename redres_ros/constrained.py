@@ -1,0 +1,151 @@
+"""The same optimum under limits: of the joint velocities that keep them, the best.
+
+In order of priority, each level kept as well as the ones before it allow:
+
+1. the box, lower <= dq <= upper, always;
+2. rows, low <= C dq <= high, group after group, with the least sum of squares of the excess;
+3. the first task with its direction kept, J dq = s dx with the largest s in [0, 1]; where no s will
+   do, the least |J dq - s dx|, and then the largest s;
+4. the other tasks with the least |J dq - dx|, one after the other;
+5. the law, with the least 1/2 (dq - b)' W (dq - b).
+
+The caller knows dq_free, the same optimum without limits (resolution.py). It is the answer where it
+keeps them all. Where not, it takes the place of b in level 5: W (dq_free - b) is orthogonal to all
+motion that leaves J dq as it is, so both have the same minimum. This file knows no limit, task or
+law by name; the numerical work is done in kernels/hierarchical_qp.py.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.kernels.arithmetic import within
+from redres_ros.kernels.hierarchical_qp import hierarchical_qp
+from redres_ros.resolution import Factor, Level, Weight, stacked
+
+Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
+
+NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
+
+_NO_WEIGHT = np.zeros((0, 0))
+_NO_VALUES = np.zeros(0)
+
+
+class Constrained(NamedTuple):
+    """A joint velocity that keeps the box, and what had to give way for it."""
+
+    dq: np.ndarray  # (n,) [rad/s]
+    s: float = 1.0  # the share of the first task's velocity that is executed
+    error: float = 0.0  # |J dq - s dx| of the first task; more than rounding where no s would do
+    excess: float = 0.0  # of the rows, the root of the sum of squares
+    limiting: int = -1  # the limit that resists hardest: joints first, then rows; -1 for none
+    side: int = 0  # of that limit: +1 its upper bound, -1 its lower one
+    solved: bool = True  # False where a level stopped before its optimum
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether rows or the first task's direction could not be kept."""
+        return not self.solved or self.excess > NOTICEABLE or self.error > NOTICEABLE
+
+    @property
+    def reason(self) -> str:
+        """What could not be kept, in a few words; empty if everything could."""
+        reasons = []
+        if not np.isfinite(self.excess + self.error):
+            return 'the input is not finite, so the arm brakes'
+        if self.excess > NOTICEABLE:
+            reasons.append(f'limits exceeded by {self.excess:.3g}')
+        if self.error > NOTICEABLE:
+            reasons.append(f'no share of the task velocity will do, off by {self.error:.3g}')
+        if not self.solved:
+            reasons.append('stopped before the optimum')
+        return '; '.join(reasons)
+
+
+def solve_constrained(
+    dq_free: np.ndarray,
+    W: Weight,
+    tasks: Sequence[Level],
+    box: Box,
+    rows: Sequence[Rows] = (),
+    active_set: np.ndarray | None = None,
+) -> Constrained:
+    """The optimum under limits; dq_free itself, the same array, where that keeps them.
+
+    Args:
+        dq_free: (n,) [rad/s] the optimum without limits.
+        W: (n, n) the law's weight, or its Factor; None for the identity.
+        tasks: (J, dx) of each task, in order of priority; beside a singularity without the
+            directions that dq_free does not execute.
+        box: (lower, upper), both (n,) [rad/s], with lower <= upper.
+        rows: (C, low, high) of each group of other limits, in order of priority.
+        active_set: (n + 1,) of int64, what the search of the tick before left behind, at first zeros. It
+            shortens this one, and is overwritten. None: there was none.
+
+    Returns:
+        The velocity, always finite and in the box, and what gave way for it. Where the input is not
+        finite it is the one nearest to standing still.
+    """
+    lower, upper = box
+    if within(dq_free, lower, upper) and keeps_rows(dq_free, rows):
+        return Constrained(dq_free)
+    J, dx, sizes = _stacked_tasks(tasks, len(dq_free))
+    C, low, high, groups = _stacked_rows(rows, len(dq_free))
+    weight, is_factor = _weight(W)
+    if active_set is None:
+        active_set = np.zeros(len(dq_free) + 1, np.int64)
+    return Constrained(
+        *hierarchical_qp(
+            dq_free, weight, is_factor, J, dx, sizes, lower, upper, C, low, high, groups, active_set
+        )
+    )
+
+
+def keeps_rows(dq: np.ndarray, rows: Sequence[Rows]) -> bool:
+    """Whether a velocity keeps the limits that are not boxes.
+
+    Args:
+        dq: (n,) [rad/s].
+        rows: (C, low, high) of each group.
+    """
+    return all(within(C.dot(dq), low, high) for C, low, high in rows)
+
+
+def _weight(W: Weight) -> tuple[np.ndarray, bool]:
+    """W or its factor, and which of the two it is; an empty W for the identity."""
+    if W is None:
+        return _NO_WEIGHT, False
+    if isinstance(W, Factor):
+        return W.F, True
+    return W, False
+
+
+def _stacked_tasks(tasks: Sequence[Level], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """J (m, n) and dx (m,) of all tasks, and the number of rows of each; of none, an empty one."""
+    J, dx = stacked(tasks, n)
+    return J, dx, _sizes(tuple(len(dx) for _, dx in tasks) or (0,))
+
+
+def _stacked_rows(
+    rows: Sequence[Rows], n: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """C (r, n), low and high (r,) of all rows, and the number of rows in each group."""
+    if not rows:
+        return _no_rows(n)
+    C = np.concatenate([C for C, _, _ in rows])
+    low = np.concatenate([low for _, low, _ in rows])
+    high = np.concatenate([high for _, _, high in rows])
+    return C, low, high, _sizes(tuple(len(low) for _, low, _ in rows))
+
+
+@lru_cache
+def _sizes(sizes: tuple[int, ...]) -> np.ndarray:
+    return np.array(sizes, np.int64)
+
+
+@lru_cache
+def _no_rows(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros((0, n)), _NO_VALUES, _NO_VALUES, _sizes(())

@@ -1,0 +1,175 @@
+"""The one door for answers: which state each one answers, or why it is refused."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.fake_robot.network_model import Link, NetworkModel
+from redres_ros.fake_robot.robot import Answer
+from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
+from redres_ros.fake_robot.session import AnswerError, Refusal, Session
+from redres_ros.fake_robot.timing import WINDOW
+
+_CONTEST = 1.0  # [s] for which publishers count as rivals after a state was answered twice
+
+
+class _ArrivedCommand(NamedTuple):
+    """What a client sent, as it came."""
+
+    stamp: int  # [ns] of the state that it answers
+    names: Sequence[str]
+    positions: np.ndarray  # [rad], one for each name, if all is well
+    time: float  # [s] on the monotonic clock
+    again: bool  # whether that state, or a later one, had been answered before
+    tick: int = 0  # at which the robot's network took it
+
+
+class CommandReceiver:
+    """Judges what clients send: valid answers go to the robot, the others into the session's books.
+
+    Whoever receives calls `put`, in any thread; the robot's loop calls `take`.
+
+    Args:
+        joint_names: Joints of the arm, in the order of every array.
+        clock: Whose stamps the states have.
+        session: Counts what is refused.
+        link: What the transport does to answers.
+        seed: Of the link's chance.
+        timed: Whether latencies are measured. In lock-step they mean nothing.
+
+    Attributes:
+        publishers: How many there are in the graph. While more than one of them answers, nobody's
+            answers are taken. One that was killed stays in the graph for some 20 s, but is silent.
+        newest: Stamp [ns] of the state that was answered last.
+    """
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        clock: RobotClock,
+        session: Session,
+        *,
+        link: Link | None = None,
+        seed: int = 0,
+        timed: bool = True,
+    ) -> None:
+        self.publishers = 1
+        self.newest = 0
+        self._joint_names = tuple(joint_names)
+        self._clock = clock
+        self._session = session
+        self._timed = timed
+        self._arrivals: deque[_ArrivedCommand] = deque()
+        self._under_way: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands', link)
+        self._contested_at = -math.inf  # [s] when a state was last answered again
+        self._answered = -1  # tick of the newest valid answer
+
+    @property
+    def link(self) -> Link:
+        """What the transport does to answers; may be set at any time."""
+        return self._under_way.link
+
+    @link.setter
+    def link(self, link: Link) -> None:
+        self._under_way.link = link
+
+    def put(self, stamp: int, names: Sequence[str], positions: np.ndarray) -> None:
+        """Note what a client has sent.
+
+        Args:
+            stamp: That of the state which it answers [ns].
+            names: Its joints, in any order.
+            positions: Their commanded positions, not kept by the caller [rad].
+        """
+        again = stamp <= self.newest
+        self.newest = stamp
+        self._arrivals.append(_ArrivedCommand(stamp, names, positions, time.monotonic(), again))
+
+    def take(self, tick: int) -> list[Answer]:
+        """The valid answers that have come since the last call, in the order of the ticks answered.
+
+        A second answer to the same state counts as none.
+
+        Args:
+            tick: The present one, whose state is not out yet.
+
+        Returns:
+            Answers to earlier ticks, each to a later one than the answer before.
+        """
+        while self._arrivals:
+            arrival = self._arrivals.popleft()._replace(tick=tick)
+            if arrival.again:
+                self._contested_at = arrival.time
+            self._under_way.send(arrival, tick)
+        answers = []
+        for arrival in self._under_way.receive(tick):
+            try:
+                answer = self._judge(arrival, tick)
+            except AnswerError as error:
+                self._session.refuse(error)
+                continue
+            if answer.tick > self._answered:
+                self._answered = answer.tick
+                answers.append(answer)
+        return answers
+
+    def _judge(self, arrival: _ArrivedCommand, now: int) -> Answer:
+        """What arrived as the answer to a state, judged at tick `now`. Raises AnswerError."""
+        self._check_publishers()
+        tick = self._answered_tick(arrival.stamp, now)
+        q = self._positions(arrival)
+        if not self._timed:
+            return Answer(tick, q)
+        # [s] by faults, after it had come
+        delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS
+        return Answer(tick, q, self._clock.latency(arrival.stamp, arrival.time + delayed))
+
+    def _check_publishers(self) -> None:
+        if self.publishers > 1 and time.monotonic() - self._contested_at < _CONTEST:
+            raise AnswerError(
+                Refusal.SECOND_PUBLISHER,
+                f'joint_command has {self.publishers} publishers that answer; allowed: 1',
+            )
+
+    def _answered_tick(self, stamp: int, now: int) -> int:
+        """The tick of a stamp [ns], which must be an earlier one than `now`. Raises AnswerError."""
+        tick = self._clock.tick(stamp)
+        if tick is None or tick >= now:
+            raise AnswerError(Refusal.NO_STATE, f'stamp {stamp} ns is that of no state sent so far')
+        if tick < now - 1 - WINDOW:
+            raise AnswerError(
+                Refusal.OUT_OF_DATE,
+                f'answer to tick {tick} at tick {now}, more than {WINDOW} cycles late',
+            )
+        if tick < self._answered:
+            raise AnswerError(
+                Refusal.OUT_OF_ORDER,
+                f'answer to tick {tick} at tick {now}, after one to tick {self._answered}',
+            )
+        return tick
+
+    def _positions(self, arrival: _ArrivedCommand) -> np.ndarray:
+        """Commanded positions in the order of the arm's joints, (n,) [rad]. Raises AnswerError."""
+        names = arrival.names
+        if sorted(names) != sorted(self._joint_names):
+            raise AnswerError(
+                Refusal.WRONG_NAMES,
+                f'got joints {", ".join(names) or "without names"}; '
+                f'expected {", ".join(self._joint_names)} in any order',
+            )
+        if arrival.positions.shape != (len(names),):
+            raise AnswerError(
+                Refusal.WRONG_LENGTH,
+                f'got {arrival.positions.size} positions; expected {len(names)}, one a joint',
+            )
+        by_name = dict(zip(names, arrival.positions.tolist(), strict=True))
+        for name, position in by_name.items():
+            if not math.isfinite(position):
+                raise AnswerError(
+                    Refusal.NOT_FINITE, f'{name} commanded {position} rad; expected a finite value'
+                )
+        return np.array([by_name[name] for name in self._joint_names])

@@ -1,0 +1,93 @@
+"""Carries messages from one end to the other, with a network's faults. Time counts in ticks."""
+
+from collections import deque
+from dataclasses import dataclass
+from random import Random
+from typing import Generic, TypeVar
+
+M = TypeVar('M')
+
+
+@dataclass(frozen=True)
+class Link:
+    """What happens to messages on their way; nothing by default.
+
+    Attributes:
+        delay: Of every message [cycles].
+        delay_spread: Up to so many more, evenly distributed [cycles]. No message overtakes another.
+        loss: Share of messages that are lost on an average.
+        loss_burst: How many are lost in a row each time.
+        duplication: Share of messages that arrive twice.
+        reordering: Chance of a message to arrive with the next one, but after it.
+    """
+
+    delay: int = 0
+    delay_spread: int = 0
+    loss: float = 0.0
+    loss_burst: int = 1
+    duplication: float = 0.0
+    reordering: float = 0.0
+
+
+class NetworkModel(Generic[M]):
+    """Takes messages in and gives them out as `link` says, which may be set at any time.
+
+    Faults are random but repeatable: the same seed, messages and links give the same result. Every
+    message draws four random numbers whatever the link, so setting one fault does not move the
+    others.
+
+    Args:
+        seed: Of what happens.
+        link: What happens.
+    """
+
+    def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
+        self.link = link or Link()
+        self._random = Random(seed)
+        # with the tick when each is due, in the order of arrival
+        self._under_way: deque[tuple[int, M]] = deque()
+        self._overtaken: list[M] = []  # to arrive right after the next message
+        self._still_to_lose = 0
+
+    def send(self, message: M, tick: int) -> None:
+        """Put a message in.
+
+        Args:
+            message: Given out as it is.
+            tick: The present one.
+        """
+        losing, doubling, overtaking, spread = (self._random.random() for _ in range(4))
+        if self._is_lost(losing):
+            return
+        copies = [message]
+        if doubling < self.link.duplication:
+            copies.append(message)
+        if not self._overtaken and overtaking < self.link.reordering:
+            self._overtaken = copies
+            return
+        due = tick + self.link.delay + int(spread * (self.link.delay_spread + 1))
+        self._under_way.extend((due, arriving) for arriving in (*copies, *self._overtaken))
+        self._overtaken = []
+
+    def receive(self, tick: int) -> list[M]:
+        """Messages that have arrived by a tick and were not received yet. A late one holds up those
+        behind it.
+        """
+        arrived = []
+        while self._under_way and self._under_way[0][0] <= tick:
+            arrived.append(self._under_way.popleft()[1])
+        return arrived
+
+    def _is_lost(self, chance: float) -> bool:
+        """Whether the next message is lost. Losses come in bursts, so rarely that `loss` is their
+        mean share.
+        """
+        loss = self.link.loss
+        burst = self.link.loss_burst
+        if not loss:
+            self._still_to_lose = 0
+        elif self._still_to_lose == 0 and chance < loss / (loss + burst * (1.0 - loss)):
+            self._still_to_lose = burst
+        lost = self._still_to_lose > 0
+        self._still_to_lose -= lost
+        return lost

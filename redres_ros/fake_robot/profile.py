@@ -1,0 +1,211 @@
+"""Kinds of session as tables: their states, what leads from one to another, and what each asks
+of the timing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from types import MappingProxyType
+
+from redres_ros.fake_robot.command_validator import ValidatorSettings
+from redres_ros.fake_robot.quality import (
+    FCI_THRESHOLDS,
+    SUNRISE_THRESHOLDS,
+    THRESHOLDS,
+    FciQuality,
+    Quality,
+    SunriseQuality,
+    Threshold,
+)
+from redres_ros.fake_robot.reflex import KUKA_NAMES, Reflex
+
+
+class State(Enum):
+    """States of a session, those of every profile. The arm follows its client in CMD,
+    COMMANDING_ACTIVE and MOVE only.
+    """
+
+    MON = 'MON'
+    CMD = 'CMD'
+    IDLE = 'IDLE'
+    MONITORING_WAIT = 'MONITORING_WAIT'
+    MONITORING_READY = 'MONITORING_READY'
+    COMMANDING_WAIT = 'COMMANDING_WAIT'
+    COMMANDING_ACTIVE = 'COMMANDING_ACTIVE'
+    MOVE = 'MOVE'
+    REFLEX = 'REFLEX'
+    AUTOMATIC_ERROR_RECOVERY = 'AUTOMATIC_ERROR_RECOVERY'
+
+
+class Event(Enum):
+    """What moves a session from state to state."""
+
+    SILENCE = 'none of the last packets was answered'
+    POOR_TIMING = 'the timing is not good enough for command mode'
+    GOOD_TIMING = 'the timing is good enough for command mode'
+    LONG_GOOD_TIMING = 'it has been good for long enough, and nothing is against command mode'
+    FIRST_COMMAND = 'the first command continues the mirrored position'
+    FAULT = 'the command, its timing or its limits are at fault'
+    RESET = 'somebody asks to begin anew'
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A kind of session.
+
+    Attributes:
+        name: The parameter that chooses it.
+        states: Those of its sessions. The first one is that of the start.
+        commanding: The one in which the arm follows its client.
+        transitions: From a state by an event to a state. A pair that is not among them changes
+            nothing.
+        thresholds: What every quality but the worst asks for, best first.
+        entry: Quality needed for command mode to begin.
+        lowest: Quality below which command mode ends.
+        reflexes: What each cause of a stop is called.
+        bridged_misses: Cycles in a row without an answer that are bridged by default.
+        extrapolates_acceleration: Whether a bridged command goes on at its last acceleration, and
+            not at its last velocity.
+        guard: How limits are applied by default.
+    """
+
+    name: str
+    states: tuple[State, ...]
+    commanding: State
+    transitions: Mapping[tuple[State, Event], State]
+    thresholds: Mapping[IntEnum, Threshold]
+    entry: IntEnum
+    lowest: IntEnum
+    reflexes: Mapping[Reflex, str]
+    bridged_misses: int
+    extrapolates_acceleration: bool
+    guard: ValidatorSettings
+
+    def after(self, state: State, event: Event) -> State:
+        """The state to which an event leads.
+
+        Args:
+            state: The one before.
+            event: What happens in it.
+        """
+        return self.transitions.get((state, event), state)
+
+    def awaits_command(self, state: State) -> bool:
+        """Whether a first command leads on from this state."""
+        return (state, Event.FIRST_COMMAND) in self.transitions
+
+
+LWR_FRI1 = Profile(
+    name='lwr_fri1',
+    states=(State.MON, State.CMD),
+    commanding=State.CMD,
+    transitions=MappingProxyType(
+        {
+            (State.MON, Event.FIRST_COMMAND): State.CMD,
+            (State.CMD, Event.SILENCE): State.MON,
+            (State.CMD, Event.FAULT): State.MON,
+            (State.CMD, Event.RESET): State.MON,
+        }
+    ),
+    thresholds=THRESHOLDS,
+    entry=Quality.PERFECT,
+    lowest=Quality.BAD,
+    reflexes=KUKA_NAMES,
+    bridged_misses=5,
+    extrapolates_acceleration=False,
+    guard=ValidatorSettings(),
+)
+
+_OPEN = (
+    State.MONITORING_WAIT,
+    State.MONITORING_READY,
+    State.COMMANDING_WAIT,
+    State.COMMANDING_ACTIVE,
+)
+
+SUNRISE = Profile(
+    name='sunrise',
+    states=(State.IDLE, *_OPEN),
+    commanding=State.COMMANDING_ACTIVE,
+    transitions=MappingProxyType(
+        {
+            # Any answer opens the session.
+            (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,
+            (State.IDLE, Event.GOOD_TIMING): State.MONITORING_WAIT,
+            (State.IDLE, Event.LONG_GOOD_TIMING): State.MONITORING_WAIT,
+            (State.MONITORING_WAIT, Event.GOOD_TIMING): State.MONITORING_READY,
+            (State.MONITORING_WAIT, Event.LONG_GOOD_TIMING): State.MONITORING_READY,
+            # The robot's program wants commands.
+            (State.MONITORING_READY, Event.LONG_GOOD_TIMING): State.COMMANDING_WAIT,
+            (State.COMMANDING_WAIT, Event.FIRST_COMMAND): State.COMMANDING_ACTIVE,
+            **{(state, Event.SILENCE): State.IDLE for state in _OPEN},
+            **{
+                (state, event): State.MONITORING_WAIT
+                for state in _OPEN
+                for event in (Event.POOR_TIMING, Event.FAULT, Event.RESET)
+            },
+        }
+    ),
+    thresholds=SUNRISE_THRESHOLDS,
+    entry=SunriseQuality.GOOD,
+    lowest=SunriseQuality.GOOD,
+    reflexes=KUKA_NAMES,
+    bridged_misses=5,
+    extrapolates_acceleration=False,
+    guard=ValidatorSettings(),
+)
+
+# The Franka Control Interface as a client of joint positions sees it. States and reflexes have
+# libfranka's names. Franka's documentation of the interface has the figures: with constant
+# acceleration the robot bridges packets that are lost, the twentieth in a row ends the motion, and
+# the joints of FR3 have a jerk limit of 5000 rad/s^3, differences being taken over 1 ms.
+FCI = Profile(
+    name='fci',
+    states=(State.IDLE, State.MOVE, State.REFLEX, State.AUTOMATIC_ERROR_RECOVERY),
+    commanding=State.MOVE,
+    transitions=MappingProxyType(
+        {
+            (State.IDLE, Event.FIRST_COMMAND): State.MOVE,
+            (State.IDLE, Event.FAULT): State.REFLEX,
+            (State.MOVE, Event.SILENCE): State.REFLEX,
+            (State.MOVE, Event.FAULT): State.REFLEX,
+            (State.MOVE, Event.RESET): State.IDLE,
+            (State.REFLEX, Event.RESET): State.AUTOMATIC_ERROR_RECOVERY,
+            (State.AUTOMATIC_ERROR_RECOVERY, Event.FAULT): State.REFLEX,
+            **{
+                (State.AUTOMATIC_ERROR_RECOVERY, event): State.IDLE
+                for event in (
+                    Event.SILENCE,
+                    Event.POOR_TIMING,
+                    Event.GOOD_TIMING,
+                    Event.LONG_GOOD_TIMING,
+                )
+            },
+        }
+    ),
+    thresholds=FCI_THRESHOLDS,
+    entry=FciQuality.GOOD,
+    lowest=FciQuality.INSUFFICIENT,
+    reflexes=MappingProxyType(
+        {
+            Reflex.TIMING: 'communication_constraints_violation',
+            Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
+            Reflex.POSITION: 'joint_motion_generator_position_limits_violation',
+            Reflex.BRAKING: 'joint_motion_generator_velocity_limits_violation',
+            Reflex.VELOCITY: 'joint_motion_generator_velocity_limits_violation',
+            Reflex.ACCELERATION: 'joint_motion_generator_velocity_discontinuity',
+            Reflex.JERK: 'joint_motion_generator_acceleration_discontinuity',
+        }
+    ),
+    bridged_misses=19,
+    extrapolates_acceleration=True,
+    guard=ValidatorSettings(
+        acceleration_window=1e-4,  # a single cycle
+        position_margin=0.0,
+        acceleration_tolerance=0.0,
+        velocity_stops=True,
+        jerk_limit=5000.0,
+    ),
+)
+
+PROFILES = {profile.name: profile for profile in (LWR_FRI1, SUNRISE, FCI)}

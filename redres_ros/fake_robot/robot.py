@@ -1,0 +1,220 @@
+"""The fake robot controller as one object: session, guard, follower and plant, cycle by cycle."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from redres_ros.errors import JointNamesError, RedresError
+from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.reference_interpolator import ReferenceInterpolator
+from redres_ros.fake_robot.session import Session
+
+
+class Plant(Protocol):
+    """What moves when the reference does.
+
+    Attributes:
+        joint_names: In the order of every array.
+        period: The cycle [s], which `step` takes.
+        q: Positions, (n,) [rad], an array of its own each time.
+        dq: Velocities, (n,) [rad/s], likewise.
+    """
+
+    joint_names: tuple[str, ...]
+    period: float
+
+    @property
+    def q(self) -> np.ndarray: ...
+
+    @property
+    def dq(self) -> np.ndarray: ...
+
+    def step(self, q_ref: np.ndarray) -> None: ...
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A client's valid answer to the state of one tick.
+
+    Attributes:
+        tick: That of the state.
+        q: Commanded position, outside command mode where the arm stands, (n,) [rad].
+        latency: From the state to the arrival of the answer, 0 where nobody measures it [s].
+    """
+
+    tick: int
+    q: np.ndarray
+    latency: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Course:
+    """Where the commands are going: extrapolation through the last answers.
+
+    What was extrapolated before must not enter: fed back like that, a client that is always late
+    would be unstable.
+
+    Attributes:
+        tick: That of the last answer.
+        q: Its command, (n,) [rad].
+        slope: The last step from tick to tick, (n,) [rad].
+        curve: Its change from tick to tick, (n,) [rad]; 0 for a course that is a straight line.
+    """
+
+    tick: int
+    q: np.ndarray
+    slope: np.ndarray
+    curve: np.ndarray
+
+    @classmethod
+    def standstill(cls, tick: int, q: np.ndarray) -> '_Course':
+        """At rest at q (n,) [rad] since a tick."""
+        return cls(tick, q, np.zeros_like(q), np.zeros_like(q))
+
+    def at(self, tick: int) -> np.ndarray:
+        """The command for the state of a tick, (n,) [rad]."""
+        ahead = tick - self.tick
+        return self.q + ahead * self.slope + 0.5 * ahead * (ahead + 1) * self.curve
+
+    def through(self, answer: Answer, curved: bool) -> '_Course':
+        """The course after another answer.
+
+        Args:
+            answer: To a later tick.
+            curved: Whether the course goes on with the last change of its step, and not straight
+                on.
+        """
+        q = np.array(answer.q, dtype=np.float64)
+        ticks = answer.tick - self.tick
+        slope = (q - self.q) / ticks  # (n,) the mean step since the last answer
+        if not curved:
+            return _Course(answer.tick, q, slope, np.zeros_like(q))
+        # Steps slope + curve, slope + 2 curve, ... have this mean after so many ticks.
+        curve = 2.0 * (slope - self.slope) / (ticks + 1)  # (n,)
+        return _Course(answer.tick, q, self.slope + ticks * curve, curve)
+
+
+class FakeRobot:
+    """A robot that sends its state at tick k and moves by the answer to the state of tick k - 1.
+
+    Args:
+        plant: The arm.
+        guard: What may be commanded.
+        session: Who may command, and when.
+
+    Raises:
+        RedresError: If the parts do not have the same cycle.
+        JointNamesError: If they do not have the same joints.
+    """
+
+    def __init__(self, plant: Plant, guard: CommandValidator, session: Session) -> None:
+        if not plant.period == guard.period == session.period:
+            raise RedresError(
+                f'plant, guard and session have cycles of {plant.period:g}, {guard.period:g} and '
+                f'{session.period:g} s; they must be the same'
+            )
+        if plant.joint_names != guard.limits.joint_names:
+            raise JointNamesError(plant.joint_names, guard.limits.joint_names)
+        self.session = session
+        self._plant = plant
+        self._guard = guard
+        self._follower = ReferenceInterpolator(guard.limits, plant.period, plant.q)
+        self._tick = 0
+        self._course = _Course.standstill(-1, plant.q)
+        self._curved = session.profile.extrapolates_acceleration
+        self._command = plant.q  # (n,) [rad] last one executed
+
+    @property
+    def tick(self) -> int:
+        """Number k of the present tick."""
+        return self._tick
+
+    @property
+    def period(self) -> float:
+        """The cycle [s]."""
+        return self._plant.period
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Joints in the order of every array."""
+        return self._plant.joint_names
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint positions measured at this tick, (n,) [rad]."""
+        return self._plant.q
+
+    @property
+    def dq(self) -> np.ndarray:
+        """Joint velocities at this tick, (n,) [rad/s]."""
+        return self._plant.dq
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the reference stands still."""
+        return self._follower.at_rest
+
+    @property
+    def reference(self) -> np.ndarray:
+        """Reference in force, (n,) [rad]: where the plant was sent in the last cycle."""
+        return self._follower.reference
+
+    def advance(self, *answers: Answer | None) -> None:
+        """Move from tick k to k + 1.
+
+        An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An
+        older one is late: the command is taken to have gone on since then at its last velocity, as
+        it does when no answer comes. Outside command mode the arm holds its position; from any
+        motion it is braked there.
+
+        Args:
+            answers: Those that came since the last call, valid as an Inbox gives them: each to an
+                earlier tick than this one, and to a later one than the answer before. None is none.
+        """
+        if self._tick > 0:  # before, no state has been sent that could be answered
+            self._receive(answers)
+        if self.session.commanding:
+            self._execute(self._course.at(self._tick - 1))
+        if not self.session.commanding:
+            self._follower.brake()
+        self._plant.step(self._follower.reference)
+        self._tick += 1
+
+    def reset(self) -> None:
+        """Clear the reason of a stop and monitor anew; an arm that moves is braked."""
+        self.session.reset()
+
+    def _receive(self, answers: tuple[Answer | None, ...]) -> None:
+        """Enter the cycle in the session's books; the answers give the commands' course."""
+        lateness = None
+        latency = 0.0
+        for answer in answers:
+            if answer is not None:
+                self._course = self._course.through(answer, self._curved)
+                lateness = self._tick - 1 - answer.tick
+                latency = answer.latency
+        self.session.record(lateness, latency)
+        if self.session.ready and self._follower.at_rest:
+            self._begin()
+
+    def _begin(self) -> None:
+        """Let the session decide whether command mode begins with this command, as from a
+        standstill there.
+        """
+        command = self._course.q
+        self.session.offer(float(np.abs(command - self._follower.reference).max()))
+        if self.session.commanding:
+            self._course = _Course.standstill(self._course.tick, command)
+            self._command = command
+            self._follower.begin(command)
+            self._guard.begin()
+
+    def _execute(self, command: np.ndarray) -> None:
+        """Follow the command (n,) [rad], unless the guard has a reason to stop."""
+        step = command - self._command  # (n,)
+        if reason := self._guard.violation(command, step / self.period):
+            self.session.stop(reason)
+            return
+        self._follower.follow(command, step)
+        self._command = command

@@ -1,0 +1,234 @@
+"""Who may command: the session between robot controller and client. No physics, no arrays."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+from redres_ros.errors import RedresError
+from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event, Profile, State
+from redres_ros.fake_robot.quality import Statistics
+from redres_ros.fake_robot.reflex import Reflex
+from redres_ros.fake_robot.timing import Counts, TimingMonitor
+from redres_ros.parameter import check_parameters, param
+
+
+class Refusal(Enum):
+    """Why an answer is no valid command: kinds that are counted apart."""
+
+    WRONG_NAMES = 'wrong joint names'
+    WRONG_LENGTH = 'wrong length'
+    NOT_FINITE = 'not finite'
+    NO_STATE = 'answers no state'
+    OUT_OF_DATE = 'out of date'
+    OUT_OF_ORDER = 'out of order'
+    SECOND_PUBLISHER = 'second publisher'
+
+
+class AnswerError(RedresError):
+    """An answer that is no valid command: of what kind, and in words what was got.
+
+    Args:
+        kind: The kind that is counted.
+        why: What was got and what is allowed.
+    """
+
+    def __init__(self, kind: Refusal, why: str) -> None:
+        self.kind = kind
+        super().__init__(why)
+
+
+@dataclass(frozen=True)
+class SessionSettings:
+    """When command mode is given and when it is taken away. KUKA's figures are not public: the
+    defaults are ours.
+    """
+
+    profile: str = param(
+        LWR_FRI1.name,
+        "kind of session: the LWR's FRI, that of Sunrise, or Franka's control interface",
+        choices=tuple(PROFILES),
+    )
+    monitor_time: float = param(
+        0.5, 'good timing needed before command mode; 0: as soon as possible [s]', 0.0, 60.0
+    )
+    bridged_misses: int = param(
+        -1,
+        'cycles in a row without an answer that are bridged by extrapolation; '
+        '-1: as many as the profile does',
+        -1,
+        100,
+    )
+    entry_tolerance: float = param(
+        0.01, 'how far the first command may be from the mirrored position [rad]', 0.0, 1.0
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+class Session:
+    """Grants command mode to a client that answers well, and takes it away with a reason that stays
+    until `reset`.
+
+    The caller records every cycle, offers each command that arrives in time, and reports refusals
+    and violations.
+
+    Args:
+        period: The cycle [s].
+        settings: When command mode is given and taken away.
+    """
+
+    def __init__(self, period: float, settings: SessionSettings | None = None) -> None:
+        self.period = period
+        self._settings = settings or SessionSettings()
+        self._profile = PROFILES[self._settings.profile]
+        self._timing = TimingMonitor(period, self._profile.thresholds)
+        self._bridged_misses = self._settings.bridged_misses
+        if self._bridged_misses < 0:
+            self._bridged_misses = self._profile.bridged_misses
+        self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
+        self._good_cycles = 0
+        self._bridged = 0
+        self._refusals = Counter[Refusal]()
+        self._answer_error: AnswerError | None = None
+        self._state = self._profile.states[0]
+        self._reason = ''
+
+    @property
+    def profile(self) -> Profile:
+        """What kind of session it is."""
+        return self._profile
+
+    @property
+    def state(self) -> State:
+        """One of the profile's states."""
+        return self._state
+
+    @property
+    def commanding(self) -> bool:
+        """Whether the arm follows its client."""
+        return self._state is self._profile.commanding
+
+    @property
+    def reason(self) -> str:
+        """Why command mode was taken away or refused; empty while nothing is wrong."""
+        return self._reason
+
+    @property
+    def quality(self) -> IntEnum:
+        """Quality of the connection, as the profile names it."""
+        return self._timing.quality
+
+    @property
+    def at_fault(self) -> str:
+        """Which statistic keeps the quality from being the next better one; empty for the best."""
+        return self._timing.at_fault
+
+    @property
+    def statistics(self) -> Statistics:
+        """The five figures that FRI reports."""
+        return self._timing.statistics
+
+    @property
+    def counts(self) -> Counts:
+        """What became of every cycle so far."""
+        return self._timing.counts(self._bridged, self._refusals.total())
+
+    @property
+    def refusals(self) -> dict[Refusal, int]:
+        """How many answers were refused, for every kind of refusal."""
+        return {kind: self._refusals[kind] for kind in Refusal}
+
+    @property
+    def answer_error(self) -> AnswerError | None:
+        """What is wrong with the answer that was refused last; None if a valid one came since."""
+        return self._answer_error
+
+    @property
+    def ready(self) -> bool:
+        """Whether a command of this cycle could be the first: long good timing, and no reason."""
+        return (
+            self._profile.awaits_command(self._state)
+            and not self._reason
+            and self._timing.age == 0
+            and self._good_cycles >= self._cycles_needed
+        )
+
+    def record(self, lateness: int | None, latency: float = 0.0) -> None:
+        """Enter one cycle. In command mode bad timing ends the session.
+
+        Args:
+            lateness: Of its answer [cycles]; 0: in time, None: no valid one.
+            latency: From the state to its answer, 0 where nobody measures it [s].
+        """
+        self._timing.record(lateness, latency)
+        self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
+        if lateness is not None:
+            self._answer_error = None
+        if self.commanding and (fault := self._timing_fault()):
+            self.stop(fault)
+            return
+        self._bridged += self.commanding and self._timing.age > 0
+        self._take(self._timing_event())
+
+    def refuse(self, error: AnswerError) -> None:
+        """Count an answer that is no valid command. Its cycle is recorded all the same."""
+        self._refusals[error.kind] += 1
+        self._answer_error = error
+
+    def offer(self, gap: float) -> None:
+        """Begin command mode with a first command, if the session is ready for one.
+
+        Args:
+            gap: Largest distance from the mirrored position over all joints [rad]; too large a one
+                is a reason to stop.
+        """
+        if not self.ready:
+            return
+        if gap <= self._settings.entry_tolerance:
+            self._take(Event.FIRST_COMMAND)
+        else:
+            self.stop(
+                f'{self._profile.reflexes[Reflex.START_POSE]}: the first command is {gap:.3g} rad '
+                f'from the mirrored position, allowed {self._settings.entry_tolerance:g}'
+            )
+
+    def stop(self, reason: str) -> None:
+        """End command mode. The first reason is kept: what follows from it is not the cause."""
+        self._reason = self._reason or reason
+        self._good_cycles = 0
+        self._take(Event.FAULT)
+
+    def reset(self) -> None:
+        """Clear the reason and monitor anew; command mode takes another monitor_time."""
+        self._reason = ''
+        self._good_cycles = 0
+        self._take(Event.RESET)
+
+    def _timing_fault(self) -> str:
+        """Why the timing ends command mode; empty if it does not."""
+        age = self._timing.age
+        bridged = self._bridged_misses
+        timing = self._profile.reflexes[Reflex.TIMING]
+        refused = f'; last refused: {self._answer_error}' if self._answer_error else ''
+        if age > bridged:
+            return (
+                f'{timing}: the newest answer is {age} cycles late, {bridged} are bridged{refused}'
+            )
+        if self.quality < self._profile.lowest:
+            complaint = self._timing.complaint
+            return f'{timing}: the connection is {self.quality.name}: {complaint}{refused}'
+        return ''
+
+    def _timing_event(self) -> Event:
+        """What the timing up to this cycle is to the session."""
+        if self._timing.silent:
+            return Event.SILENCE
+        if self.quality < self._profile.entry:
+            return Event.POOR_TIMING
+        enough = self._good_cycles >= self._cycles_needed and not self._reason
+        return Event.LONG_GOOD_TIMING if enough else Event.GOOD_TIMING
+
+    def _take(self, event: Event) -> None:
+        self._state = self._profile.after(self._state, event)

@@ -1,0 +1,1 @@
+"""Files and streams: text, YAML, what is installed with the package, plugins, signals."""

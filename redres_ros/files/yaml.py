@@ -1,0 +1,66 @@
+"""YAML files as people write them, read so that no file can keep a program busy for long."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from redres_ros.errors import FileError
+from redres_ros.files.text import read_file
+
+_LARGEST = 200_000  # [bytes], some seconds of PyYAML's time
+_MOST_NODES = 100_000  # every alias counted as what it stands for
+_DEEPEST = 50  # lists within lists; PyYAML's time grows with the square of them
+
+
+class _Loader(yaml.SafeLoader):
+    """As safe_load's, but it gives up on a document that is larger or deeper than any of ours."""
+
+    def fetch_flow_collection_start(self, TokenClass: Any) -> None:
+        if self.flow_level >= _DEEPEST:
+            raise RecursionError
+        super().fetch_flow_collection_start(TokenClass)
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None and _size(node, {}) > _MOST_NODES:
+            raise yaml.YAMLError(f'its aliases stand for more than {_MOST_NODES} values')
+        return node
+
+
+def read_yaml(path: Path) -> Any:
+    """What the file holds. Raises FileError for a file that cannot be read, is too large, or is no
+    YAML.
+    """
+    try:
+        text = read_file(path, _LARGEST)
+    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise FileError(f'cannot read {path}: {reason}') from None
+    try:
+        return yaml.load(text.decode(), _Loader)
+    except RecursionError:
+        raise FileError(f'{path} is nested too deeply') from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8, or a number too long
+        raise FileError(f'{path} is no YAML: {" ".join(str(error).split())}') from None
+
+
+def _size(node: yaml.Node, known: dict[int, float]) -> float:
+    """Number of nodes, a shared one counted as often as it is used; infinite for one within itself.
+
+    Args:
+        node: Where to begin.
+        known: Sizes of the nodes that were counted already, by their identity.
+    """
+    if id(node) not in known:
+        known[id(node)] = float('inf')  # until it is counted: whoever meets it is inside of it
+        known[id(node)] = 1.0 + sum(_size(child, known) for child in _children(node))
+    return known[id(node)]
+
+
+def _children(node: yaml.Node) -> list[yaml.Node]:
+    if isinstance(node, yaml.MappingNode):
+        return [child for pair in node.value for child in pair]
+    if isinstance(node, yaml.SequenceNode):
+        return list(node.value)
+    return []

@@ -1,0 +1,44 @@
+"""Which limits act on a running arm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.limits import Limit, Limits, limit_name
+from redres_ros.nodes.controller_snapshot import ControllerSnapshot
+from redres_ros.robot_model import RobotModel
+
+_TOUCHING = 1e-6  # [rad/s] from a bound: what is commanded there, is commanded because of it
+
+
+@dataclass(frozen=True)
+class ActiveLimits:
+    """Knows arm and limits, and says which of them a command touches.
+
+    Args:
+        model: The arm.
+        limits: In force.
+        period: Sampling time [s].
+    """
+
+    model: RobotModel
+    limits: Limits
+    period: float
+
+    @np.errstate(over='ignore', invalid='ignore')  # anybody can send a glance of an arm that flies
+    def acting(self, snapshot: ControllerSnapshot) -> set[tuple[str, str]]:
+        """The limits at whose bounds a command is: name, and joint or what else it is about."""
+        state = self.model.state(snapshot.q_prev, snapshot.dq_prev)
+        bounds = self.limits.at(state, self.period)
+        touched: list[tuple[Limit, int]] = []
+        for box_limit, box in zip(bounds.box_limits, bounds.boxes, strict=True):
+            touched += [(box_limit, joint) for joint in _touched(snapshot.dq, *box)]
+        for row_limit, (C, low, high) in zip(bounds.row_limits, bounds.rows, strict=True):
+            touched += [(row_limit, row) for row in _touched(C @ snapshot.dq, low, high)]
+        return {(limit_name(limit), limit.place(state, index)) for limit, index in touched}
+
+
+def _touched(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int]:
+    """Which values are at, or beyond, one of their bounds."""
+    room = np.minimum(values - lower, upper - values)
+    return np.flatnonzero(room < _TOUCHING).tolist()

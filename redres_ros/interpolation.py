@@ -1,0 +1,9 @@
+"""The quintic of Eq. (36): from rest to rest."""
+
+
+def quintic(xi: float) -> tuple[float, float]:
+    """s(xi) and ds/dxi of Eq. (36): from 0 to 1, velocity and acceleration 0 at both ends; xi is
+    clipped to [0, 1].
+    """
+    xi = min(max(xi, 0.0), 1.0)
+    return xi**3 * (10.0 + xi * (6.0 * xi - 15.0)), 30.0 * xi**2 * (1.0 - xi) ** 2

@@ -1,0 +1,1 @@
+"""What happens between two ticks, without ROS: cycles, task velocities, the session."""

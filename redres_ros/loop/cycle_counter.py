@@ -1,0 +1,160 @@
+"""Which cycle of the robot a state belongs to, by a stamp that jitters, drifts and may be set."""
+
+from collections import deque
+
+from redres_ros.errors import RedresError
+
+NANOSECONDS = 1_000_000_000
+RATES = (10.0, 2000.0)  # cycles a second that a robot may have [Hz]
+
+_PHASE_GAIN = 0.03  # share of a stamp's residual by which the expected stamps are moved
+_RATE_GAIN = 2e-4  # the same for their distance: a robot's clock runs at a rate of its own
+_DOUBT = 0.2  # of a period by which a state must be later than half of one to be two cycles
+_RATE_RANGE = 0.01  # of a period by which that distance may differ from the nominal one
+_EARLIEST = -1.5  # periods; states that come earlier than this come at another rate
+_NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
+_SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
+_DRIFT = 0.01  # [s/s] by which the robot's clock may drift against this computer's
+_REMEMBERED = 512  # states whose cycle is known by their very stamp
+
+
+class ClockError(RedresError):
+    """A state whose stamp is not that of a new cycle."""
+
+
+class CycleCounter:
+    """Counts the robot's cycles by the stamps of its states.
+
+    A state is one cycle as long as its stamp lies within half a period of where it is expected.
+    Where that is follows slowly from the stamps themselves, so jitter and drift do not matter. A
+    clock that is set, forward or back, by no more than a second counts as one cycle too: forward
+    because the state came sooner after its stamp than any could, back because the next one goes on
+    from there.
+
+    Args:
+        period: Of the robot's cycle [ns].
+    """
+
+    def __init__(self, period: int) -> None:
+        self.period = period
+        self.number = 0  # of the newest state's cycle; never goes back
+        self.newest = 0  # stamp of the newest state [ns]; 0 before the first
+        self._late = 0.0  # [ns] by which the newest stamp is later than expected
+        self._counted = 0  # states since the clock was set
+        self._rate = 0.0  # [ns] by which a cycle of the stamps is longer than a period
+        self._arrived = 0.0  # when the newest state came [s]
+        self._behind = 0  # stamp of a state that came out of order [ns]
+        self._apart = 0  # stamp of a state that may be of a new clock [ns]
+        self._least_delay = 0.0  # [s] from a stamp to the arrival, on two clocks
+        self._numbers: dict[int, int] = {}
+        self._stamps: deque[int] = deque()
+
+    def enter(self, stamp: int, arrived: float) -> int:
+        """The number of cycles from the last state to this one; 0 where the clock is a new one.
+
+        Args:
+            stamp: Of the state [ns].
+            arrived: When it came, by this computer's monotonic clock [s].
+
+        Raises:
+            ClockError: The state has no stamp, is out of order, or comes far too early.
+        """
+        if stamp <= 0:
+            raise ClockError('the state has no stamp; expected the time of its measurement')
+        elapsed = stamp - self.newest
+        delay = arrived - stamp / NANOSECONDS
+        if self.newest == 0:
+            return self._begin(stamp, arrived, 0)
+        if abs(elapsed) > _NEW_CLOCK:
+            return self._begin_anew(stamp, arrived)
+        if elapsed <= 0:
+            return self._begin_behind(stamp, arrived)
+        cycles = self._count(elapsed, delay)
+        if cycles == 0:
+            return self._begin(stamp, arrived, 1)
+        self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
+        return self._go_on(stamp, arrived, cycles)
+
+    @property
+    def earliest_arrival(self) -> float:
+        """Time at which the newest state would have come with the least delay that was seen [s]."""
+        return self.newest / NANOSECONDS + self._least_delay
+
+    def cycle(self, stamp: int) -> int:
+        """The cycle of a stamp [ns]: that of the state which bears it, else the nearest."""
+        known = self._numbers.get(stamp)
+        if known is not None:
+            return known
+        return self.number + round((stamp - self.newest) / self.period)
+
+    def is_of_a_state(self, stamp: int) -> bool:
+        """Whether a stamp [ns] is that of a state, as far as is known."""
+        return stamp in self._numbers or (stamp - self.newest) % self.period == 0
+
+    def _count(self, elapsed: int, delay: float) -> int:
+        """Cycles in a time that has passed on the robot's clock; 0 if it was set forward."""
+        length = self.period + self._rate  # [ns]
+        since = elapsed + self._late  # [ns] since the last state was expected
+        cycles = max(round(since / length - _DOUBT), 1)
+        if since < (1.0 + _EARLIEST) * length:
+            raise ClockError(
+                f'stamped {elapsed / 1e6:.3g} ms after the last one, and so were those before; '
+                f'expected {self.period / 1e6:.3g} ms (rate {NANOSECONDS / self.period:g} Hz)'
+            )
+        too_early = (self._least_delay - delay) * NANOSECONDS  # [ns]
+        if cycles > 1 and too_early > 0.5 * (cycles - 1) * length:
+            return 0
+        residual = since - cycles * length  # [ns]
+        allowed = _RATE_RANGE * self.period
+        gain = max(_PHASE_GAIN, 1.0 / (self._counted + 1))  # at first the mean of all stamps
+        self._late = (1.0 - gain) * residual
+        self._rate = min(max(self._rate + _RATE_GAIN * residual, -allowed), allowed)
+        return cycles
+
+    def _begin_anew(self, stamp: int, arrived: float) -> int:
+        """A robot that was started again: it was silent before, or says so twice.
+
+        A single state with such a stamp, as from a recording that is played, is none.
+        """
+        since = stamp - self._apart
+        if arrived - self._arrived > _SILENCE or 0 <= since < 2 * self.period:
+            return self._begin(stamp, arrived, 0)
+        self._apart = stamp
+        apart = (stamp - self.newest) / NANOSECONDS
+        raise ClockError(
+            f'stamped {apart:.3g} s from the newest one; expected a step of at most '
+            f'{_NEW_CLOCK / NANOSECONDS:g} s, or a second state like it'
+        )
+
+    def _begin_behind(self, stamp: int, arrived: float) -> int:
+        """A clock that was set back goes on from there; a state that came too late does not."""
+        since = stamp - self._behind
+        if 0 < since < 2 * self.period:
+            return self._begin(stamp, arrived, 1)
+        self._behind = stamp
+        late = (self.newest - stamp) / 1e6
+        raise ClockError(f'stamped {late:.3g} ms before the newest one; expected a later stamp')
+
+    def _begin(self, stamp: int, arrived: float, cycles: int) -> int:
+        """Count from this stamp on, knowing nothing of those before."""
+        self._late = 0.0
+        self._rate = 0.0
+        self._counted = 0
+        self._least_delay = arrived - stamp / NANOSECONDS
+        self._numbers.clear()
+        self._stamps.clear()
+        self._go_on(stamp, arrived, max(cycles, 1))
+        return cycles
+
+    def _go_on(self, stamp: int, arrived: float, cycles: int) -> int:
+        self.number += cycles
+        self._counted += 1
+        self.newest = stamp
+        self._arrived = arrived
+        self._behind = 0
+        self._apart = 0
+        self._numbers[stamp] = self.number
+        self._stamps.append(stamp)
+        if len(self._stamps) > _REMEMBERED:
+            del self._numbers[self._stamps.popleft()]
+        return cycles

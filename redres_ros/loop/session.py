@@ -1,0 +1,39 @@
+"""Whether the robot takes commands, by what it says of its session."""
+
+from redres_ros.loop.cycle_counter import NANOSECONDS
+
+# Session states in which a robot takes commands: of an LWR, an iiwa and a Franka arm.
+COMMANDING = ('CMD', 'COMMANDING_ACTIVE', 'MOVE')
+
+_PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may take 3 s
+
+
+class RobotSession:
+    """What the robot has said of its session. One that says nothing takes commands.
+
+    Args:
+        lockstep: Then the first answer begins command mode, so the tick in which the news of that
+            arrives must not matter.
+    """
+
+    def __init__(self, lockstep: bool) -> None:
+        self._commanding = True
+        self._undecided = lockstep  # until command mode has begun
+        self._spoken = False
+        self._silent_until = 0  # stamp [ns] until which a new robot may say it
+
+    def enter(self, word: str) -> None:
+        """Take in a word, the name of a state."""
+        self._spoken = True
+        self._silent_until = 0
+        self._undecided = self._undecided and word not in COMMANDING
+        self._commanding = word in COMMANDING or self._undecided
+
+    def begin(self, stamp: int) -> None:
+        """Expect another robot from a stamp [ns] on; the word of the last one does not hold."""
+        if self._spoken:
+            self._silent_until = stamp + _PATIENCE
+
+    def commanding_at(self, stamp: int) -> bool:
+        """Whether the robot takes commands at a stamp [ns]."""
+        return self._commanding and stamp >= self._silent_until

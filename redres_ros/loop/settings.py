@@ -1,0 +1,77 @@
+"""When the controller follows, waits, stands still, or begins anew: the figures of loop/command_loop.py."""
+
+from dataclasses import dataclass
+
+from redres_ros.parameter import check_parameters, param
+
+# What a robot does in a cycle without a command: go on as before, or stay at the last command.
+BRIDGING = ('extrapolate', 'hold')
+
+
+def why_it_would_leap(forward_commands: bool, bridging: str) -> str:
+    """Why the arm would leap after a missed state; empty if it would not.
+
+    Args:
+        forward_commands: Whether commands go to a controller of ros2_control.
+        bridging: One of BRIDGING.
+    """
+    if forward_commands and bridging != 'hold':
+        return (
+            f'bridging is {bridging}: a robot behind ros2_control holds its last command, '
+            'and would leap after a missed state; set bridging to hold'
+        )
+    return ''
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """When the controller follows, waits, stands still, or begins anew.
+
+    Raises RangeError or UnknownNameError for a value that is not allowed.
+    """
+
+    command_timeout: float = param(
+        0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True
+    )
+    max_linear: float = param(
+        2.0, 'largest task velocity; a faster one is refused [m/s]', 0.001, 100.0, live=True
+    )
+    max_angular: float = param(
+        6.0,
+        'the same for the angular task velocity [rad/s]',
+        0.001,
+        100.0,
+        live=True,
+    )
+    twist_patience: float = param(
+        0.0,
+        'how long a state waits for its cartesian_velocity, for a robot that waits for its answer; '
+        '0 for any other [s]',
+        0.0,
+        60.0,
+    )
+    restart_after: int = param(
+        5,
+        'cycles without a state after which the controller starts anew from the measurement',
+        0,
+        1000,
+    )
+    bridging: str = param(
+        'extrapolate',
+        'what the robot does in a cycle without a command: extrapolate the last ones, as FRI and '
+        'libfranka do, or hold the last one, as ros2_control does',
+        choices=BRIDGING,
+    )
+    following_tolerance: float = param(
+        0.1,
+        'lag of a joint at which the arm counts as stopped, and the controller '
+        'starts anew from the measurement [rad]',
+        0.001,
+        10.0,
+    )
+    lockstep: bool = param(
+        False, 'answer a state only together with the cartesian_velocity of the same stamp'
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)

@@ -1,0 +1,236 @@
+"""Task velocities along the points of a task: quintic segments (36) with feedback (37), for the
+position of the tip alone or together with its orientation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.interpolation import quintic
+from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.rotation import rotation_matrix
+
+_LEVER = 0.1  # [m] on which a turn is compared with a length
+
+
+def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """The rotation vector that turns R into R_d, (3,) [rad] in the base frame.
+
+    Args:
+        R_d: Wanted orientation, (3, 3).
+        R: Orientation, (3, 3).
+    """
+    e: np.ndarray = rotation_error(R, R_d)
+    return e
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the planner asks for at one tick.
+
+    Attributes:
+        dx: Task velocity, (3,) [m/s], or (6,) with the angular part [rad/s] below.
+        x_d: Desired position, (3,) [m].
+        error: x_d - x, (3,) [m].
+        segment: 1 for the way to x_1 and so on, 0 for an approach to x_0.
+        finished: The last point is reached and held.
+        R_d: Desired orientation, (3, 3); None for a position alone.
+        orientation_error: The turn that is left, (3,) [rad]; None likewise.
+    """
+
+    dx: np.ndarray
+    x_d: np.ndarray
+    error: np.ndarray
+    segment: int
+    finished: bool
+    R_d: np.ndarray | None = None
+    orientation_error: np.ndarray | None = None
+
+
+class Planner:
+    """Walks through a task's points, one segment after the other, and then holds the last one."""
+
+    def __init__(
+        self,
+        task: WaypointTask,
+        x_start: np.ndarray | None = None,
+        R_start: np.ndarray | None = None,
+        *,
+        start_tolerance: float = 0.005,
+        feedback_limit: float = np.inf,
+    ) -> None:
+        """A planner at the beginning of a task.
+
+        Args:
+            task: Points, and how to pass them.
+            x_start: (3,) where the tip is [m]. Unless it is x_0 to within start_tolerance, a first
+                segment of its own leads to x_0, no faster than the fastest one of the task. None
+                begins at x_0.
+            R_start: (3, 3) how the tip is turned; None begins as at x_0. A task that says nothing
+                of orientations holds the one with which it begins.
+            start_tolerance: [m], and of the orientation [rad] the share that makes this length on a
+                lever of 0.1 m.
+            feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
+                orientation. Errors that need more come from an interruption, and a jump in velocity
+                would be the answer to them.
+        """
+        self._task = task
+        self._approach_time = task.segment_time  # [s]
+        self._feedback_limit = feedback_limit
+        self._points = task.waypoints.copy()  # (N, 3)
+        self._turns = task.orientations  # (N, 3, 3), None until one is known
+        self._first_segment = 1
+        if self._is_aside(x_start, R_start, start_tolerance):
+            self._approach_from(x_start, R_start)
+        if self._turns is None and R_start is not None:
+            self._hold(R_start)
+        self._index = 0
+        self._t_segment = 0.0
+        self._finished = False
+
+    def reference(
+        self,
+        x: np.ndarray,
+        t: float,
+        R: np.ndarray | None = None,
+        *,
+        unachieved: np.ndarray | None = None,
+        rate: float = 1.0,
+    ) -> Reference:
+        """What to ask for now.
+
+        The next segment begins at the first tick at which this one is over, WaypointTask.switching
+        saying when that is.
+
+        Args:
+            x: (3,) where the tip is [m].
+            t: Time of the task [s] since it began; it never goes back. Where the arm executes the
+                share s of the velocity, it goes on by s T.
+            R: (3, 3) how the tip is turned; None for the position alone.
+            unachieved: (m,), the part of the last dx that a singularity did not let through. A point that
+                can be reached no better does not keep a segment from ending; the last point must be
+                reached all the same.
+            rate: Factor on the velocity along the path, for a clock that is going slower.
+        """
+        if R is not None and self._turns is None:
+            self._hold(R)
+        while not self._finished and self._is_over(x, t, R, unachieved):
+            self._index += 1
+            self._t_segment = t
+            self._finished = self._index == len(self._points) - 1
+        T_AB = self._T_AB
+        s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
+        start = min(self._index, len(self._points) - 2)
+        x_d, way = self._on_the_line(start, s)
+        error = x_d - x
+        dx = way / T_AB * (rate * ds) + self._feedback(error)  # Eq. (36), (37)
+        segment = start + self._first_segment
+        if R is None or self._turns is None:
+            return Reference(dx, x_d, error, segment, self._finished)
+        R_d, turn = self._on_the_arc(self._turns, start, s)
+        turn_left = orientation_error(R_d, R)
+        w = turn / T_AB * (rate * ds) + self._feedback(turn_left)
+        twist = np.concatenate((dx, w))
+        return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
+
+    def is_due(self, t: float) -> bool:
+        """Whether the segment under way should be over at a time t of the task [s]."""
+        return t - self._t_segment >= self._T_AB - 1e-9
+
+    @property
+    def _T_AB(self) -> float:
+        """How long the segment under way takes [s]."""
+        is_approach = self._index + self._first_segment == 0
+        return self._approach_time if is_approach else self._task.segment_time
+
+    def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """x_d, (3,), at the share s of the way from a point to the next, and that way, (3,)."""
+        A = self._points[start]
+        B = self._points[start + 1]
+        x_d = A + (B - A) * s if s < 1.0 else B.copy()
+        return x_d, B - A
+
+    def _on_the_arc(self, turns: np.ndarray, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """R_d, (3, 3), at the share s of the turn from a point to the next; and that turn, (3,)."""
+        A = turns[start]
+        B = turns[start + 1]
+        turn = rotation_error(A, B)
+        R_d = rotation_matrix(s * turn).dot(A) if s < 1.0 else B.copy()
+        return R_d, turn
+
+    def _feedback(self, error: np.ndarray) -> np.ndarray:
+        """k_P e, (3,), within the limit."""
+        feedback = self._task.feedback_gain * error
+        excess = float(np.linalg.norm(feedback)) / self._feedback_limit
+        return feedback / max(excess, 1.0)
+
+    def _is_over(
+        self, x: np.ndarray, t: float, R: np.ndarray | None, unachieved: np.ndarray | None
+    ) -> bool:
+        is_early = not self.is_due(t)
+        if t <= self._t_segment or (self._task.switching == 'at_rest' and is_early):
+            return False
+        end = self._index + 1
+        errors = [self._points[end] - x]
+        tolerances = [self._task.tolerance]
+        if R is not None and self._turns is not None:
+            errors.append(orientation_error(self._turns[end], R))
+            tolerances.append(self._task.orientation_tolerance)
+        is_last = end == len(self._points) - 1
+        if unachieved is not None and not is_last and not is_early:
+            errors = [self._reachable(error, part) for error, part in _pairs(errors, unachieved)]
+        return all(
+            float(np.linalg.norm(error)) < tolerance
+            for error, tolerance in zip(errors, tolerances, strict=True)
+        )
+
+    def _reachable(self, error: np.ndarray, unachieved: np.ndarray) -> np.ndarray:
+        """The part of an error (3,) whose feedback is not lost."""
+        asked = self._feedback(error)
+        size = float(np.linalg.norm(asked))
+        if size == 0.0:
+            return error
+        part: np.ndarray = (asked - unachieved) * (float(np.linalg.norm(error)) / size)
+        return part
+
+    def _is_aside(
+        self, x_start: np.ndarray | None, R_start: np.ndarray | None, tolerance: float
+    ) -> bool:
+        """Whether the tip has to go to x_0 first."""
+        if x_start is not None and np.linalg.norm(x_start - self._points[0]) > tolerance:
+            return True
+        if R_start is None or self._turns is None:
+            return False
+        turn = orientation_error(self._turns[0], R_start)
+        return bool(np.linalg.norm(turn) * _LEVER > tolerance)
+
+    def _approach_from(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> None:
+        """Put the way to x_0 before the task."""
+        x = self._points[0] if x_start is None else x_start
+        self._points = np.vstack((x, self._points))
+        self._first_segment = 0
+        if self._turns is not None:
+            R = self._turns[0] if R_start is None else R_start
+            self._turns = np.concatenate((R[None], self._turns))
+        approach, *others = map(self._size, range(len(self._points) - 1))
+        longest = max(others) or approach
+        self._approach_time = self._task.segment_time * max(approach / longest, 1.0)
+
+    def _size(self, start: int) -> float:
+        """How long the way from a point to the next is [m]; a turn counts on its lever."""
+        _, way = self._on_the_line(start, 1.0)
+        size = float(np.linalg.norm(way))
+        if self._turns is None:
+            return size
+        _, turn = self._on_the_arc(self._turns, start, 1.0)
+        return max(size, _LEVER * float(np.linalg.norm(turn)))
+
+    def _hold(self, R: np.ndarray) -> None:
+        """The same orientation at every point."""
+        self._turns = np.tile(R, (len(self._points), 1, 1))
+
+
+def _pairs(errors: list[np.ndarray], unachieved: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Each error (3,) with the part of `unachieved` that belongs to it."""
+    return [(error, unachieved[3 * i : 3 * i + 3]) for i, error in enumerate(errors)]

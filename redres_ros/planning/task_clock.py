@@ -1,0 +1,67 @@
+"""The time of a task, which goes on as the arm does."""
+
+# [s] for which nothing may be carried out, or heard, until the controller counts as not following
+_PATIENCE = 0.1
+_START_UP = 0.5  # [s] in which a task that was interrupted gets back to its pace
+
+
+class TaskClock:
+    """Keeps the time of a task by what the controller says that it carries out.
+
+    Where limits let the arm carry out only a share of the task velocity, the task's time goes on by
+    that share: the path is kept. While the controller stands still or says nothing, the time does.
+
+    Args:
+        T: The robot's cycle [s].
+        at_once: The controller follows until it says otherwise, and need not say so; for lock-step.
+    """
+
+    def __init__(self, T: float, at_once: bool = False) -> None:
+        self.t = 0.0  # [s] of the task
+        self.rate = 1.0  # of the task's time, below 1 while an interrupted task starts up
+        self._T = T
+        self._limit = max(round(_PATIENCE / T), 1)  # cycles
+        self._at_once = at_once
+        self._scaling = 1.0 if at_once else 0.0
+        self._unheard = 0  # cycles since the controller was heard
+        self._standing = 0 if at_once else self._limit  # cycles in which nothing was carried out
+
+    @property
+    def follows(self) -> bool:
+        """Whether the controller follows."""
+        return self._standing < self._limit
+
+    def set_scaling(self, scaling: float) -> None:
+        """Take in what share of the task velocity is carried out."""
+        self._scaling = min(max(scaling, 0.0), 1.0) if scaling == scaling else 0.0
+        self._unheard = 0
+
+    def begin(self) -> None:
+        """The task begins: from a standstill, so at its own pace."""
+        self.t = 0.0
+        self.rate = 1.0
+
+    def resume(self) -> None:
+        """The task goes on in its middle, from a standstill."""
+        self.rate = 0.0
+
+    def interrupt(self) -> None:
+        """The controller has to be heard again before the task goes on, unless it need not be."""
+        if not self._at_once:
+            self._scaling = 0.0
+            self._standing = self._limit
+
+    def advance(self, cycles: int) -> None:
+        """Some cycles of the robot have passed; after more than the controller would go on without
+        a task velocity it has to be heard again.
+        """
+        self._unheard += cycles
+        if self._unheard > self._limit:
+            self.interrupt()
+        if self._scaling > 0.0:
+            self._standing = 0
+        else:
+            self._standing += cycles
+        if self.follows:
+            self.rate = min(self.rate + cycles * self._T / _START_UP, 1.0)
+            self.t += self.rate * self._scaling * cycles * self._T

@@ -1,0 +1,226 @@
+"""A task: points that the tip passes from rest to rest, and the arm's start; read from config/tasks
+or a YAML file.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from redres_ros.errors import FileError, UnknownNameError, quoted
+from redres_ros.files.share import share_path
+from redres_ros.parameter import check_parameters, param
+from redres_ros.robots import Arm
+from redres_ros.robots.square import square_before_tip
+from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
+
+SWITCHING = ('at_rest', 'within_tolerance')
+
+_FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
+_MOST_DEGREES = 36000.0
+_METRES = ' m'  # ends the position of a linear joint
+
+
+@dataclass(frozen=True)
+class WaypointTask:
+    """Points x_0 ... x_N of the tip and how to pass them.
+
+    The switching 'at_rest' goes on once a segment's time is over and the error is below tolerance;
+    'within_tolerance' as soon as the error is, which cuts each segment short and makes a step in
+    the task velocity.
+
+    Args:
+        robot: The arm's name.
+        start: Joint positions q(0), (n,) [rad], or [m] of a linear joint.
+        waypoints: In the base frame, x_0 being f(q(0)), (N + 1, 3) [m].
+        orientations: Of the tip at the points, (N + 1, 3, 3); None leaves them free.
+        segment_time: T_AB, of each segment [s].
+        feedback_gain: k_P of Eq. (37) [1/s].
+        tolerance: Error at which a point counts as reached [m].
+        orientation_tolerance: The same for its orientation [rad].
+        switching: When the next segment begins.
+    """
+
+    robot: str
+    start: np.ndarray
+    waypoints: np.ndarray
+    orientations: np.ndarray | None = None
+    segment_time: float = param(3.0, 'T_AB, duration of a segment [s]', 1e-3, 3600.0)
+    feedback_gain: float = param(10.0, 'k_P of Eq. (37) [1/s]', 0.0, 1e3)
+    tolerance: float = param(
+        0.001, 'epsilon, error at which a point counts as reached [m]', 1e-9, 1.0
+    )
+    orientation_tolerance: float = param(
+        0.01, 'error at which an orientation counts as reached [rad]', 1e-9, 3.0
+    )
+    switching: str = param('at_rest', 'when the next segment begins', choices=SWITCHING)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @property
+    def segments(self) -> int:
+        """Number of segments, one less than the waypoints."""
+        return len(self.waypoints) - 1
+
+    def aside(self, x: np.ndarray, segment: np.ndarray) -> np.ndarray:
+        """Distances of positions from the straight lines of their segments, (N,) [m].
+
+        Args:
+            x: (N, 3) [m].
+            segment: (N,) number of each one's segment. Segment 0 leads to x_0 from anywhere, so it
+                has no line: its distances are 0.
+        """
+        ends = np.maximum(segment.astype(int), 1)
+        start = self.waypoints[ends - 1]
+        way = self.waypoints[ends] - start
+        since = x - start
+        length = np.einsum('ni,ni->n', way, way)  # squared
+        share = np.einsum('ni,ni->n', since, way) / np.where(length > 0.0, length, 1.0)
+        distance = np.linalg.norm(since - share[:, None] * way, axis=1)
+        return np.where(segment > 0, distance, 0.0)
+
+
+def load_task(name_or_path: str) -> WaypointTask:
+    """The task of that name in config/tasks, or of that YAML file. Raises FileError,
+    UnknownNameError, RangeError.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in ('.yaml', '.yml'):
+        folder = share_path('config/tasks')
+        known = {file.stem: file for file in folder.glob('*.yaml')}
+        if name_or_path not in known:
+            raise UnknownNameError('task', name_or_path, [*known, 'a path ending in .yaml'])
+        path = known[name_or_path]
+    from redres_ros.files.yaml import read_yaml  # PyYAML is for files alone
+
+    return _to_task(read_yaml(path), path)
+
+
+def task_for(arm: Arm, name: str) -> WaypointTask:
+    """What an arm does unless it is told: its own task, or a small square before its tip.
+
+    Args:
+        arm: From the table, or from a URDF.
+        name: The arm's name or path, for the task.
+
+    Raises:
+        FileError: The arm has no start, or can go round no square from there.
+    """
+    if arm.task:
+        return load_task(arm.task)
+    start = np.array(arm.start)
+    square = None
+    if arm.start and arm.acceleration_limit:
+        square = square_before_tip(arm.kinematics(), start, np.array(arm.acceleration_limit))
+    if square is None:
+        raise FileError(
+            f'{name} has no task of its own, and no square that it could go round; name a task'
+        )
+    return WaypointTask(name, start, square.waypoints, segment_time=square.segment_time)
+
+
+def _to_task(content: Any, path: Path) -> WaypointTask:
+    required = ('robot', 'start', 'waypoints')
+    orientations = tuple(form.key for form in _FORMS)
+    numbers = ('segment_time', 'feedback_gain', 'tolerance', 'orientation_tolerance')
+    optional = (*orientations, *numbers, 'switching')
+    if not isinstance(content, dict) or not all(key in content for key in required):
+        raise FileError(
+            f'{path} is no task; expected the keys {", ".join(required)} '
+            f'and, if wished, {", ".join(optional)}'
+        )
+    for key in content:
+        if key not in required + optional:
+            raise UnknownNameError(f'key in {path}', str(key), required + optional)
+    given: dict[str, Any] = {
+        key: _number(content[key], key, path) for key in numbers if key in content
+    }
+    if 'switching' in content:
+        given['switching'] = content['switching']
+    waypoints = _numbers(content['waypoints'], 'waypoints', 2, _FARTHEST, path)
+    if waypoints.shape[1] != 3 or len(waypoints) < 2:
+        raise FileError(
+            f'{path}: waypoints has shape {waypoints.shape}; '
+            'expected at least two points of three coordinates'
+        )
+    given['orientations'] = _orientations(content, len(waypoints), path)
+    start = _start(content['start'], path)
+    return WaypointTask(_name(content['robot'], 'robot', path), start, waypoints, **given)
+
+
+def _start(value: Any, path: Path) -> np.ndarray:
+    """Joint positions (n,), angles given in degrees, and those of linear joints as '0.3 m'."""
+    members = list(value) if isinstance(value, list) else []
+    is_linear = np.array([str(member).endswith(_METRES) for member in members], dtype=bool)
+    for place in np.flatnonzero(is_linear):
+        members[place] = str(members[place]).removesuffix(_METRES)
+    numbers = _numbers(members or value, 'start', 1, _MOST_DEGREES, path)
+    return np.where(is_linear, numbers, np.radians(numbers))
+
+
+def _orientations(content: dict[str, Any], count: int, path: Path) -> np.ndarray | None:
+    """Rotations (count, 3, 3); one in the file stands for all points. None where it has none."""
+    if 'quaternions' in content and 'rpy' in content:
+        raise FileError(f'{path} has quaternions and rpy; expected one of them')
+    form = next((form for form in _FORMS if form.key in content), None)
+    if form is None:
+        return None
+    rows = _numbers(content[form.key], form.key, 2, form.largest, path)
+    if rows.shape not in ((1, form.size), (count, form.size)):
+        raise FileError(
+            f'{path}: {form.key} has shape {rows.shape}; expected one row of {form.size} numbers, '
+            f'or one for each of the {count} points'
+        )
+    if form.key == 'quaternions' and (np.linalg.norm(rows, axis=1) < 1e-6).any():
+        raise FileError(f'{path}: quaternions holds a zero; expected x, y, z, w')
+    turns = np.array([form.convert(row) for row in rows])
+    return np.broadcast_to(turns, (count, 3, 3)).copy()
+
+
+def _from_degrees(rpy: np.ndarray) -> np.ndarray:
+    return from_roll_pitch_yaw(np.radians(rpy))
+
+
+class _Form(NamedTuple):
+    """How a file may give an orientation."""
+
+    key: str
+    size: int
+    largest: float
+    convert: Callable[[np.ndarray], np.ndarray]
+
+
+_FORMS = (
+    _Form('quaternions', 4, 1e3, from_quaternion),
+    _Form('rpy', 3, _MOST_DEGREES, _from_degrees),  # [deg]
+)
+
+
+def _name(value: Any, key: str, path: Path) -> str:
+    if not isinstance(value, str):
+        raise FileError(f'{path}: {key} is {quoted(value)}; expected a name')
+    return value
+
+
+def _number(value: Any, key: str, path: Path) -> float:
+    try:  # YAML 1.1 takes 1e-3, which has no dot, for a text
+        if not isinstance(value, bool):
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise FileError(f'{path}: {key} is {quoted(value)}; expected a number')
+
+
+def _numbers(value: Any, key: str, dimensions: int, largest: float, path: Path) -> np.ndarray:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(())
+    if array.ndim != dimensions or not (np.abs(array) <= largest).all():
+        shape = 'a list' if dimensions == 1 else 'rows'
+        expected = f'{shape} of finite numbers, none beyond {largest:g}'
+        raise FileError(f'{path}: {key} is {quoted(value)}; expected {expected}')
+    return array

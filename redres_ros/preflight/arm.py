@@ -1,0 +1,165 @@
+"""Joints, positions, limits and frames: whether the arm is the one that is expected."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from redres_ros.errors import RedresError
+from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.preflight.graph_snapshot import FORWARD, STATES, TWISTS, GraphSnapshot, StateSeen
+from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import choose_arm, choose_tip
+from redres_ros.robots.joint_limits import JointLimits
+
+_NEAR = 0.05  # of a range, from its end
+_MOVING = 0.01  # [rad/s] or [m/s]
+_SAME = 1e-3  # [rad] by which two sources of limits may differ
+
+
+class NoDescriptionError(RedresError):
+    """Nobody publishes the URDF that is expected."""
+
+
+def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
+    """Joints, positions, limits and frames of the arm that is expected.
+
+    Args:
+        seen: What was heard of the robot.
+        expected: The arm that it should be.
+    """
+    try:
+        model = _model_of(expected, seen.description)
+    except RedresError as error:
+        yield Verdict(Level.FAULT, 'arm', str(error))
+        return
+    limits = JointLimits.of(model.arm)
+    yield from _judge_joints(seen.states, limits)
+    yield from _judge_order(seen.forward_joints, limits.joint_names)
+    yield from _judge_description(seen.description, expected, limits)
+    yield from _judge_frames(seen, model)
+
+
+def _model_of(expected: ExpectedArm, description: str) -> RobotModel:
+    if expected.robot != TOPIC:
+        return RobotModel(choose_arm(expected.robot, expected.tip_frame))
+    return RobotModel(choose_tip(_published(description), expected.tip_frame))
+
+
+def _published(description: str) -> str:
+    if not description:
+        raise NoDescriptionError(f'the arm is to be that of {DESCRIPTION}, which nobody publishes')
+    return description
+
+
+def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> Iterator[Verdict]:
+    ours = [state for state in states if set(limits.joint_names) & state.positions.keys()]
+    if states and not ours:
+        got = ', '.join(states[-1].positions)
+        wanted = ', '.join(limits.joint_names)
+        text = f'{STATES} holds {got}; expected {wanted}'
+        yield Verdict(Level.FAULT, 'joints', text)
+    if not ours:
+        return
+    positions = ours[-1].positions
+    missing = [name for name in limits.joint_names if name not in positions]
+    if missing:
+        yield Verdict(Level.FAULT, 'joints', f'{STATES} lacks {", ".join(missing)}')
+        return
+    others = ', '.join(name for name in positions if name not in limits.joint_names)
+    ignored = f'; ignored: {others}' if others else ''
+    yield Verdict(Level.OK, 'joints', f'all {len(limits.joint_names)}{ignored}')
+    q = np.array([positions[name] for name in limits.joint_names])
+    yield from _judge_positions(q, limits)
+    yield from _judge_standstill(ours, limits.joint_names)
+
+
+def _judge_order(got: tuple[str, ...], expected: tuple[str, ...]) -> Iterator[Verdict]:
+    """Commands for ros2_control are numbers without names: the order must be the arm's."""
+    if got == expected:
+        yield Verdict(Level.OK, 'order', f'{FORWARD} goes by {", ".join(got)}')
+    elif got:
+        text = f'{FORWARD} goes by {", ".join(got)}; expected {", ".join(expected)}'
+        yield Verdict(Level.FAULT, 'order', text)
+
+
+def _judge_positions(q: np.ndarray, limits: JointLimits) -> Iterator[Verdict]:
+    if not np.isfinite(q).all():
+        yield Verdict(Level.FAULT, 'positions', f'{q.tolist()}; every value must be finite')
+        return
+    room = np.minimum(q - limits.lower, limits.upper - q) / (limits.upper - limits.lower)  # (n,)
+    j = int(np.argmin(room))
+    where = f'{limits.joint_names[j]} is at {q[j]:.3f}'
+    allowed = f'{limits.lower[j]:.3f} to {limits.upper[j]:.3f}'
+    if room[j] < 0.0:
+        yield Verdict(Level.FAULT, 'positions', f'{where}; allowed: {allowed}')
+    elif room[j] < _NEAR:
+        yield Verdict(Level.NOTE, 'positions', f'{where}, near an end of its range {allowed}')
+    else:
+        yield Verdict(Level.OK, 'positions', 'inside all ranges')
+
+
+def _judge_standstill(states: list[StateSeen], names: tuple[str, ...]) -> Iterator[Verdict]:
+    first = states[0]
+    last = states[-1]
+    elapsed = (last.stamp - first.stamp) / 1e9  # [s]
+    complete = all(name in first.positions for name in names)
+    if elapsed <= 0.0 or not complete:
+        return
+    speeds = [abs(last.positions[name] - first.positions[name]) / elapsed for name in names]
+    if max(speeds) > _MOVING:
+        fastest = names[int(np.argmax(speeds))]
+        text = f'the arm moves: {fastest} at {max(speeds):.3g}/s'
+        yield Verdict(Level.NOTE, 'standstill', text)
+
+
+def _judge_description(
+    description: str, expected: ExpectedArm, limits: JointLimits
+) -> Iterator[Verdict]:
+    """Whether the arm that is published allows less than the one that is expected."""
+    if not description or expected.robot == TOPIC:
+        return
+    try:
+        published = JointLimits.of(choose_tip(description, expected.tip_frame or _tip_of(expected)))
+    except RedresError as error:
+        text = f'the URDF on {DESCRIPTION} is of another arm: {error}'
+        yield Verdict(Level.NOTE, 'limits', text)
+        return
+    for j, name in enumerate(limits.joint_names):
+        if name not in published.joint_names:
+            continue
+        i = published.joint_names.index(name)
+        theirs = (published.lower[i], published.upper[i], published.velocity[i])
+        ours = (limits.lower[j], limits.upper[j], limits.velocity[j])
+        excess = (theirs[0] - ours[0], ours[1] - theirs[1], ours[2] - theirs[2])
+        if max(excess) > _SAME:
+            yield Verdict(
+                Level.FAULT,
+                'limits',
+                f'{name}: {DESCRIPTION} allows {_range(theirs)}, the arm expected {_range(ours)}',
+            )
+
+
+def _tip_of(expected: ExpectedArm) -> str:
+    return choose_arm(expected.robot).tip_frame
+
+
+def _range(limits: tuple[Any, ...]) -> str:
+    lower, upper, velocity = limits
+    return f'{lower:.3f} to {upper:.3f} at {velocity:.3f}/s'
+
+
+def _judge_frames(seen: GraphSnapshot, model: RobotModel) -> Iterator[Verdict]:
+    base = ''
+    if seen.controller:
+        base = seen.controller['base_frame']
+    known = {'', base, model.base_frame}
+    for frame in sorted(seen.twist_frames - known):
+        try:
+            model.pose(np.zeros(model.n), frame)
+        except RedresError as error:
+            yield Verdict(Level.FAULT, 'frames', f'{TWISTS} comes in an {error}')
+            return
+    tip = model.arm.tip_frame
+    yield Verdict(Level.OK, 'frames', f'tip {tip}, base {base or model.base_frame}')

@@ -1,0 +1,163 @@
+"""What a listener has seen of a running graph in a few seconds, before the arm moves."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import TwistStamped
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from redres_ros.graph.client import CallError, call
+from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.robot_parameters import DESCRIPTION
+from redres_ros.nodes.session_topics import REASON, SESSION
+from redres_ros.nodes.stamps import to_nanoseconds
+
+STATES = 'joint_states'
+TWISTS = 'cartesian_velocity'
+COMMANDS = 'joint_command'
+FORWARD = 'forward_position_controller/commands'
+CONTROLLER = 'controller'
+
+_FORWARDING = 'forward_position_controller'
+_DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
+
+_ASKED = (  # of the controller
+    'rate',
+    'robot',
+    'tip_frame',
+    'base_frame',
+    'forward_commands',
+    'bridging',
+    'limits',
+    'limit_scale',
+)
+_MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class StateSeen(NamedTuple):
+    """A message of joint_states: stamp [ns], arrival by this computer's clock [ns], and joints."""
+
+    stamp: int
+    arrived: int
+    positions: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class GraphSnapshot:
+    """All that was seen.
+
+    Args:
+        states: In the order of arrival.
+        publishers: Full names of the nodes that publish on a topic, by topic.
+        subscribers: Of those that subscribe.
+        twist_frames: Frames of the task velocities that came.
+        words: The newest words of a robot that tells of its session, by topic.
+        description: The URDF on robot_description; empty: none came.
+        controller: Parameters of the controller by name; None: there is no controller.
+        controllers: How many nodes have its name.
+        forward_joints: In the order of the forward_position_controller; empty: not known.
+    """
+
+    states: tuple[StateSeen, ...] = ()
+    publishers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    subscribers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    twist_frames: frozenset[str] = frozenset()
+    words: Mapping[str, str] = field(default_factory=dict)
+    description: str = ''
+    controller: Mapping[str, Any] | None = None
+    controllers: int = 0
+    forward_joints: tuple[str, ...] = ()
+
+
+class SnapshotNode(Node):
+    """Listens, and asks controllers for their parameters; publishes nothing.
+
+    Args:
+        namespace: Of the arm's nodes; empty: none.
+        states: The topic of the states, where it is remapped.
+    """
+
+    def __init__(self, namespace: str = '', states: str = STATES) -> None:
+        super().__init__('redres_check', namespace=namespace or None)
+        self._states_topic = states
+        self._states: list[StateSeen] = []
+        self._frames: set[str] = set()
+        self._words: dict[str, str] = {}
+        self.create_subscription(JointState, states, self._on_state, _MANY)
+        self.create_subscription(TwistStamped, TWISTS, self._on_twist, _MANY)
+        for topic in (DESCRIPTION, SESSION, REASON):
+            self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
+
+    def look(self, seconds: float) -> GraphSnapshot:
+        """What is seen in that time, or in a little more while states or a controller are missing.
+
+        Args:
+            seconds: How long to look at least; the node must be spun by somebody else.
+        """
+        time.sleep(seconds)
+        if not (self._states and self._count(CONTROLLER)):
+            time.sleep(max(_DISCOVERY - seconds, 0.0))
+        topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD)}
+        topics[STATES] = self._states_topic
+        return GraphSnapshot(
+            states=tuple(self._states),
+            publishers=self._nodes(topics, self.get_publishers_info_by_topic),
+            subscribers=self._nodes(topics, self.get_subscriptions_info_by_topic),
+            twist_frames=frozenset(self._frames),
+            words={topic: word for topic, word in self._words.items() if topic != DESCRIPTION},
+            description=self._words.get(DESCRIPTION, ''),
+            controller=self._ask(CONTROLLER, _ASKED),
+            controllers=self._count(CONTROLLER),
+            forward_joints=self._forward_joints(),
+        )
+
+    def _nodes(
+        self, topics: Mapping[str, str], infos: Callable[[str], Sequence[TopicEndpointInfo]]
+    ) -> dict[str, tuple[str, ...]]:
+        """Full names of the nodes at the ends of topics, by the topics' own names."""
+        own = self.get_fully_qualified_name()
+        found = {}
+        for topic, name in topics.items():
+            ends = infos(self.resolve_topic_name(name))
+            nodes = {f'{end.node_namespace.rstrip("/")}/{end.node_name}' for end in ends}
+            found[topic] = tuple(sorted(nodes - {own}))
+        return found
+
+    def _count(self, name: str) -> int:
+        wanted = (name, self.get_namespace())
+        return self.get_node_names_and_namespaces().count(wanted)
+
+    def _forward_joints(self) -> tuple[str, ...]:
+        told = self._ask(_FORWARDING, ('joints',))
+        return tuple(told['joints'] or ()) if told else ()
+
+    def _ask(self, node: str, names: Sequence[str]) -> dict[str, Any] | None:
+        """Parameters of a node; None if it is not there, or does not answer."""
+        if not self._count(node):
+            return None
+        request = GetParameters.Request(names=list(names))
+        try:
+            answer = call(self, GetParameters, f'{node}/get_parameters', request)
+        except CallError:
+            return None
+        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+
+    def _on_state(self, message: JointState) -> None:
+        stamp = to_nanoseconds(message.header.stamp)
+        positions = dict(zip(message.name, message.position, strict=False))
+        self._states.append(StateSeen(stamp, time.time_ns(), positions))
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        self._frames.add(message.header.frame_id)
+
+    def _on_word(self, topic: str, message: String) -> None:
+        self._words[topic] = message.data

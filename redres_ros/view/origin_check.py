@@ -1,0 +1,156 @@
+"""Who may load the page: a browser on this computer, from the page's own address.
+
+A page that steers a robot must not obey other pages. A browser sends along whose page asks (Origin)
+and which name it looked up (Host), so a request from elsewhere can be told, even where a foreign
+name was made to point to this computer.
+"""
+
+import contextlib
+import io
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from http.client import HTTPConnection
+from typing import Any
+
+import viser
+import websockets.asyncio.server
+from viser import _messages
+
+from redres_ros.errors import RedresError
+
+ADDRESS = '127.0.0.1'
+PORT = 8080
+
+_NAMES = (ADDRESS, 'localhost')
+_FOREIGN = 'elsewhere.example'
+_PORTS = 100  # that are tried
+_TIMEOUT = 5.0  # [s] for the page to answer itself
+# What the browser itself may do with a page: load nothing from elsewhere, and call nobody else.
+CONTENT = (
+    "default-src 'none'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob: data:; "
+    "worker-src blob: data:; style-src 'unsafe-inline'; img-src 'self' data: blob:; "
+    "font-src data:; connect-src 'self' data: blob: {connect}; base-uri 'none'; form-action 'none'"
+)
+_HEADERS = {
+    'Content-Security-Policy': f"{CONTENT}; frame-ancestors 'none'",
+    'X-Content-Type-Options': 'nosniff',
+    'Referrer-Policy': 'no-referrer',
+    'Cross-Origin-Resource-Policy': 'same-origin',
+}
+
+Answer = Callable[[Any, Any], Any]  # (connection, request) to a response; None goes on to the page
+
+
+class OriginError(RedresError):
+    """A page that cannot be opened, or would let in anybody."""
+
+
+def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
+    """Why a request is refused; empty if it is not.
+
+    Args:
+        hosts: The values of its Host headers.
+        origins: Those of its Origin headers.
+        port: That of the page.
+        steers: Whether it asks for the connection by which a page steers.
+    """
+    own_hosts = [f'{name}:{port}' for name in _NAMES]
+    if len(hosts) != 1 or hosts[0] not in own_hosts:
+        return 'This page is served to this computer alone, under its own address.'
+    if steers and len(origins) != 1:
+        return 'Whoever steers must say which page it comes from.'
+    if origins and origins != [f'http://{hosts[0]}']:
+        return 'Another page must not steer this one.'
+    return ''
+
+
+def free_port(first: int = PORT) -> int:
+    """The first port from there on that nobody uses at present. Raises OriginError."""
+    for port in range(first, first + _PORTS):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((ADDRESS, port))
+            except OSError:
+                continue
+            return port
+    raise OriginError(f'the ports {first} to {first + _PORTS - 1} of this computer are in use')
+
+
+def open_server(port: int, label: str) -> viser.ViserServer:
+    """A server of viser behind the gate.
+
+    Args:
+        port: Wanted; the next free one is taken.
+        label: The title of its controls.
+
+    Raises:
+        OriginError: It let a foreign request in, as a future viser might.
+    """
+    with _guarded(), contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(ADDRESS, port, label=label, verbose=False)
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)  # they would open a way in from outside
+    server.gui.configure_theme(show_share_button=False, show_logo=False)
+    _check(server)
+    return server
+
+
+def close_server(server: viser.ViserServer) -> None:
+    """Stop the server; viser would print a line."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+@contextmanager
+def _guarded() -> Iterator[None]:
+    """Have the next server of websockets judge every request; viser offers no way to do that."""
+    module = websockets.asyncio.server
+    serve = module.serve
+
+    def serve_guarded(*arguments: Any, process_request: Answer, **options: Any) -> Any:
+        return serve(*arguments, process_request=_judging(process_request), **options)
+
+    module.serve = serve_guarded  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        module.serve = serve  # type: ignore[misc]
+
+
+def _judging(answer: Answer) -> Answer:
+    def judge(connection: Any, request: Any) -> Any:
+        headers = request.headers
+        hosts = headers.get_all('Host')
+        reason = refusal(
+            hosts,
+            headers.get_all('Origin'),
+            connection.local_address[1],
+            steers='Upgrade' in headers,
+        )
+        if reason:
+            return connection.respond(HTTPStatus.FORBIDDEN, f'{reason}\n')
+        response = answer(connection, request)
+        if response is not None:
+            for name, value in _HEADERS.items():
+                response.headers[name] = value.format(connect=f'ws://{hosts[0]}')
+        return response
+
+    return judge
+
+
+def _check(server: viser.ViserServer) -> None:
+    """Ask as a stranger would; close a server that answers."""
+    connection = HTTPConnection(ADDRESS, server.get_port(), timeout=_TIMEOUT)
+    try:
+        connection.request('GET', '/', headers={'Host': _FOREIGN})
+        status = connection.getresponse().status
+    finally:
+        connection.close()
+    if status != HTTPStatus.FORBIDDEN:
+        close_server(server)
+        raise OriginError(
+            f'viser {viser.__version__} answers strangers ({status}); the page stays shut'
+        )

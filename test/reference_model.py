@@ -1,0 +1,50 @@
+"""An arm as another library has it, to hold ours against."""
+
+import mujoco
+import numpy as np
+
+from redres_ros.fake_robot.mujoco_arm import compiled, inertia, load, tip_body
+from redres_ros.robots import Arm
+
+
+class ReferenceModel:
+    """Kinematics and dynamics of an arm as MuJoCo computes them, to hold against another library.
+
+    The base frame is the root link. Raises FileError if MuJoCo cannot use the URDF,
+    UnknownNameError if it lacks the tip frame.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self._model = compiled(load(arm), arm)
+        self._data = mujoco.MjData(self._model)
+        self._tip = tip_body(self._model, arm)
+
+    def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tip position (3,) [m], orientation (3, 3) and Jacobian (6, n), linear rows first, in the
+        base frame.
+        """
+        data = self._data
+        n = self._model.nv
+        self._forward(q, np.zeros(n))
+        J = np.zeros((6, n))
+        mujoco.mj_jacBody(self._model, data, J[:3], J[3:], self._tip)
+        return data.xpos[self._tip].copy(), data.xmat[self._tip].reshape(3, 3).copy(), J
+
+    def dynamics(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Inertia matrix, and Coriolis, centrifugal and gravity torques.
+
+        Args:
+            q: Joint positions, (n,) [rad].
+            dq: Joint velocities, (n,) [rad/s].
+
+        Returns:
+            M(q), (n, n) [kg m^2], with rotors, and n(q, dq), (n,) [Nm].
+        """
+        self._forward(q, dq)
+        return inertia(self._model, self._data), self._data.qfrc_bias.copy()
+
+    def _forward(self, q: np.ndarray, dq: np.ndarray) -> None:
+        self._data.qpos[:] = q
+        self._data.qvel[:] = dq
+        mujoco.mj_fwdPosition(self._model, self._data)
+        mujoco.mj_fwdVelocity(self._model, self._data)

@@ -1,0 +1,55 @@
+"""The end of the reach: when it counts, and how fast the arm may go towards it."""
+
+import numpy as np
+import pytest
+
+from redres_ros import RobotModel
+from redres_ros.boundary_braking import end_of_reach
+from redres_ros.kernels.conditioning import is_far
+from redres_ros.robots import ARMS
+
+MODEL = RobotModel.named('lwr4')
+NEAR = 0.02
+LIMIT = np.array(ARMS['lwr4'].acceleration_limit)  # [rad/s^2]
+
+
+def bent(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """J (3, 7), dJ (7, 3, 7) and the way outward (3,), for the elbow's angle [rad]."""
+    q = np.array((0.3, 0.6, 0.0, angle, 0.0, -angle / 3.0, 0.0))
+    state = MODEL.state(q, np.zeros(7))
+    x, _ = MODEL.tip(q)
+    return state.jacobian('')[:3], state.jacobian_derivatives('')[:, :3], x / np.linalg.norm(x)
+
+
+def test_a_task_is_far_only_where_all_singular_values_are():
+    random = np.random.default_rng(0)
+    counts = {True: 0, False: 0}
+    for _ in range(500):
+        J = random.normal(size=(3, 7)) * 10.0 ** random.uniform(-3.0, 0.0, (3, 1))
+        s = np.linalg.svd(J, compute_uv=False)
+        far = bool(is_far(J, NEAR))
+        counts[far] += 1
+        assert not far or s[-1] >= NEAR * s[0]
+    assert min(counts.values()) > 100
+
+
+@pytest.mark.parametrize('angle', [0.005, 0.02, 0.05])
+def test_towards_the_end_the_joints_could_just_keep_the_speed_that_is_left(angle):
+    J, dJ, outward = bent(angle)
+    end = end_of_reach(J, dJ, outward, LIMIT, NEAR)
+    assert end is not None
+    (u,) = end.ended
+    dq = np.linalg.pinv(J) @ (end.most[0] * np.sign(u @ outward) * u)
+    ddq = -np.linalg.pinv(J) @ (np.einsum('icj,i->cj', dJ, dq) @ dq)  # at a constant tip speed
+    share = np.abs(ddq) / LIMIT
+    assert share.max() == pytest.approx(1.0, rel=0.1)
+    assert end_of_reach(J, dJ, 0.9 * end.most[0] * outward, LIMIT, NEAR) is None
+
+
+def test_inward_sideways_and_far_off_there_is_no_end():
+    J, dJ, outward = bent(0.02)
+    assert end_of_reach(J, dJ, -outward, LIMIT, NEAR) is None
+    sideways = np.linalg.svd(J)[0][:, 0]
+    assert end_of_reach(J, dJ, sideways, LIMIT, NEAR) is None
+    J, dJ, outward = bent(1.0)
+    assert end_of_reach(J, dJ, outward, LIMIT, NEAR) is None

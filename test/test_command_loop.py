@@ -1,0 +1,505 @@
+"""What stands between the ticks of the controller, tried without ROS."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.interpolation import quintic
+from redres_ros.loop.command_loop import (
+    CommandLoop,
+    LeapError,
+    Response,
+    TwistAgeError,
+    TwistSpeedError,
+)
+from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.twist_buffer import TwistBufferSettings
+from redres_ros.robots import find_arm
+
+T = 0.002  # [s]
+NS = 2_000_000  # [ns]
+EPOCH = 1_700_000_000 * 10**9  # [ns]
+START = load_task('rectangle').start
+GENTLE = np.array((0.0, -0.003, 0.0))  # [m/s] reached in one cycle
+
+
+def make_controller(switch_time: float = 0.1) -> Controller:
+    model = RobotModel.named('lwr4_paper')
+    return Controller(model, make_law('minimum_acceleration'), T, switch_time=switch_time)
+
+
+def velocity(cycle: int) -> np.ndarray:
+    """To the side and back, (3,) [m/s]."""
+    return np.array((0.0, -0.4, 0.0)) * quintic(cycle * T / 2.0)[1] / 2.0
+
+
+class Robot:
+    """An arm that goes exactly where it is told, and a source of task velocities, at one cycle
+    after the other.
+    """
+
+    def __init__(self, following: CommandLoop, start: np.ndarray = START) -> None:
+        self.following = following
+        self.q = start
+        self.cycle = 0
+        self.references: list[np.ndarray] = []
+
+    @property
+    def stamp(self) -> int:
+        return EPOCH + self.cycle * NS
+
+    @property
+    def now(self) -> float:
+        return self.cycle * T
+
+    def ask(self, stamp: int | None = None) -> Response | None:
+        """The answer to the next state."""
+        self.cycle += 1
+        at = self.stamp if stamp is None else stamp
+        return self.take(self.following.enter_state(at, self.q, self.now))
+
+    def steer(self, dx: np.ndarray, stamp: int | None = None) -> Response | None:
+        """Give a task velocity, of the newest state unless told otherwise."""
+        at = self.stamp if stamp is None else stamp
+        return self.take(self.following.enter_twist(at, dx, self.now + 3e-4))
+
+    def take(self, answer: Response | None) -> Response | None:
+        if answer is not None:
+            self.q = answer.command.q_ref
+            self.references.append(self.q)
+        return answer
+
+    def follow(self, cycles: int, source: Callable[[int], np.ndarray] = velocity) -> None:
+        """State and task velocity, for some cycles."""
+        for _ in range(cycles):
+            self.ask()
+            self.steer(source(self.cycle))
+
+
+def make(switch_time: float = 0.1, lag: int = 1, **settings: float) -> Robot:
+    return Robot(
+        CommandLoop(
+            make_controller(switch_time),
+            LoopSettings(**settings),
+            TwistBufferSettings(twist_lag=lag),
+        )
+    )
+
+
+def at_speed(**settings: float) -> Robot:
+    """A robot under way, with nothing waiting."""
+    robot = make(switch_time=0.0, **settings)
+    robot.follow(500)
+    return robot
+
+
+def speed(answer: Response | None) -> float:
+    assert answer is not None
+    return float(np.linalg.norm(answer.command.dq))
+
+
+# --- a run as it should be ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('lag', [1, 2, 5])
+def test_the_loop_is_that_of_the_controller_with_task_velocities_some_cycles_late(lag: int) -> None:
+    robot = make(lag=lag)
+    robot.follow(800)
+    controller = make_controller()
+    q = START
+    for cycle in range(1, 801):
+        if cycle == 1:  # nothing has come yet
+            controller.hold()
+            dx = np.zeros(3)
+        else:
+            controller.resume()
+            dx = velocity(cycle - lag) if cycle > lag else np.zeros(3)
+        q = controller.update(q, dx).q_ref
+        np.testing.assert_array_equal(q, robot.references[cycle - 1])
+
+
+def test_in_lock_step_each_state_is_answered_with_its_own_task_velocity() -> None:
+    robot = make(lockstep=True)
+    controller = make_controller()
+    q = START
+    for cycle in range(1, 500):
+        assert robot.ask() is None
+        assert robot.take(robot.following.enter_state(robot.stamp, robot.q, robot.now)) is None
+        robot.steer(velocity(cycle))
+        q = controller.update(q, velocity(cycle)).q_ref
+        np.testing.assert_array_equal(q, robot.q)
+
+
+def test_jitter_drift_and_a_clock_that_is_set_leave_every_reference_as_it_is() -> None:
+    perfect = make()
+    perfect.follow(900)
+    robot = make()
+    random = np.random.default_rng(3)
+    stamps = []
+    answered = []
+    for cycle in range(1, 901):
+        drifted = cycle * 1.005
+        set_by = 0.3 if cycle > 450 else 0.0  # [s]
+        jitter = random.uniform(-0.45, 0.45)
+        stamps.append(EPOCH + round((drifted + jitter) * NS + set_by * 1e9))
+        answered.append(robot.ask(stamps[-1]) is not None)
+        robot.steer(velocity(cycle), stamps[-1])
+    assert all(answered)
+    np.testing.assert_array_equal(robot.references, perfect.references)
+
+
+@pytest.mark.parametrize(('bridging', 'cycles'), [('extrapolate', 3.0), ('hold', 0.0)])
+def test_after_missed_cycles_the_reference_goes_on_from_where_the_robot_is(
+    bridging: str, cycles: float
+) -> None:
+    robot = at_speed(bridging=bridging)
+    before, last = robot.references[-2:]
+    robot.cycle += 3
+    answer = robot.ask()
+    assert answer is not None
+    expected = last + cycles * (last - before) + T * answer.command.dq
+    np.testing.assert_allclose(answer.command.q_ref, expected, rtol=0.0, atol=1e-12)
+    assert robot.following.skipped >= 3
+
+
+def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
+    references = []
+    for wraps in (False, True):
+        model = RobotModel.named('gen3')
+        controller = Controller(model, make_law('minimum_velocity'), T, task='pose')
+        following = CommandLoop(controller, LoopSettings(max_angular=10.0))
+        start = np.array((*find_arm('gen3').start[:6], 0.5 - np.pi))
+        robot = Robot(following, start)
+        spin = np.zeros(6)
+        for _ in range(1500):
+            told = wrapped(robot.q) if wraps else robot.q
+            robot.cycle += 1
+            robot.take(following.enter_state(robot.stamp, told, robot.now))
+            spin[3:] = 0.5 * model.tip(robot.q)[1][:, 2]  # about the last joint's axis
+            robot.steer(spin)
+        references.append(robot.references)
+        assert robot.q[6] < -np.pi - 0.5
+    np.testing.assert_allclose(references[1], references[0], rtol=0.0, atol=1e-9)
+
+
+def wrapped(q: np.ndarray) -> np.ndarray:
+    """The same angles between -pi and pi."""
+    return (q + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def test_a_cycle_that_was_missed_is_passed_on_to_the_controller() -> None:
+    robot = at_speed()
+    robot.cycle += 2
+    before = robot.following.skipped
+    robot.ask()
+    assert robot.following.skipped == before + 2
+
+
+# --- states that are not as they should be --------------------------------------------------------
+
+
+def test_a_state_without_a_stamp_is_refused() -> None:
+    robot = make()
+    with pytest.raises(ClockError, match='no stamp'):
+        robot.ask(0)
+    assert robot.ask() is not None
+
+
+def test_the_same_state_again_gets_the_same_answer_and_another_one_with_its_stamp_none() -> None:
+    robot = at_speed()
+    answer = robot.ask()
+    assert robot.following.enter_state(robot.stamp, robot.following.q, robot.now) is answer
+    with pytest.raises(ClockError, match='other positions'):
+        robot.following.enter_state(robot.stamp, START + 0.1, robot.now)
+
+
+def test_a_state_out_of_order_leaves_the_motion_as_it_is() -> None:
+    robot = at_speed()
+    other = at_speed()
+    with pytest.raises(ClockError):
+        robot.following.enter_state(robot.stamp - NS, robot.q, robot.now)
+    robot.follow(50)
+    other.follow(50)
+    np.testing.assert_array_equal(robot.references, other.references)
+
+
+def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
+    robot = at_speed()
+    robot.cycle += 100
+    answer = robot.ask()
+    assert answer is not None
+    assert 'no state came in 100 cycles, allowed 5' in answer.restarted
+    assert robot.ask().restarted == ''
+
+
+def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_it_sags() -> None:
+    robot = at_speed(bridging='hold')
+    reference = robot.q
+    robot.cycle += 50
+    robot.q = reference - 0.01  # [rad] more than any joint may move in a cycle
+    answer = robot.ask()
+    assert answer is not None
+    assert answer.restarted.startswith('from the last reference')
+    assert np.abs(answer.command.q_ref - reference).max() < 1e-4
+    assert speed(answer) < 0.05  # and at rest
+
+
+def test_of_two_answers_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
+    robot = at_speed(bridging='hold')
+    before = robot.q
+    robot.ask()
+    # That answer was held up, and the robot had published its next state by then.
+    robot.following.note_sent(robot.now + 0.95 * T)
+    answer = robot.ask()
+    assert answer is not None
+    np.testing.assert_allclose(answer.command.q_ref, before + T * answer.command.dq, atol=1e-15)
+
+
+@pytest.mark.parametrize('bridging', ['hold', 'extrapolate'])
+def test_answers_in_time_count_each_on_its_own(bridging: str) -> None:
+    robot = at_speed(bridging=bridging)
+    robot.ask()
+    before = robot.q
+    robot.following.note_sent(robot.now + 0.5 * T)
+    answer = robot.ask()
+    assert answer is not None
+    np.testing.assert_allclose(answer.command.q_ref, before + T * answer.command.dq, atol=1e-15)
+
+
+def test_a_single_state_to_which_no_arm_can_have_leapt_is_refused_and_changes_nothing() -> None:
+    robot = at_speed()
+    other = at_speed()
+    good = robot.q
+    robot.q = good + 0.2
+    with pytest.raises(LeapError, match='0.19'):
+        robot.ask()
+    robot.q = good
+    other.cycle += 1  # of the other one that state is lost
+    robot.follow(50)
+    other.follow(50)
+    np.testing.assert_array_equal(robot.references, other.references)
+
+
+def test_states_that_leap_to_and_fro_are_never_believed() -> None:
+    robot = at_speed()
+    robot.q = robot.q + 0.2
+    good = robot.q
+    for side in (1.0, -1.0, 1.0, -1.0):
+        robot.q = good + side
+        with pytest.raises(LeapError):
+            robot.ask()
+
+
+def test_an_arm_that_does_not_follow_makes_the_controller_begin_anew_and_say_why() -> None:
+    robot = at_speed()
+    robot.q = robot.q + 0.2
+    with pytest.raises(LeapError):
+        robot.ask()
+    answer = robot.ask()
+    assert answer is not None
+    assert '0.2 rad from its reference, allowed 0.1' in answer.restarted
+    np.testing.assert_allclose(answer.command.q_ref, robot.references[-2] + 0.2, atol=0.01)
+
+
+def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told() -> None:
+    tolerance = 0.01  # [rad]
+    robot = make(switch_time=0.02, following_tolerance=tolerance)
+    gaps = []
+    for _ in range(150):
+        robot.q = START  # somebody has stopped it without a word
+        robot.ask()
+        gaps.append(np.abs(robot.q - START).max())
+        robot.steer(np.array((0.0, 0.2, 0.0)))
+    step = max(np.abs(np.diff(robot.references, axis=0)).max(), 0.002)
+    assert tolerance / 2.0 < max(gaps) < tolerance + step
+    assert gaps.index(max(gaps)) < 140  # it began anew
+
+
+@pytest.mark.parametrize('jump', [10, -10])  # [s]
+def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the_arm_is(
+    jump: int,
+) -> None:
+    robot = make()
+    robot.follow(300)
+    moving = robot.q
+    stamp = robot.stamp + jump * 10**9
+    answer = robot.following.enter_state(stamp, moving, robot.now + 0.6)
+    assert answer is not None
+    # At most the first share of a blend from standing still.
+    np.testing.assert_allclose(answer.command.q_ref, moving, rtol=0.0, atol=1e-6)
+    assert speed(answer) < 1e-3
+
+
+# --- task velocities that are not as they should be -----------------------------------------------
+
+
+@pytest.mark.parametrize('ahead', [0.3, 5.0, -0.3, -5.0])
+def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_acts(
+    ahead: float,
+) -> None:
+    robot = make(switch_time=0.0)
+    robot.follow(1, lambda _: np.zeros(3))
+    side = "ahead of the robot's clock" if ahead > 0.0 else "behind the robot's clock"
+    with pytest.raises(TwistAgeError, match=side):
+        robot.steer(GENTLE, robot.stamp + round(ahead * 1e9))
+    for _ in range(int((abs(ahead) + 0.5) / T)):
+        assert speed(robot.ask()) == 0.0
+
+
+def test_a_task_velocity_of_a_robot_that_is_not_heard_yet_is_passed_over_without_a_word() -> None:
+    robot = make(switch_time=0.0)
+    robot.follow(1, lambda _: np.zeros(3))
+    silence = 3.0  # [s]
+    stamp = robot.stamp + round(silence * 1e9)
+    assert robot.following.enter_twist(stamp, GENTLE, robot.now + silence) is None
+    assert speed(robot.ask()) == 0.0
+
+
+def test_a_task_velocity_that_is_too_fast_is_refused_and_never_acts() -> None:
+    robot = at_speed()
+    other = at_speed()
+    robot.ask()
+    with pytest.raises(TwistSpeedError, match='^2.0003 m/s; allowed: 2 '):
+        robot.steer(np.array((2.0003, 0.0, 0.0)))
+    with pytest.raises(TwistSpeedError, match='1e\\+09 m/s; allowed: 2'):
+        robot.steer(np.array((1e9, 0.0, 0.0)))
+    robot.steer(velocity(robot.cycle))
+    other.follow(1)
+    robot.follow(5)
+    other.follow(5)
+    np.testing.assert_array_equal(robot.references, other.references)
+
+
+@pytest.mark.parametrize('stamped', [True, False])
+def test_without_new_task_velocities_the_arm_stands_after_the_timeout(stamped: bool) -> None:
+    robot = make(switch_time=0.0, command_timeout=0.02)
+    for _ in range(20):
+        robot.ask()
+        robot.steer(GENTLE, None if stamped else 0)
+    speeds = [speed(robot.ask()) for _ in range(20)]
+    assert all(speeds[:9])
+    assert not any(speeds[11:])
+
+
+def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clock_stands() -> None:
+    robot = make(switch_time=0.0)
+    for _ in range(20):
+        robot.ask()
+        robot.steer(GENTLE, 0)
+    assert speed(robot.ask()) > 0.0
+    robot.cycle += 1
+    answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    assert speed(answer) == 0.0
+    assert answer is not None and answer.scaling == 0.0
+
+
+def test_a_task_velocity_of_a_state_does_not_age_while_the_robots_clock_stands() -> None:
+    robot = at_speed()
+    robot.cycle += 1
+    answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    assert answer is not None and answer.scaling == 1.0
+
+
+# --- waiting --------------------------------------------------------------------------------------
+
+
+def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() -> None:
+    perfect = at_speed()
+    robot = at_speed(twist_patience=1.0)
+    random = np.random.default_rng(4)
+    for _ in range(100):
+        robot.ask()  # answered, as the one of the last state has come
+        robot.cycle += 1  # of this state none has come when the next one does
+        late = robot.following.enter_state(robot.stamp, robot.q, robot.now)
+        if late is None:
+            robot.take(robot.following.answer_if_due(robot.now + random.uniform(0.0, 0.9)))
+            robot.steer(velocity(robot.cycle - 1), robot.stamp - NS)
+        else:
+            pytest.fail('answered without its task velocity')
+        robot.steer(velocity(robot.cycle))
+    perfect.follow(200)
+    np.testing.assert_array_equal(robot.references, perfect.references)
+
+
+def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again() -> None:
+    robot = at_speed(twist_patience=1.0)
+    assert robot.ask() is not None
+    robot.cycle += 1
+    assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
+    assert robot.following.answer_if_due(robot.now + 0.9) is None
+    assert robot.take(robot.following.answer_if_due(robot.now + 1.1)) is not None
+    for _ in range(100):
+        assert robot.ask() is not None
+    robot.steer(velocity(0))
+    assert robot.ask() is not None
+    robot.cycle += 1
+    assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
+
+
+def test_a_robot_that_goes_on_without_the_answer_is_not_kept_waiting() -> None:
+    robot = at_speed(twist_patience=1.0)
+    robot.ask()
+    assert robot.ask() is None
+    assert robot.ask() is not None
+    assert robot.following.skipped == 1
+
+
+# --- who lets whom --------------------------------------------------------------------------------
+
+
+def test_the_arm_follows_from_where_the_robot_begins_to_take_commands() -> None:
+    robot = make(switch_time=0.0)
+    robot.following.enter_session('MON')
+    robot.follow(20, lambda _: GENTLE)
+    answer = robot.ask()
+    assert answer is not None and answer.scaling == 0.0
+    np.testing.assert_allclose(answer.command.dq, answer.command.ddq * T)  # as from a standstill
+    robot.steer(GENTLE)
+    robot.following.enter_session('CMD')
+    answer = robot.ask()
+    assert answer is not None and answer.scaling == 1.0
+
+
+def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() -> None:
+    for word, expected in (('CMD', 0.0), (None, 1.0)):
+        robot = make()
+        if word:
+            robot.following.enter_session(word)
+        robot.follow(5)
+        robot.cycle += 5_000
+        robot.ask()
+        robot.steer(GENTLE)
+        answer = robot.ask()
+        assert answer is not None and answer.scaling == expected
+
+
+def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
+    robot = at_speed()
+    robot.following.held = True
+    for _ in range(3):
+        answer = robot.ask()
+        robot.steer(velocity(robot.cycle))
+    assert speed(answer) == 0.0
+    assert answer is not None and answer.scaling == 0.0
+
+
+def test_limits_that_hold_the_task_up_for_a_second_are_told_with_the_joint() -> None:
+    controller = Controller(
+        RobotModel.named('lwr4_paper'),
+        make_law('minimum_velocity'),
+        T,
+        limits=('position', 'velocity', 'acceleration'),
+        limit_scale=0.01,
+    )
+    robot = Robot(CommandLoop(controller))
+    robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
+    assert robot.following.limit_warning == ''  # not long enough yet
+    robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
+    told = robot.following.limit_warning
+    assert told.startswith('the limits leave') and 'lwr' in told
+    robot.following.held = True
+    robot.follow(2)
+    assert robot.following.limit_warning == ''

@@ -1,0 +1,463 @@
+"""Guard, joint limits and follower: what stops the arm, what only slows it, and how its reference
+moves meanwhile.
+"""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from redres_ros.errors import ArrayError, FileError, RangeError
+from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
+from redres_ros.fake_robot.reference_interpolator import ReferenceInterpolator
+from redres_ros.robots import Arm, find_arm
+from redres_ros.robots.chain import CONTINUOUS_RANGE
+from redres_ros.robots.joint_limits import JointLimits
+
+T = 0.002  # [s]
+LIMITS = JointLimits.of(find_arm('lwr4'))
+ZERO = np.zeros(7)
+ROUNDING = 1e-12  # of sums of a few hundred terms of size 1
+
+
+def violation_on_the_way(guard: CommandValidator, positions: np.ndarray) -> str:
+    """The first reason that the guard has to stop a stream (N, 7) that starts from rest at its
+    first position.
+    """
+    guard.begin()
+    for last, position in pairwise(positions):
+        if reason := guard.violation(position, (position - last) / T):
+            return reason
+    return ''
+
+
+def accelerated(acceleration: float, joint: int, cycles: int) -> np.ndarray:
+    """Positions (cycles, 7) whose velocity grows by acceleration * T a cycle from rest at zero."""
+    positions = np.zeros((cycles, 7))
+    positions[:, joint] = acceleration * T * T * np.cumsum(np.arange(cycles))
+    return positions
+
+
+# --- limits ---------------------------------------------------------------------------------------
+
+
+def test_limits_are_those_of_the_controller_file():
+    assert LIMITS.joint_names[4] == 'lwr_a4_joint'
+    assert np.degrees(LIMITS.upper) == pytest.approx([170, 120, 170, 120, 170, 120, 170])
+    assert np.degrees(LIMITS.velocity) == pytest.approx([120, 120, 160, 160, 250, 220, 220])
+    assert np.degrees(LIMITS.acceleration) == pytest.approx(
+        [1200, 1200, 1600, 1600, 2500, 4400, 4400]
+    )
+    assert (LIMITS.lower == -LIMITS.upper).all()
+
+
+TWO_JOINTS = """<robot name="two">
+  <joint name="second" type="prismatic"><parent link="b"/><child link="c"/>
+    <limit lower="0" upper="0.3" velocity="2" effort="1"/></joint>
+  <joint name="fixed" type="fixed"><parent link="a"/><child link="camera"/></joint>
+  <joint name="first" type="continuous"><parent link="a"/><child link="b"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <link name="camera"/><link name="c"/><link name="b"/><link name="a"/></robot>"""
+
+
+def test_limits_go_from_base_to_tip_whatever_the_order_of_the_file(tmp_path):
+    (tmp_path / 'two.urdf').write_text(TWO_JOINTS)
+    limits = JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
+    assert limits.joint_names == ('first', 'second')
+    assert limits.lower.tolist() == [-CONTINUOUS_RANGE, 0.0]
+    assert limits.upper.tolist() == [CONTINUOUS_RANGE, 0.3]
+    assert limits.velocity.tolist() == [1.0, 2.0]
+    assert limits.acceleration.tolist() == [np.inf, np.inf]
+
+
+@pytest.mark.parametrize('velocity', ['', 'velocity="0"', 'velocity="nan"'])
+def test_a_joint_without_a_velocity_limit_is_an_error(tmp_path, velocity):
+    (tmp_path / 'two.urdf').write_text(TWO_JOINTS.replace('velocity="2"', velocity))
+    with pytest.raises(FileError, match='second'):
+        JointLimits.of(Arm(tmp_path / 'two.urdf', 'c'))
+
+
+def test_acceleration_limits_for_other_joints_are_an_error():
+    with pytest.raises(ArrayError, match='acceleration_limit'):
+        JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=(1.0, 2.0)))
+
+
+# --- guard ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('joint', range(7))
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_position_is_limited_at_the_margin(joint, sign):
+    command = ZERO.copy()
+    command[joint] = sign * (LIMITS.upper[joint] - np.radians(0.5) - 1e-9)
+    assert CommandValidator(LIMITS, T).violation(command, ZERO) == ''
+    command[joint] += sign * 2e-9
+    assert LIMITS.joint_names[joint] in CommandValidator(LIMITS, T).violation(command, ZERO)
+
+
+@pytest.mark.parametrize('joint', range(7))
+def test_acceleration_is_limited_at_the_limit(joint):
+    guard = CommandValidator(LIMITS, T)
+    limit = LIMITS.acceleration[joint]
+    assert violation_on_the_way(guard, accelerated(0.999 * limit, joint, 40)) == ''
+    assert LIMITS.joint_names[joint] in violation_on_the_way(
+        guard, accelerated(1.01 * limit, joint, 40)
+    )
+
+
+def test_a_protective_stop_names_joint_window_got_and_allowed():
+    reason = violation_on_the_way(CommandValidator(LIMITS, T), accelerated(-114.0, 4, 12))
+    # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, which is borne;
+    # with 5 it is 31 %.
+    assert reason == 'protective stop: lwr_a4_joint commanded 57 rad/s^2 over 20 ms, allowed 43.6'
+
+
+def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
+    # [rad/s] ten times the limit within a cycle
+    jump = LIMITS.acceleration[0] * 0.020 * np.eye(7)[0]
+    for share, stops in ((0.99, False), (1.09, False), (1.11, True)):
+        assert bool(CommandValidator(LIMITS, T).violation(ZERO, share * jump)) is stops
+
+
+@pytest.mark.parametrize(
+    ('excess', 'milliseconds'), [(1.001, 0.2), (0.2001, 1.0), (0.051, 4.0), (0.01251, 16.0)]
+)
+@pytest.mark.parametrize('period', [0.0005, 0.001, 0.002, 0.004])
+def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(
+    excess, milliseconds, period
+):
+    guard = CommandValidator(LIMITS, period)
+    velocity = 0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3]
+    stops = [
+        bool(guard.violation(ZERO, velocity))
+        for _ in range(math.ceil(0.001 * milliseconds / period))
+    ]
+    assert stops.index(True) == len(stops) - 1
+
+
+def test_an_excess_is_forgotten_as_it_is_made_up_for():
+    guard = CommandValidator(LIMITS, T, ValidatorSettings(acceleration_window=T))
+    limit = LIMITS.acceleration[2] * T * np.eye(7)[2]
+    velocity = ZERO
+    for share in (1.08, 0.9) * 100:
+        velocity = velocity + share * limit
+        assert guard.violation(ZERO, velocity) == ''
+
+
+def test_noise_as_high_as_the_limit_does_not_trip_half_of_it():
+    random = np.random.default_rng(0)
+    # twice the limit from cycle to cycle
+    noise = random.uniform(-0.5, 0.5, (5000, 7)) * LIMITS.acceleration * T * T
+    ramp = np.array(
+        [accelerated(0.5 * a, j, 40)[:, j] for j, a in enumerate(LIMITS.acceleration)]
+    ).T  # (40, 7)
+    for start in range(0, 4960, 40):
+        assert (
+            violation_on_the_way(
+                CommandValidator(LIMITS, T), ramp + noise[start : start + 40] - noise[start]
+            )
+            == ''
+        )
+
+
+def noisy(positions: np.ndarray, seed: int) -> np.ndarray:
+    """Positions (N, 7) as encoders with steps of 10 microradians and as much noise give them."""
+    noise = np.random.default_rng(seed).uniform(-5e-6, 5e-6, positions.shape)
+    return 1e-5 * np.round((positions + noise) / 1e-5)
+
+
+def to_and_fro(acceleration: np.ndarray, cycles: int) -> np.ndarray:
+    """Positions (cycles, 7) at plus and minus the acceleration (7,), from rest, at 80 % of the top
+    speed at most.
+    """
+    half = np.floor(0.8 * LIMITS.velocity / (acceleration * T)).astype(
+        int
+    )  # (7,) cycles from rest to the top speed
+    signs = np.where((np.arange(cycles)[:, None] // half + 1) // 2 % 2 == 0, 1.0, -1.0)
+    return np.vstack(
+        (ZERO, np.cumsum(np.cumsum(signs[:-1] * acceleration * T, axis=0) * T, axis=0))
+    )
+
+
+AT_99_PERCENT = {
+    'lower position': np.tile(0.99 * LIMITS.lower, (5000, 1)),
+    'upper position': np.tile(0.99 * LIMITS.upper, (5000, 1)),
+    'velocity': 0.99 * LIMITS.velocity * T * (np.arange(350)[:, None] - 175.0),
+    'acceleration': to_and_fro(0.99 * LIMITS.acceleration, 20000),
+}
+
+
+def from_rest(positions: np.ndarray) -> np.ndarray:
+    """The positions (N, 7), and before them the way up to their velocity, at half the acceleration
+    limits at most.
+    """
+    step = positions[1] - positions[0]  # (7,)
+    n = max(1, math.ceil(np.max(np.abs(step) / (0.5 * LIMITS.acceleration * T * T))))
+    ahead = np.cumsum(np.arange(n)[::-1] / n)[::-1, None]  # (n, 1) steps to the first position
+    return np.vstack((positions[0] - ahead * step, positions))
+
+
+@pytest.mark.parametrize('which', AT_99_PERCENT)
+@pytest.mark.parametrize('seed', range(3))
+def test_noise_of_encoders_at_99_percent_of_a_limit_stops_nothing(which, seed):
+    assert (
+        violation_on_the_way(
+            CommandValidator(LIMITS, T), noisy(from_rest(AT_99_PERCENT[which]), seed)
+        )
+        == ''
+    )
+
+
+def test_without_tolerance_noise_at_99_percent_of_the_acceleration_limit_would_stop_the_arm():
+    strict = CommandValidator(LIMITS, T, ValidatorSettings(acceleration_tolerance=0.0))
+    assert violation_on_the_way(strict, AT_99_PERCENT['acceleration']) == ''
+    assert 'protective stop' in violation_on_the_way(
+        strict, noisy(AT_99_PERCENT['acceleration'], 0)
+    )
+
+
+def test_no_noise_of_less_than_20_microradians_stops_the_arm_at_the_acceleration_limit():
+    # Excesses are differences of four positions over T * window; from cycle to cycle they cancel
+    # but for the first and the last. So noise of amplitude e adds up to 4 e / (T * window) at most,
+    # wherever the sum began.
+    random = np.random.default_rng(0)
+    stream = to_and_fro(0.999 * LIMITS.acceleration, 3000)
+    for noise in (
+        random.uniform(-1.0, 1.0, stream.shape),
+        random.choice([-1.0, 1.0], stream.shape),
+        np.where(np.arange(3000)[:, None] // 10 % 2, 1.0, -1.0) * np.ones(7),
+    ):
+        assert violation_on_the_way(CommandValidator(LIMITS, T), stream + 2e-5 * noise) == ''
+
+
+def test_window_and_scale_are_as_set():
+    stream = accelerated(0.9 * LIMITS.acceleration[0], 0, 40)
+    assert (
+        violation_on_the_way(
+            CommandValidator(LIMITS, T, ValidatorSettings(acceleration_scale=0.8)), stream
+        )
+        != ''
+    )
+    assert 'over 50 ms' in violation_on_the_way(
+        CommandValidator(LIMITS, T, ValidatorSettings(acceleration_window=0.05)), 2.0 * stream
+    )
+    assert 'over 5 ms' in CommandValidator(
+        LIMITS, 0.005, ValidatorSettings(acceleration_window=0.001)
+    ).violation(ZERO, ZERO + 1.0)
+
+
+def test_no_acceleration_limit_never_stops():
+    unlimited = CommandValidator(
+        JointLimits.of(replace(find_arm('lwr4'), acceleration_limit=())), T
+    )
+    assert violation_on_the_way(unlimited, accelerated(1e3, 0, 20)) == ''
+
+
+def test_begin_forgets_the_stream():
+    guard = CommandValidator(LIMITS, T)
+    for _ in range(20):
+        guard.violation(ZERO, 0.3 + ZERO)
+    guard.begin()
+    assert guard.violation(ZERO, -0.3 + ZERO) == ''  # -0.3 rad/s after 0.3 would be 30 rad/s^2
+
+
+def test_begin_forgets_an_excess():
+    guard = CommandValidator(LIMITS, T)
+    jump = 1.09 * 0.020 * LIMITS.acceleration * np.eye(7)[0]
+    for _ in range(3):
+        assert guard.violation(ZERO, jump) == ''  # a second time in a row would be too much
+        guard.begin()
+
+
+@pytest.mark.parametrize('joint', range(7))
+@pytest.mark.parametrize('which', ['position', 'velocity'])
+def test_nan_never_passes(joint, which):
+    values = {'position': ZERO.copy(), 'velocity': ZERO.copy()}
+    values[which][joint] = np.nan
+    assert CommandValidator(LIMITS, T).violation(**values) != ''
+
+
+@pytest.mark.parametrize(
+    'setting',
+    [
+        {'acceleration_window': 0.0},
+        {'position_margin': -0.1},
+        {'acceleration_scale': np.nan},
+        {'acceleration_tolerance': -1e-4},
+    ],
+)
+def test_settings_out_of_range_are_refused(setting):
+    with pytest.raises(RangeError, match=next(iter(setting))):
+        ValidatorSettings(**setting)
+
+
+# --- follower -------------------------------------------------------------------------------------
+
+
+def follow(follower: ReferenceInterpolator, positions: np.ndarray) -> np.ndarray:
+    """References (N - 1, 7) while the stream (N, 7) is followed from its first position."""
+    references = []
+    for last, position in pairwise(positions):
+        follower.follow(position, position - last)
+        references.append(follower.reference)
+    return np.array(references)
+
+
+def brake(follower: ReferenceInterpolator) -> np.ndarray:
+    """References (N, 7) from the one in force until the follower is at rest."""
+    references = [follower.reference]
+    while not follower.at_rest:
+        follower.brake()
+        references.append(follower.reference)
+        assert len(references) < 1000
+    return np.array(references)
+
+
+def random_stream(seed: int, share: float, cycles: int = 400) -> np.ndarray:
+    """Positions (cycles, 7) from zero at random velocities up to a share of the limits,
+    accelerations without limit.
+    """
+    velocities = (
+        np.random.default_rng(seed).uniform(-share, share, (cycles - 1, 7)) * LIMITS.velocity
+    )
+    return np.vstack((ZERO, np.cumsum(velocities * T, axis=0)))
+
+
+def test_a_command_within_the_velocity_limits_is_the_reference_bit_for_bit():
+    stream = random_stream(1, 0.999)
+    assert (follow(ReferenceInterpolator(LIMITS, T, ZERO), stream) == stream[1:]).all()
+
+
+@pytest.mark.parametrize('share', [1.5, 30.0])
+def test_the_reference_never_exceeds_the_velocity_limits(share):
+    references = np.vstack(
+        (ZERO, follow(ReferenceInterpolator(LIMITS, T, ZERO), random_stream(2, share)))
+    )
+    steps = np.abs(np.diff(references, axis=0))
+    assert (steps <= LIMITS.velocity * T + ROUNDING).all()
+    assert (
+        steps.max(axis=0) >= LIMITS.velocity * T - ROUNDING
+    ).all()  # and is limited, not stopped
+
+
+def too_fast_for_a_while() -> np.ndarray:
+    """Positions (N, 7): up to 1.2 of the velocity limits with half the acceleration limits, and
+    back to rest.
+    """
+    ramp_cycles = np.ceil(1.2 * LIMITS.velocity / (0.5 * LIMITS.acceleration * T)).max()
+    ramp = np.arange(ramp_cycles) / ramp_cycles
+    profile = np.concatenate((ramp, np.ones(60), ramp[::-1], np.zeros(300)))
+    return np.cumsum(profile[:, None] * 1.2 * LIMITS.velocity * T, axis=0)
+
+
+def test_a_lag_is_closed_without_overshoot_and_within_the_acceleration_limits():
+    stream = too_fast_for_a_while()
+    references = np.vstack((stream[0], follow(ReferenceInterpolator(LIMITS, T, stream[0]), stream)))
+    lag = stream - references
+    assert lag.max() > 0.01  # the stream was too fast ...
+    assert lag.min() > -ROUNDING  # ... is never overtaken ...
+    assert (references[-1] == stream[-1]).all()  # ... and is caught up with
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * 1.001).all()
+
+
+def test_a_stream_that_begins_elsewhere_is_reached_gently():
+    follower = ReferenceInterpolator(LIMITS, T, ZERO)
+    start = 0.01 * np.array([1, -1, 1, -1, 1, -1, 0.001])
+    follower.begin(start)
+    references = np.vstack((ZERO, ZERO, follow(follower, np.tile(start, (200, 1)))))
+    assert (references[-1] == start).all()
+    assert (np.abs(references) <= np.abs(start)).all()  # no overshoot
+    assert (
+        np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T * (1 + 1e-9)
+    ).all()
+
+
+def test_braking_keeps_the_acceleration_limits_and_uses_them():
+    follower = ReferenceInterpolator(LIMITS, T, ZERO)
+    at_speed = follow(follower, np.arange(100)[:, None] * (0.9 * T) * LIMITS.velocity)
+    references = np.vstack((at_speed[-2], brake(follower)))
+    changes = np.abs(np.diff(references, 2, axis=0)) / (LIMITS.acceleration * T * T)
+    assert changes.max(axis=0) == pytest.approx(np.ones(7), abs=1e-9)
+
+
+def test_braking_at_rest_changes_nothing():
+    q = np.random.default_rng(3).uniform(LIMITS.lower, LIMITS.upper)
+    follower = ReferenceInterpolator(LIMITS, T, q)
+    follower.brake()
+    assert (follower.reference == q).all()
+
+
+def test_braking_without_acceleration_limits_ends_at_once():
+    follower = ReferenceInterpolator(replace(LIMITS, acceleration=np.full(7, np.inf)), T, ZERO)
+    at_speed = follow(follower, np.arange(10)[:, None] * (0.9 * T) * LIMITS.velocity)
+    assert (brake(follower)[-1] == at_speed[-1]).all()
+
+
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_an_arm_beyond_a_limit_does_not_jump_and_can_come_back(sign):
+    q = sign * (LIMITS.upper + 0.1)
+    follower = ReferenceInterpolator(LIMITS, T, q)
+    inwards = q - sign * np.arange(200)[:, None] * 0.001
+    assert (follow(follower, inwards) == inwards[1:]).all()
+    follow(follower, follower.reference + sign * np.arange(400)[:, None] * 0.001)
+    assert (follower.reference == sign * LIMITS.upper).all()
+
+
+@pytest.mark.parametrize('joint', range(7))
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_an_arm_at_speed_is_stopped_in_time_to_brake_before_a_limit(joint, sign):
+    speed = sign * 0.8 * LIMITS.velocity * np.eye(7)[joint]
+    guard = CommandValidator(LIMITS, T, ValidatorSettings(acceleration_window=1.0))
+    follower = ReferenceInterpolator(LIMITS, T, ZERO)
+    position = ZERO
+    while not (reason := guard.violation(position + T * speed, speed)):
+        follower.follow(position + T * speed, T * speed)
+        position = position + T * speed
+    references = brake(follower)
+    assert reason.startswith(f'position limit: {LIMITS.joint_names[joint]}')
+    assert 0.0 <= LIMITS.upper[joint] - np.abs(references).max() < np.radians(1.0)
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
+
+
+@settings(max_examples=40)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30), st.integers(5, 40))
+def test_from_whatever_the_guard_lets_pass_the_arm_can_brake_within_all_limits(accelerations, hold):
+    guard = CommandValidator(LIMITS, T)
+    follower = ReferenceInterpolator(LIMITS, T, ZERO)
+    position = ZERO
+    velocity = ZERO
+    references = [ZERO, ZERO]
+    for share in np.repeat(accelerations, hold):
+        velocity = np.clip(
+            velocity + 0.999 * share * LIMITS.acceleration * T, -LIMITS.velocity, LIMITS.velocity
+        )
+        step = T * velocity
+        if guard.violation(position + step, velocity):
+            break
+        follower.follow(position + step, step)
+        position = position + step
+        references.append(follower.reference)
+    references = np.vstack((references, brake(follower)[1:]))
+    assert (np.abs(references) <= LIMITS.upper).all()
+    assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
+
+
+# --- a client with the same limits ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize('beyond', [4e-15, -4e-15], ids=['beyond', 'within'])
+def test_the_last_digits_of_a_position_do_not_stop_the_arm(beyond):
+    margin = ValidatorSettings().position_margin
+    assert CommandValidator(LIMITS, T).violation(LIMITS.upper - margin + beyond, ZERO) == ''
+    assert CommandValidator(LIMITS, T).violation(LIMITS.lower + margin - beyond, ZERO) == ''
+
+
+def test_the_last_digits_of_a_velocity_do_not_stop_the_arm():
+    guard = CommandValidator(
+        LIMITS, T, ValidatorSettings(velocity_stops=True, acceleration_scale=100.0)
+    )
+    assert guard.violation(ZERO, LIMITS.velocity * (1.0 + 1e-12)) == ''

@@ -1,0 +1,146 @@
+"""Stamps of a robot's states, counted as cycles: perfect, jittering, drifting, set, reordered."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from redres_ros.loop.cycle_counter import ClockError, CycleCounter
+
+T = 2_000_000  # [ns]
+EPOCH = 1_700_000_000 * 10**9  # [ns] as of a computer's clock
+
+
+def counted(stamps: Iterable[int], arrivals: Iterable[float] | None = None) -> list[int]:
+    """What each state after the first one counts; by default each comes 0.3 ms after its stamp."""
+    cycles = CycleCounter(T)
+    stamps = list(stamps)
+    if arrivals is None:
+        arrivals = [stamp * 1e-9 + 3e-4 for stamp in stamps]
+    counts = [cycles.enter(stamp, arrived) for stamp, arrived in zip(stamps, arrivals, strict=True)]
+    assert counts[0] == 0
+    return counts[1:]
+
+
+def test_perfect_stamps_are_one_cycle_each_and_a_gap_is_as_many_as_it_holds() -> None:
+    stamps = [EPOCH + k * T for k in (0, 1, 2, 3, 7, 8, 108)]
+    assert counted(stamps) == [1, 1, 1, 4, 1, 100]
+
+
+@pytest.mark.parametrize('share', [0.2, 0.4, 0.49])
+@pytest.mark.parametrize('off', [-0.005, 0.0, 0.005])
+def test_jitter_within_half_a_period_and_a_rate_half_a_percent_off_do_not_matter(
+    share: float, off: float
+) -> None:
+    random = np.random.default_rng(1)
+    jitter = random.uniform(-share, share, 20_000)
+    stamps = [EPOCH + round(T * (k * (1.0 + off) + jitter[k])) for k in range(20_000)]
+    counts = counted(sorted(stamps))
+    assert counts.count(1) >= 0.99 * len(counts)
+    assert abs(sum(counts) - len(counts)) <= 0.01 * len(counts)
+
+
+def test_a_clock_that_drifts_to_and_fro_does_not_matter() -> None:
+    k = np.arange(50_000)
+    drift = 5.0 * np.sin(2.0 * np.pi * k / 25_000)  # periods
+    stamps = [EPOCH + round(T * x) for x in k + drift]
+    assert set(counted(stamps)) == {1}
+
+
+@pytest.mark.parametrize('step', [0.05, 0.3, 0.9])
+def test_a_clock_that_is_set_forward_counts_as_one_cycle(step: float) -> None:
+    true = [k * T for k in range(1000)]
+    stamps = [EPOCH + t + (round(step * 1e9) if t >= 500 * T else 0) for t in true]
+    arrivals = [t * 1e-9 + 3e-4 for t in true]
+    assert set(counted(stamps, arrivals)) == {1}
+
+
+def test_states_that_are_missed_while_the_process_is_held_up_are_counted() -> None:
+    stamps = [EPOCH + k * T for k in (0, 1, 2, 3, 53, 54)]
+    arrivals = [stamp * 1e-9 for stamp in stamps]
+    arrivals[3] = arrivals[4] - 2e-4  # held up with the state of cycle 3 in hand
+    assert counted(stamps, arrivals) == [1, 1, 1, 50, 1]
+
+
+@pytest.mark.parametrize('step', [0.005, 0.3, 0.9])
+def test_a_clock_that_is_set_back_costs_one_state(step: float) -> None:
+    cycles = CycleCounter(T)
+    refused = 0
+    for k in range(1000):
+        stamp = EPOCH + k * T - (round(step * 1e9) if k >= 500 else 0)
+        try:
+            assert cycles.enter(stamp, k * 0.002) == (k > 0)
+        except ClockError:
+            refused += 1
+    assert refused == 1
+
+
+def test_a_state_out_of_order_is_refused_and_changes_nothing() -> None:
+    cycles = CycleCounter(T)
+    for k in range(10):
+        cycles.enter(EPOCH + k * T, k * 0.002)
+    for behind in (1, 5, 3, 3):
+        with pytest.raises(ClockError, match='before the newest'):
+            cycles.enter(EPOCH + (9 - behind) * T, 0.018)
+    assert cycles.enter(EPOCH + 10 * T, 0.020) == 1
+    assert cycles.number == 11
+
+
+def test_a_stamp_of_zero_is_refused() -> None:
+    with pytest.raises(ClockError, match='no stamp'):
+        CycleCounter(T).enter(0, 0.0)
+
+
+def test_a_robot_that_starts_again_has_a_new_clock() -> None:
+    cycles = CycleCounter(T)
+    cycles.enter(EPOCH, 0.0)
+    assert cycles.enter(EPOCH + 10 * 10**9, 10.0) == 0
+    assert cycles.enter(10**9, 20.0) == 0
+    assert cycles.enter(10**9 + T, 20.002) == 1
+
+
+def test_a_new_clock_without_a_silence_before_it_takes_a_second_state() -> None:
+    cycles = CycleCounter(T)
+    for k in range(10):
+        cycles.enter(EPOCH + k * T, k * 0.002)
+    old = EPOCH - 10 * 10**9
+    with pytest.raises(ClockError, match='a second state like it'):
+        cycles.enter(old, 0.020)
+    assert cycles.enter(old + T, 0.022) == 0
+
+
+def test_single_states_of_long_ago_among_the_robots_own_change_nothing() -> None:
+    cycles = CycleCounter(T)
+    refused = 0
+    for k in range(100):
+        assert cycles.enter(EPOCH + k * T, k * 0.002) == (k > 0)
+        with pytest.raises(ClockError):
+            cycles.enter(EPOCH + k * T - 10 * 10**9, k * 0.002 + 0.001)
+        refused += 1
+    assert refused == 100
+    assert cycles.number == 100
+
+
+def test_states_at_twice_the_rate_are_refused_with_both_figures() -> None:
+    cycles = CycleCounter(T)
+    refused = []
+    for k in range(100):
+        try:
+            cycles.enter(EPOCH + k * T // 2, k * 0.001)
+        except ClockError as error:
+            refused.append(str(error))
+    assert 40 < len(refused) < 50
+    assert '1 ms' in refused[0] and '2 ms' in refused[0] and '500 Hz' in refused[0]
+    assert cycles.number <= 60  # nor does the arm move twice as fast
+
+
+def test_a_stamp_is_of_the_cycle_whose_state_bears_it_or_of_the_nearest() -> None:
+    cycles = CycleCounter(T)
+    random = np.random.default_rng(2)
+    stamps = [EPOCH + round(T * (k + random.uniform(-0.4, 0.4))) for k in range(100)]
+    numbers = {}
+    for stamp in stamps:
+        cycles.enter(stamp, stamp * 1e-9)
+        numbers[stamp] = cycles.number
+    assert [cycles.cycle(stamp) for stamp in stamps] == [numbers[stamp] for stamp in stamps]
+    assert cycles.cycle(stamps[-1] + 7 * T + T // 3) == cycles.number + 7

@@ -1,0 +1,268 @@
+"""`redres check`: what it says of graphs in which something is missing."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from graph_helpers import PATIENCE, await_that, nodes
+
+from redres_ros.preflight.graph_snapshot import (
+    COMMANDS,
+    FORWARD,
+    STATES,
+    TWISTS,
+    GraphSnapshot,
+    StateSeen,
+)
+from redres_ros.preflight.judge import judge
+from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
+from redres_ros.robots import ARMS, find_arm
+from redres_ros.robots.joint_limits import JointLimits
+
+ARM = find_arm('lwr4')
+NAMES = JointLimits.of(ARM).joint_names
+T = 2_000_000  # [ns]
+RATE = 100.0  # [Hz] of a graph
+BEGIN = 1_700_000_000 * 10**9
+CONTROLLER = {
+    'rate': 500.0,
+    'robot': 'lwr4',
+    'tip_frame': '',
+    'base_frame': '',
+    'forward_commands': False,
+    'bridging': 'extrapolate',
+    'limits': ['position', 'velocity', 'acceleration'],
+    'limit_scale': 0.2,
+}
+
+
+def states(
+    positions: Callable[[int], Any] = lambda k: ARM.start,
+    stamp: Callable[[int], int] = lambda k: BEGIN + k * T,
+    names: tuple[str, ...] = NAMES,
+) -> tuple[StateSeen, ...]:
+    """A hundred states, the k-th of which is as the functions of k say."""
+    return tuple(
+        StateSeen(stamp(k), BEGIN + k * T, dict(zip(names, positions(k), strict=False)))
+        for k in range(100)
+    )
+
+
+GOOD = GraphSnapshot(
+    states=states(),
+    publishers={STATES: ('/robot',), COMMANDS: ('/controller',), TWISTS: ('/planner',)},
+    subscribers={COMMANDS: ('/robot',)},
+    twist_frames=frozenset({'', 'world', 'link_7'}),
+    controller=CONTROLLER,
+    controllers=1,
+)
+
+
+def told(**changed: Any) -> dict[str, Any]:
+    """The parameters of a controller that has some others than in the good graph."""
+    return CONTROLLER | changed
+
+
+def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None) -> Verdict:
+    """The one verdict on a subject."""
+    [verdict] = [found for found in judge(seen, wanted) if found.subject == subject]
+    return verdict
+
+
+def test_where_all_is_well_every_finding_is_ok() -> None:
+    assert {verdict.level for verdict in judge(GOOD, None)} == {Level.OK}
+
+
+def test_a_finding_names_its_subject_on_a_line() -> None:
+    assert str(beyond('joints', GOOD)) == 'ok     joints      all 7'
+
+
+JITTER = np.random.default_rng(0).uniform(-0.4, 0.4, 100) * T
+OUTSIDE = (9.0, *ARM.start[1:])
+NARROW = re.sub(r'upper="2\.967\d*"', 'upper="1.5"', ARM.description())
+
+FAULTS = {  # name: (what is seen, subject of the fault, words in it)
+    'nobody publishes states': (
+        replace(GOOD, publishers={}, states=()),
+        ('states', 'nobody publishes joint_states'),
+    ),
+    'no state comes': (replace(GOOD, states=()), ('states', 'none came')),
+    'another rate': (
+        replace(GOOD, controller=told(rate=100.0)),
+        ('rate', '500 states a second; expected 100'),
+    ),
+    'no stamps': (replace(GOOD, states=states(stamp=lambda k: 0)), ('stamps', 'without a stamp')),
+    'wild stamps': (
+        replace(
+            GOOD, states=states(stamp=lambda k: BEGIN + k * T + int(k % 10 == 5) * 9 * T // 10)
+        ),
+        ('jitter', '% of a period'),
+    ),
+    'a joint is missing': (
+        replace(GOOD, states=states(names=NAMES[:6])),
+        ('joints', f'lacks {NAMES[6]}'),
+    ),
+    'another arm': (
+        replace(GOOD, states=states(names=('a', 'b', 'c'))),
+        ('joints', 'holds a, b, c; expected lwr_a1_joint'),
+    ),
+    'outside the range': (
+        replace(GOOD, states=states(lambda k: OUTSIDE)),
+        ('positions', 'lwr_a1_joint is at 9.000; allowed: -2.967 to 2.967'),
+    ),
+    'not a number': (replace(GOOD, states=states(lambda k: [np.nan] * 7)), ('positions', 'finite')),
+    'narrower limits': (
+        replace(GOOD, description=NARROW),
+        ('limits', 'robot_description allows -2.967 to 1.500'),
+    ),
+    'an unknown arm': (replace(GOOD, controller=told(robot='r2d2')), ('arm', "'r2d2'")),
+    'no description': (
+        replace(GOOD, controller=told(robot='topic')),
+        ('arm', 'robot_description, which nobody publishes'),
+    ),
+    'an unknown frame': (
+        replace(GOOD, twist_frames=frozenset({'camera'})),
+        ('frames', "unknown frame 'camera'"),
+    ),
+    'no controller': (
+        replace(GOOD, controller=None, controllers=0),
+        ('controller', 'start redres_controller'),
+    ),
+    'two controllers': (replace(GOOD, controllers=2), ('controller', 'there are 2')),
+    'no limits': (
+        replace(GOOD, controller=told(limits=['position'])),
+        ('controller', 'limits velocity, acceleration are not in force'),
+    ),
+    'leaps': (
+        replace(GOOD, controller=told(forward_commands=True)),
+        ('commands', 'set bridging to hold'),
+    ),
+    'nobody listens': (replace(GOOD, subscribers={}), ('commands', 'needs forward_commands')),
+    'nobody listens behind ros2_control': (
+        replace(GOOD, controller=told(forward_commands=True)),
+        ('commands', f'nobody listens to {FORWARD}; is that controller loaded'),
+    ),
+    'another order of joints': (
+        replace(GOOD, forward_joints=NAMES[::-1]),
+        ('order', f'goes by {NAMES[6]}'),
+    ),
+    'a rival': (
+        replace(GOOD, publishers={**GOOD.publishers, FORWARD: ('/gui',)}),
+        ('commands', '/gui publishes forward_position_controller/commands too'),
+    ),
+    'stopped': (
+        replace(GOOD, words={'sim/stop_reason': 'protective stop'}),
+        ('session', 'stopped: protective stop'),
+    ),
+}
+
+
+@pytest.mark.parametrize(('seen', 'expected'), FAULTS.values(), ids=FAULTS.keys())
+def test_what_is_missing_is_a_fault_with_a_remedy(
+    seen: GraphSnapshot, expected: tuple[str, str]
+) -> None:
+    found = [(f.subject, f.text) for f in judge(seen, None) if f.level is Level.FAULT]
+    subject, words = expected
+    assert any(subject == about and words in text for about, text in found), found
+
+
+NOTES = {
+    'near the end of a range': (
+        replace(GOOD, states=states(lambda k: (2.9, *ARM.start[1:]))),
+        ('positions', 'near an end'),
+    ),
+    'moving': (
+        replace(GOOD, states=states(lambda k: np.array(ARM.start) + 1e-3 * k)),
+        ('standstill', 'the arm moves: lwr_a1_joint at 0.5/s'),
+    ),
+    'full limits': (
+        replace(GOOD, controller=told(limit_scale=1.0)),
+        ('controller', 'limit_scale is 1'),
+    ),
+    'two sources': (
+        replace(GOOD, publishers={**GOOD.publishers, TWISTS: ('/planner', '/teleop')}),
+        ('task', '/planner, /teleop publish'),
+    ),
+    'no commands yet': (
+        replace(GOOD, words={'sim/session_state': 'MON'}),
+        ('session', 'takes no commands yet: MON'),
+    ),
+    'a clock of its own': (
+        replace(GOOD, states=states(stamp=lambda k: 10**12 + k * T)),
+        ('clock', "from this computer's"),
+    ),
+}
+
+
+@pytest.mark.parametrize(('seen', 'expected'), NOTES.values(), ids=NOTES.keys())
+def test_what_one_should_know_is_a_note_and_no_fault(
+    seen: GraphSnapshot, expected: tuple[str, str]
+) -> None:
+    verdicts = judge(seen, None)
+    assert Level.FAULT not in {verdict.level for verdict in verdicts}
+    subject, words = expected
+    assert any(
+        verdict.level is Level.NOTE and verdict.subject == subject and words in verdict.text
+        for verdict in verdicts
+    )
+
+
+def test_jitter_of_less_than_half_a_period_is_borne_and_told() -> None:
+    seen = replace(GOOD, states=states(stamp=lambda k: BEGIN + k * T + int(JITTER[k])))
+    verdict = beyond('jitter', seen)
+    assert verdict.level is Level.OK
+    assert 30.0 < float(verdict.text.split(' by ')[1].split(' %')[0]) < 50.0
+
+
+def test_a_gripper_among_the_joints_is_ignored() -> None:
+    seen = replace(GOOD, states=states(lambda k: (*ARM.start, 0.02), names=(*NAMES, 'finger')))
+    assert beyond('joints', seen).text == 'all 7; ignored: finger'
+
+
+def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> None:
+    seen = replace(GOOD, controller=None, controllers=0)
+    assert beyond('joints', seen, ExpectedArm('lwr4')).level is Level.OK
+    assert beyond('rate', seen, ExpectedArm('lwr4', rate=100.0)).level is Level.FAULT
+
+
+def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
+    told_topic = told(robot='topic', tip_frame='tool0')
+    seen = replace(GOOD, controller=told_topic, description=ARMS['lwr4'].description())
+    assert beyond('joints', seen).text == 'all 7'
+
+
+def check(*options: str) -> subprocess.CompletedProcess[str]:
+    """A run of the command."""
+    return subprocess.run(
+        [sys.executable, '-m', 'redres_ros.cli', 'check', *options],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+def test_a_graph_passes_when_the_controller_runs_and_not_before(tmp_path: Path) -> None:
+    # The sim waits for late answers, so that a busy machine does not matter.
+    sim = {'rate': RATE, 'patience': PATIENCE}
+    parameters = {'sim': sim, 'controller': {'rate': RATE, 'limit_scale': 0.2}}
+    with nodes(tmp_path, **parameters) as (probe, processes):
+        # The listener is on both topics, too.
+        await_that(lambda: probe.count_subscribers('joint_command') > 1, 'the robot')
+        await_that(lambda: probe.count_publishers('joint_command') > 0, 'the controller')
+        passed = check('--duration', '2')
+        processes['controller'].end()
+        failed = check('--robot', 'lwr4_paper', '--rate', f'{RATE:g}', '--duration', '2')
+    assert passed.returncode == 0, passed.stdout + passed.stderr
+    assert failed.returncode == 1
+    assert 'none runs' in failed.stdout

@@ -1,0 +1,195 @@
+"""A task's progress by what the controller carries out: beginning, holds, stops, new robots."""
+
+import numpy as np
+import pytest
+
+from redres_ros import load_task
+from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.task_clock import TaskClock
+from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
+
+T = 0.002  # [s]
+NS = 2_000_000  # [ns]
+TASK = load_task('rectangle')
+HOME = TASK.waypoints[0]
+
+
+class Arm:
+    """A tip that goes where it is asked to go, by the share that is carried out."""
+
+    def __init__(self, at_once: bool = False) -> None:
+        self.x = HOME
+        self.cycle = 500
+        self.scaling: float | None = 0.0  # None: nothing is heard of the controller
+        self.run = TaskExecutor(T, lambda x, R: Planner(TASK, x), TaskClock(T, at_once))
+
+    def tick(self, scaling: float | None, cycles: int = 1) -> Step | None:
+        """One state later; the controller says what it carries out."""
+        if scaling is not None:
+            self.run.set_scaling(scaling)
+        self.cycle += cycles
+        step = self.run.enter_state(self.cycle * NS, self.x, np.eye(3), self.cycle * T)
+        if step and step.reference:
+            self.x = self.x + T * (scaling or 0.0) * step.reference.dx
+        return step
+
+    def go(self, cycles: int, scaling: float | None = 1.0) -> Step | None:
+        step = None
+        for _ in range(cycles):
+            step = self.tick(scaling)
+        return step
+
+
+def under_way() -> Arm:
+    """An arm one second into its task."""
+    arm = Arm()
+    arm.run.start()
+    arm.go(500)
+    assert arm.run.state is TaskState.MOVING
+    return arm
+
+
+def error(step: Step | None) -> float:
+    assert step is not None and step.reference is not None
+    return float(np.linalg.norm(step.reference.error))
+
+
+def test_the_task_begins_when_the_controller_follows_and_not_before() -> None:
+    arm = Arm()
+    arm.run.start()
+    for _ in range(1000):
+        step = arm.tick(0.0)
+        assert step is not None and step.reference is None
+        assert arm.run.state is TaskState.WAITING
+    step = arm.tick(1.0)
+    assert arm.run.start_stamp == arm.cycle * NS
+    assert step is not None and step.reference is not None
+    assert np.linalg.norm(step.reference.dx) < 1e-3
+
+
+def test_nothing_is_asked_for_until_the_task_is_wanted() -> None:
+    assert Arm().go(10) is None
+
+
+def test_in_lock_step_it_begins_with_the_first_state() -> None:
+    arm = Arm(at_once=True)
+    arm.run.start()
+    step = arm.tick(None)
+    assert step is not None and step.reference is not None
+
+
+def test_it_runs_to_its_end_and_does_not_begin_again() -> None:
+    arm = Arm()
+    arm.run.start()
+    arm.go(5000)
+    assert arm.run.state is TaskState.FINISHED
+    assert np.linalg.norm(arm.x - TASK.waypoints[-1]) < TASK.tolerance
+    arm.go(200, None)  # a controller that falls silent
+    arm.x = HOME
+    assert arm.go(500) is None
+    assert arm.run.state is TaskState.FINISHED
+    arm.cycle += 50_000  # and a robot that starts again
+    assert arm.go(500) is None
+
+
+def test_half_of_the_velocity_carried_out_takes_twice_the_time_on_the_same_path() -> None:
+    slow = Arm()
+    slow.run.start()
+    slow.go(1000, 0.5)
+    quick = under_way()
+    np.testing.assert_allclose(slow.x, quick.x, rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize('silent', [True, False])
+def test_a_hold_or_a_dead_controller_stops_the_clock_and_the_task_goes_on_where_it_was(
+    silent: bool,
+) -> None:
+    arm = under_way()
+    step = arm.go(1000, None if silent else 0.0)
+    assert step is not None and step.reference is None
+    assert arm.run.state is TaskState.WAITING
+    begun = arm.run.start_stamp
+    speeds = []
+    for _ in range(300):
+        step = arm.tick(1.0)
+        assert step is not None and step.reference is not None
+        speeds.append(float(np.linalg.norm(step.reference.dx)))
+    assert arm.run.start_stamp == begun
+    assert error(step) < 0.02
+    arm.go(4000)
+    assert arm.run.state is TaskState.FINISHED
+
+
+def test_an_arm_that_is_elsewhere_after_a_stop_begins_anew() -> None:
+    arm = under_way()
+    arm.go(200, 0.0)
+    begun = arm.run.start_stamp
+    arm.x = arm.x + 0.1
+    step = arm.tick(1.0)
+    assert arm.run.start_stamp > begun
+    assert step is not None and step.reference is not None and step.reference.segment == 0
+
+
+def test_a_share_of_nothing_for_a_moment_is_no_interruption() -> None:
+    arm = under_way()
+    arm.go(20, 0.0)
+    assert arm.run.state is TaskState.MOVING
+
+
+def test_a_state_out_of_order_changes_nothing() -> None:
+    arm = under_way()
+    begun = arm.run.start_stamp
+    with pytest.raises(ClockError):
+        arm.run.enter_state((arm.cycle - 1) * NS, arm.x, np.eye(3), arm.cycle * T)
+    assert error(arm.tick(1.0)) < 1e-3
+    assert arm.run.start_stamp == begun
+
+
+def test_the_same_state_again_gets_the_same_step() -> None:
+    arm = under_way()
+    step = arm.tick(1.0)
+    again = arm.run.enter_state(arm.cycle * NS, arm.x, np.eye(3), arm.cycle * T)
+    assert again is step
+
+
+def test_a_robot_that_waits_for_the_first_step_gets_it_when_the_task_is_started() -> None:
+    arm = Arm(at_once=True)
+    assert arm.tick(None) is None
+    arm.run.start()
+    step = arm.run.enter_state(arm.cycle * NS, arm.x, np.eye(3), arm.cycle * T)
+    assert step is not None and step.reference is not None
+
+
+@pytest.mark.parametrize('cycles', [50_000, -600])
+def test_a_robot_that_starts_again_from_elsewhere_has_the_task_begun_anew(cycles: int) -> None:
+    arm = under_way()
+    begun = arm.run.start_stamp
+    arm.cycle += cycles
+    arm.x = HOME + 0.1
+    if cycles < 0:  # here without a silence before, so that the first state alone proves nothing
+        with pytest.raises(ClockError, match='a second state like it'):
+            arm.tick(None)
+    step = arm.tick(None)
+    assert step is not None and step.reference is None
+    step = arm.tick(1.0)
+    assert arm.run.start_stamp != begun
+    assert step is not None and step.reference is not None and step.reference.segment == 0
+
+
+def test_a_planner_that_was_held_up_hears_the_controller_before_it_goes_on() -> None:
+    arm = under_way()
+    step = arm.tick(None, cycles=300)
+    assert step is not None and step.reference is None
+    assert error(arm.tick(1.0)) < 0.01
+
+
+def test_stop_asks_for_nothing_and_start_begins_again() -> None:
+    arm = under_way()
+    arm.run.stop()
+    assert arm.tick(1.0) is None
+    assert arm.run.state is TaskState.IDLE
+    arm.run.start()
+    step = arm.tick(1.0)
+    assert step is not None and step.reference is not None
+    assert arm.run.start_stamp == arm.cycle * NS
