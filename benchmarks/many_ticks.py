@@ -5,7 +5,8 @@
 
 `ticks` lets controllers of every arm and law go where random and hostile task velocities send them:
 from inside their limits, from their ends and from outside. The box of the single joints is computed
-here once more, from its definition in docs/limits.md. `problems` are those of test/test_constrained.py,
+here once more, from its definition in docs/limits.md. `problems` are those of
+test/test_constrained.py,
 of the distribution that sns_ik uses: each answer is held against weak duality and the conditions of
 its optimum, and every twentieth against linear programming. Exit status 1 tells of any failure.
 Needs the extra test.

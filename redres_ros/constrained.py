@@ -82,7 +82,7 @@ def solve_constrained(
             directions that dq_free does not execute.
         box: (lower, upper), both (n,) [rad/s], with lower <= upper.
         rows: (C, low, high) of each group of other limits, in order of priority.
-        active_set: (n + 1,) of int64, what the search of the tick before left behind, at first zeros. It
+        active_set: (n + 1,) of int64, from the search of the tick before, at first zeros. It
             shortens this one, and is overwritten. None: there was none.
 
     Returns:

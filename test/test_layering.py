@@ -13,23 +13,24 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own room.
 LAYERS = (
-    {'errors', 'signals', 'streams'},
+    {'errors'},
+    {'files'},
     {'kernels'},
-    {'text_file'},
-    {'installed', 'parameter', 'share', 'yaml_file', 'rotation', 'robots', 'cycles'},
-    {'vectors', 'following_settings', 'robot_session'},
-    {'resolution', 'robot_model', 'waypoints'},
-    {'bounded', 'singularity'},
-    {'laws', 'tasks', 'preferences', 'limits', 'planner', 'playout', 'pacing'},
-    {'motion', 'plugins', 'command'},
-    {'reach'},
+    {'parameter', 'rotation', 'interpolation', 'robots'},
+    {'vectors'},
+    {'resolution', 'robot_model'},
+    {'constrained', 'singularity'},
+    {'laws', 'tasks', 'preferences', 'limits'},
+    {'policy', 'command'},
+    {'boundary_braking'},
     {'resolver'},
-    {'controller', 'fri'},
-    {'following', 'task_run'},
+    {'controller', 'fake_robot'},
+    {'loop'},
+    {'planning'},
     {'simulation'},
     {'nodes', 'paper'},
     {'graph'},
-    {'check', 'demo', 'view'},
+    {'preflight', 'demo', 'view'},
     {'bench'},
     {'cli'},
 )
@@ -161,7 +162,12 @@ def test_imports_point_downward():
 
 
 def test_the_fake_robot_is_an_independent_witness():
-    assert {target for _, target in own_imports('fri')} <= {'fri', 'errors', 'parameter', 'robots'}
+    assert {target for _, target in own_imports('fake_robot')} <= {
+        'fake_robot',
+        'errors',
+        'parameter',
+        'robots',
+    }
 
 
 def test_laws_know_the_state_and_nothing_of_who_runs_them():
@@ -169,7 +175,7 @@ def test_laws_know_the_state_and_nothing_of_who_runs_them():
         'laws',
         'robot_model',
         'resolution',
-        'installed',
+        'files',
         'kernels',
         'parameter',
         'errors',
@@ -179,7 +185,8 @@ def test_laws_know_the_state_and_nothing_of_who_runs_them():
 def test_no_file_but_the_table_names_a_law():
     for path in sorted(PACKAGE.rglob('*.py')):
         if (
-            subpackage(path.relative_to(PACKAGE).as_posix()) in ('controller', 'nodes', 'fri')
+            subpackage(path.relative_to(PACKAGE).as_posix())
+            in ('controller', 'nodes', 'fake_robot')
             or path.stem == 'closed_loop'
         ):
             tree = ast.parse(path.read_text(encoding='utf-8'))

@@ -1,6 +1,6 @@
 """Others' ways to the same joint velocity: embodik, pink and mink; and Pinocchio's bare calls.
 
-The one place besides robot_model.py and fri/ that uses pinocchio and mujoco: what a peer
+Beside robot_model.py and the fake robot the one place that calls pinocchio and mujoco: what a peer
 costs must not depend on our own wrappers. Peers are imported when asked for, since they are no
 requirement of this package.
 """

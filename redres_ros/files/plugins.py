@@ -12,24 +12,24 @@ from pathlib import Path
 from types import ModuleType
 
 from redres_ros.errors import RedresError
-from redres_ros.laws import LAWS, Law
-from redres_ros.limits import LIMITS
-from redres_ros.limits.limit import Limit
-from redres_ros.preferences import PREFERENCES, Preference
-from redres_ros.tasks import TASKS, Task
 
-_KINDS: tuple[tuple[type, dict[str, type]], ...] = (
-    (Law, LAWS),
-    (Preference, PREFERENCES),
-    (Task, TASKS),
-    (Limit, LIMITS),
-)
-
+# Base class and table of each kind. A file that defines a law has imported the laws, and so on.
+_tables: dict[type, dict[str, type]] = {}
 _loaded: dict[Path, tuple[str, ...]] = {}  # file -> names that it brought
 
 
 class PluginError(RedresError):
     """A file that cannot be loaded, or brings nothing new."""
+
+
+def register(base: type, table: dict[str, type]) -> None:
+    """Have plugins enter classes into a table.
+
+    Args:
+        base: Of the classes.
+        table: Name to class.
+    """
+    _tables[base] = table
 
 
 def load_plugins(paths: Iterable[str | Path]) -> None:
@@ -79,7 +79,7 @@ def _enter(module: ModuleType, file: Path) -> tuple[str, ...]:
     for name, cls in vars(module).items():
         own = inspect.isclass(cls) and cls.__module__ == module.__name__
         if own and not name.startswith('_') and not inspect.isabstract(cls):
-            tables = (table for kind, table in _KINDS if issubclass(cls, kind))
+            tables = (table for base, table in _tables.items() if issubclass(cls, base))
             found += [(_table_name(name), cls, table) for table in tables]
     if not found:
         raise PluginError(f'{file} defines no law, preference, task or limit')

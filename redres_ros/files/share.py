@@ -17,8 +17,8 @@ def share_path(relative: str) -> Path:
     sourced ROS workspace, for a package that was moved.
     """
     here = Path(__file__).resolve()
-    checkout = here.parents[1]
-    prefix = here.parents[4:5]  # of <prefix>/lib/python3.x/site-packages/redres_ros/files/share.py
+    checkout = here.parents[2]
+    prefix = here.parents[5:6]  # of <prefix>/lib/python3.x/site-packages/redres_ros/files/share.py
     overlays = [
         Path(overlay)
         for overlay in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)

@@ -103,7 +103,7 @@ def hierarchical_qp(
         low: (r,) limits of C dq.
         high: (r,)
         groups: (g,) number of rows of each group that has a priority of its own.
-        active_set: (n + 1,) what the last search left behind, of which this one begins; zeros at first.
+        active_set: (n + 1,) of the last search, with which this one begins; zeros at first.
             It receives what this one leaves behind.
 
     Returns:

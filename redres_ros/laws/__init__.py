@@ -1,6 +1,7 @@
 """The laws of the paper by name. A new law is one small class and one line in this table."""
 
 from redres_ros.files.installed import installed
+from redres_ros.files.plugins import register
 from redres_ros.laws.dynamic import (
     DynamicallyConsistent,
     MinimumKineticEnergy,
@@ -20,6 +21,7 @@ LAWS: dict[str, type[Law]] = {
     'minimum_torque': MinimumTorque,
 }
 LAWS.update(installed('laws'))
+register(Law, LAWS)
 
 
 def make_law(name: str, **gains: float) -> Law:

@@ -7,6 +7,7 @@ from typing import Any
 
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.files.installed import installed
+from redres_ros.files.plugins import register
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
@@ -23,6 +24,7 @@ LIMITS: dict[str, type[Limit]] = {
     'torque': TorqueLimit,
 }
 LIMITS.update(installed('limits'))
+register(Limit, LIMITS)
 
 
 def make_limits(

@@ -1,4 +1,4 @@
-"""When the controller follows, waits, stands still, or begins anew: the figures of loop/command_loop.py."""
+"""The parameters of CommandLoop: when it commands, waits, holds or restarts."""
 
 from dataclasses import dataclass
 

@@ -1,9 +1,8 @@
-"""What the sim tells of its session: latched words on topics, and a line in the log for a stop."""
+"""The sim's session on latched topics, and a line in the log when the robot stops."""
 
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.fake_robot.session import Session
 from redres_ros.nodes.qos import LATCHED
 
 REASON = 'sim/stop_reason'
@@ -16,34 +15,32 @@ class SessionTopics:
 
     Args:
         node: the sim.
-        session: what is told.
     """
 
-    def __init__(self, node: Node, session: Session) -> None:
-        self._session = session
+    def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()
-        # The reason comes first: who hears that a session has ended can say why.
+        # The reason comes first: whoever receives the end of a session can say why.
         self._publishers = {
             topic: node.create_publisher(String, topic, LATCHED)
             for topic in (REASON, SESSION, QUALITY)
         }
-        self._told: dict[str, str] = {}  # the newest word on each topic
-        self.tell()
+        self._published: dict[str, str] = {}  # the newest value of each topic
 
-    def tell(self) -> None:
-        """Publish what has changed since the last call."""
-        reason = self._session.reason
-        if reason and reason != self._told.get(REASON):
+    def publish(self, state: str, quality: str, reason: str) -> None:
+        """Publish what has changed since the last call.
+
+        Args:
+            state: Of the session.
+            quality: Of the connection.
+            reason: Why the robot has stopped; empty if it has not.
+        """
+        if reason and reason != self._published.get(REASON):
             self._logger.error(reason)
-        self._tell(REASON, reason)
-        self._tell(SESSION, self._session.state.value)
-        self._tell(QUALITY, self._session.quality.name)
+        for topic, value in ((REASON, reason), (SESSION, state), (QUALITY, quality)):
+            if value != self._published.get(topic):
+                self._published[topic] = value
+                self._publishers[topic].publish(String(data=value))
 
-    def tell_again(self) -> None:
-        """Have the next call of tell() publish everything: a word may have got lost."""
-        self._told.clear()
-
-    def _tell(self, topic: str, word: str) -> None:
-        if word != self._told.get(topic):
-            self._told[topic] = word
-            self._publishers[topic].publish(String(data=word))
+    def publish_again(self) -> None:
+        """Have the next call of publish() publish everything: a message may have been lost."""
+        self._published.clear()

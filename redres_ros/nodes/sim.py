@@ -19,6 +19,7 @@ from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
 from redres_ros.fake_robot.mujoco_arm import MujocoSettings
+from redres_ros.fake_robot.network_model import NetworkModel
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import RobotClock
@@ -99,7 +100,8 @@ class SimNode(ManagedNode):
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
-        self._state_publisher = StatePublisher(self, names, seed, faults.states)
+        self._states: NetworkModel[bytes] = NetworkModel(f'{seed} states', faults.states)
+        self._state_publisher = StatePublisher(self, names, self._states)
         self._receiver = CommandReceiver(
             names,
             self._robot_clock,
@@ -125,7 +127,8 @@ class SimNode(ManagedNode):
 
     def _create_interfaces(self, arm: Arm) -> None:
         self._telemetry = Telemetry(self, {}, {'wrench': WrenchStamped})
-        self._session_topics = SessionTopics(self, self._session)
+        self._session_topics = SessionTopics(self)
+        self._publish_session()
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
         self._diagnostics = Diagnostics(self, self._description.name, self._health)
@@ -164,7 +167,7 @@ class SimNode(ManagedNode):
                 self._robot.reset()
             self._robot.advance(*answers)
             self._tell_refusals()
-            self._session_topics.tell()
+            self._publish_session()
             if self._settings.lockstep:
                 # The answer may have come already, in this thread; services still need a turn.
                 waiting.sleep(0.0)
@@ -175,6 +178,10 @@ class SimNode(ManagedNode):
     def close(self) -> None:
         """Tell the final figures."""
         self._diagnostics.publish()
+
+    def _publish_session(self) -> None:
+        session = self._session
+        self._session_topics.publish(session.state.value, session.quality.name, session.reason)
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
@@ -227,7 +234,7 @@ class SimNode(ManagedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
         self._reset_wanted = True
-        self._session_topics.tell_again()
+        self._session_topics.publish_again()
         response.success = True
         response.message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
         return response
@@ -248,7 +255,7 @@ class SimNode(ManagedNode):
     def _set_faults(self, changes: dict[str, Any]) -> None:
         faults = self._with(changes)
         self._plant.faults = faults
-        self._state_publisher.set_link(faults.states)
+        self._states.link = faults.states
         self._receiver.link = faults.commands
 
     def _tell_refusals(self) -> None:

@@ -108,8 +108,8 @@ class Planner:
             t: Time of the task [s] since it began; it never goes back. Where the arm executes the
                 share s of the velocity, it goes on by s T.
             R: (3, 3) how the tip is turned; None for the position alone.
-            unachieved: (m,), the part of the last dx that a singularity did not let through. A point that
-                can be reached no better does not keep a segment from ending; the last point must be
+            unachieved: (m,), the part of the last dx that a singularity blocks. A point that can be
+                reached no better does not keep a segment from ending; the last point must be
                 reached all the same.
             rate: Factor on the velocity along the path, for a clock that is going slower.
         """

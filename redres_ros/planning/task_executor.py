@@ -148,7 +148,7 @@ class TaskExecutor:
             x: Tip position, (3,) [m].
             R: Tip orientation, (3, 3).
             now: Arrival of the state by a monotonic clock [s].
-            unachieved: The part of the last dx that a singularity did not let through, None for nothing.
+            unachieved: The part of the last dx that a singularity blocks; None for nothing.
 
         Raises:
             ClockError: The stamp is not that of a new cycle.

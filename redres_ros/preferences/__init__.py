@@ -1,6 +1,7 @@
 """The preferences by name. A new preference is one small class and one line in this table."""
 
 from redres_ros.files.installed import installed
+from redres_ros.files.plugins import register
 from redres_ros.parameter import make
 from redres_ros.preferences.joints import JointCentering, Posture
 from redres_ros.preferences.preference import Preference
@@ -13,6 +14,7 @@ PREFERENCES: dict[str, type[Preference]] = {
     'elbow_height': ElbowHeight,
 }
 PREFERENCES.update(installed('preferences'))
+register(Preference, PREFERENCES)
 
 
 def make_preference(name: str, **gains: object) -> Preference:

@@ -1,6 +1,7 @@
 """The tasks by name. A new task is one small class and one line in this table."""
 
 from redres_ros.files.installed import installed
+from redres_ros.files.plugins import register
 from redres_ros.parameter import make
 from redres_ros.tasks.joints import Elbow, Joint
 from redres_ros.tasks.task import Task
@@ -15,6 +16,7 @@ TASKS: dict[str, type[Task]] = {
     'joint': Joint,
 }
 TASKS.update(installed('tasks'))
+register(Task, TASKS)
 
 
 def make_task(name: str, **gains: object) -> Task:
