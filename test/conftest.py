@@ -1,6 +1,7 @@
 """Fixtures that several test files share, and what spares time."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -42,9 +43,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if not collection_path.name.startswith('test_') or collection_path.suffix != '.py':
         return None
     text = collection_path.read_text(encoding='utf-8')
-    if config.option.markexpr == 'realtime' and 'mark.realtime' not in text:
+    chosen = config.option.markexpr
+    if chosen.startswith('realtime') and 'mark.realtime' not in text:
         return True
-    if config.option.markexpr == 'not slow' and '\npytestmark = pytest.mark.slow\n' in text:
+    of_all = re.search(r'^pytestmark = pytest\.mark\.(\w+)$', text, re.MULTILINE)
+    if of_all and (f'not {of_all[1]}' in chosen or chosen == 'not slow'):
         return True
     return None
 
@@ -98,9 +101,9 @@ def _stopped_counters() -> list[Any]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What runs against the clock is slow, too."""
+    """What runs against the clock or at night is slow, too."""
     for item in items:
-        if item.get_closest_marker('realtime'):
+        if item.get_closest_marker('realtime') or item.get_closest_marker('nightly'):
             item.add_marker('slow')
 
 

@@ -15,7 +15,7 @@ PAGE = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
 # All that the recipes read, change or run; what mypy knows already spares it half a minute.
 PARTS = ('redres_ros', 'test', 'config', 'package.xml', 'pyproject.toml', '.mypy_cache')
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 class Step(NamedTuple):

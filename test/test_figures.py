@@ -25,7 +25,7 @@ from redres_ros.robots import Arm, find_arm
 from redres_ros.simulation.render import Film, RenderError, render
 from redres_ros.simulation.shares import acceleration_share
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
 WITH_UNITS = (

@@ -17,7 +17,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import PATIENCE
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.nightly, pytest.mark.realtime]
 
 ROS = {
     'ROS_DOMAIN_ID': '7',

@@ -58,8 +58,7 @@ def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
 # --- libraries ------------------------------------------------------------------------------------
 
 
-def test_all_files_were_read():
-    assert len({found.file for found in imports()}) > 20
+def test_imports_are_found():
     assert Import('controller.py', 'numpy', True) in imports()
 
 

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,24 +25,38 @@ DX = np.array([0.0, -0.1, 0.0])  # [m/s]
 
 
 @pytest.fixture(scope='class')
-def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
+def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probe]:
     logs = tmp_path_factory.mktemp('lifecycle')
     with nodes(logs, controller={'command_timeout': 5.0, 'state_timeout': 5.0}) as (probe, _):
-        probe.ask(START)
         yield probe
+
+
+def change(probe: Probe, transition: int) -> bool:
+    """Whether the controller accepts a transition."""
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return bool(call(probe, ChangeState, 'controller/change_state', request).success)
+
+
+def life(probe: Probe) -> str:
+    """The state of the controller's life cycle."""
+    response = call(probe, GetState, 'controller/get_state', GetState.Request())
+    return str(response.current_state.label)
 
 
 @pytest.mark.slow
 class TestByServices:
     """A controller in a process of its own."""
 
-    def change(self, probe: Probe, transition: int) -> bool:
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return bool(call(probe, ChangeState, 'controller/change_state', request).success)
-
-    def life(self, probe: Probe) -> str:
-        response = call(probe, GetState, 'controller/get_state', GetState.Request())
-        return str(response.current_state.label)
+    @pytest.fixture
+    def probe(self, started: Probe) -> Probe:
+        """An active controller that has answered an arm at rest, whatever the test before did."""
+        if life(started) == 'unconfigured':
+            assert change(started, Transition.TRANSITION_CONFIGURE)
+        if life(started) == 'active':
+            assert change(started, Transition.TRANSITION_DEACTIVATE)
+        assert change(started, Transition.TRANSITION_ACTIVATE)
+        started.ask(START)
+        return started
 
     def answers_to(self, probe: Probe, states: int) -> list[float]:
         """Largest joint speeds of the answers to so many states of an arm that follows."""
@@ -55,8 +70,14 @@ class TestByServices:
             speeds.append(float(np.abs(answer.velocity).max()))
         return speeds
 
-    def test_a_node_is_active_from_the_start(self, probe: Probe) -> None:
-        assert self.life(probe) == 'active'
+    def test_a_node_is_active_from_the_start_and_shut_down_it_never_answers_again(
+        self, tmp_path: Path
+    ) -> None:
+        with nodes(tmp_path, controller={}) as (probe, _):
+            assert life(probe) == 'active'
+            assert change(probe, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+            assert life(probe) == 'finalized'
+            assert not change(probe, Transition.TRANSITION_CONFIGURE)
 
     def test_deactivated_while_it_moves_it_brings_the_arm_to_rest_and_then_is_silent(
         self, probe: Probe
@@ -64,15 +85,16 @@ class TestByServices:
         self.q = START
         probe.steer(DX)
         assert max(self.answers_to(probe, 300)) > 0.05
-        assert self.change(probe, Transition.TRANSITION_DEACTIVATE)
+        assert change(probe, Transition.TRANSITION_DEACTIVATE)
         speeds = self.answers_to(probe, 1000)
         assert 10 < len(speeds) < 500  # of braking: 0.2 s and more
         assert np.abs(np.diff(speeds)).max() < 0.05
         assert speeds[-1] < 0.01
-        assert self.life(probe) == 'inactive'
+        assert life(probe) == 'inactive'
 
     def test_activated_it_goes_on_from_where_the_arm_is(self, probe: Probe) -> None:
-        assert self.change(probe, Transition.TRANSITION_ACTIVATE)
+        assert change(probe, Transition.TRANSITION_DEACTIVATE)
+        assert change(probe, Transition.TRANSITION_ACTIVATE)
         moved = START + 0.05
         q_ref, dq = probe.ask(moved)
         assert q_ref == pytest.approx(moved, abs=1e-3)
@@ -81,23 +103,18 @@ class TestByServices:
     def test_a_transition_that_does_not_suit_is_refused_and_the_node_goes_on(
         self, probe: Probe
     ) -> None:
-        assert not self.change(probe, Transition.TRANSITION_CONFIGURE)
-        assert not self.change(probe, 77)
-        assert self.life(probe) == 'active'
+        assert not change(probe, Transition.TRANSITION_CONFIGURE)
+        assert not change(probe, 77)
+        assert life(probe) == 'active'
 
     def test_cleaned_up_it_has_to_be_configured_before_it_can_act_again(self, probe: Probe) -> None:
-        assert self.change(probe, Transition.TRANSITION_DEACTIVATE)
-        assert self.change(probe, Transition.TRANSITION_CLEANUP)
-        assert not self.change(probe, Transition.TRANSITION_ACTIVATE)
-        assert self.change(probe, Transition.TRANSITION_CONFIGURE)
-        assert self.change(probe, Transition.TRANSITION_ACTIVATE)
+        assert change(probe, Transition.TRANSITION_DEACTIVATE)
+        assert change(probe, Transition.TRANSITION_CLEANUP)
+        assert not change(probe, Transition.TRANSITION_ACTIVATE)
+        assert change(probe, Transition.TRANSITION_CONFIGURE)
+        assert change(probe, Transition.TRANSITION_ACTIVATE)
         q_ref, _ = probe.ask(START)
         assert q_ref == pytest.approx(START, abs=1e-3)
-
-    def test_shut_down_it_never_answers_again(self, probe: Probe) -> None:
-        assert self.change(probe, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-        assert self.life(probe) == 'finalized'
-        assert not self.change(probe, Transition.TRANSITION_CONFIGURE)
 
 
 class TestWithin:

@@ -9,6 +9,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
 
 import many_ticks
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.mark.parametrize(('kind', 'count'), [('ticks', 1000), ('problems', 60)])
 def test_many_random_and_hostile_ticks_have_no_fault(

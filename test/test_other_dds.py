@@ -16,7 +16,7 @@ from graph_helpers import NAMES, PATIENCE
 from redres_ros.demo.processes import NodeProcess, own_domain
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.nightly,
     pytest.mark.skipif(
         importlib.util.find_spec('cyclonedds') is None,
         reason='needs another DDS: pip install cyclonedds',

@@ -1,6 +1,5 @@
-"""What the demo says before and after: two sentences that suit what happened."""
+"""What the demo says before and after suits what happened."""
 
-import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,16 +18,11 @@ def outcome(**given: Any) -> Any:
     return SimpleNamespace(**{**usual, **given})
 
 
-def sentences(text: str) -> int:
-    return len(re.findall(r'\.(?: |$)', text))
-
-
 def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel) -> None:
     said = before(DemoOptions('rectangle', 'minimum_velocity', 500.0), model)
     assert '7 joints' in said
     assert 'minimum_velocity' in said
     assert 'stretched' in said
-    assert sentences(said) == 2
 
 
 @pytest.mark.parametrize(
@@ -44,7 +38,6 @@ def test_after_it_says_what_came_of_it_and_what_to_try_next(
 ) -> None:
     said = after(outcome(**given))
     assert all(word in said for word in words)
-    assert sentences(said) == 2
 
 
 @pytest.mark.parametrize('given', [{'interrupted': True}, {'motion': None}, {'succeeded': False}])
