@@ -491,7 +491,7 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
     ('options', 'message'),
     [
         (('--robot', str(ARMS['iiwa7'].urdf), '--tip', 'hand'), "unknown frame 'hand'; "),
-        (('--prefer', 'posture', '--posture.target', '0'), '--posture.target cannot be told'),
+        (('--prefer', 'posture', '--posture.target', '0'), '--posture.target cannot be set'),
         (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
         (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),
         (('--switch', 'minimum_velocity'), '--switch minimum_velocity; expected LAW@SECONDS'),
