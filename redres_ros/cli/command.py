@@ -38,7 +38,7 @@ _GROUPS = (
 )  # in the order of `redres --help`
 
 # Extras that bring a package; all others come with [ros].
-_EXTRAS = {'viser': 'view', 'imageio_ffmpeg': 'video'}
+_EXTRAS = {'viser': 'view', 'imageio_ffmpeg': 'video', 'scipy': 'paper'}
 _PLUGIN = '--plugin'
 
 _BEGINNING = """\
