@@ -3,11 +3,16 @@
 Topics, types, order of names and stamps are those of a joint_state_broadcaster and a
 forward_position_controller: states are stamped by the computer's clock, at which the update began;
 a command is numbers in the order of the joints, the newest of which is taken up at the next update.
+
+Their life cycle is that of ros2_control 4.46: the forward_position_controller begins without a
+command each time it is activated, the hardware holds the last one that was written, and a command
+of a wrong length deactivates the controller. An error of the hardware's read() ends both.
 """
 
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 from unittest import mock
@@ -16,6 +21,7 @@ import numpy as np
 import rclpy
 from graph_helpers import to_joint_state
 from rclpy.node import Node
+from reference_judge import ReferenceJudge
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from virtual_graph import Graph, VirtualTime, _Wired
@@ -26,8 +32,9 @@ from redres_ros.nodes.planner import PlannerNode
 from redres_ros.robots.joint_limits import JointLimits
 
 COMMANDS = 'forward_position_controller/commands'
-EPOCH = 1_700_000_000 * 10**9  # [ns]
 ROUNDING = 1e-9
+TURN = 2.0 * np.pi  # [rad]
+IN_A_BURST = 20e-6  # [s] from one update to the next, of those that an overrun has held up
 
 
 class Judge(Protocol):
@@ -125,17 +132,43 @@ def fr3_rules(limits: JointLimits, T: float) -> FrankaRules:
     return rules
 
 
+@dataclass(frozen=True)
+class Habits:
+    """How a robot behind ros2_control differs from the ideal one.
+
+    Attributes:
+        others: Further joints in its states, of a gripper.
+        jitter: Of the stamps, to either side, as a share of the period.
+        dropped: Share of the states that the broadcaster drops, as it is still sending the last.
+        velocities: Whether the hardware measures them; else they are NaN.
+        one_turn: Whether it measures angles between -pi and pi only.
+        servo: Time constant with which the arm follows its commands [s]; 0: at once.
+    """
+
+    others: Sequence[str] = ()
+    jitter: float = 0.2
+    dropped: float = 0.0
+    velocities: bool = True
+    one_turn: bool = False
+    servo: float = 0.0
+
+
 class StandIn:
-    """A robot that goes exactly where it is told.
+    """A robot that goes where it is told.
 
     Args:
         graph: Where its topics are.
         limits: Of its joints, in the order of the forward_position_controller.
         q: Where it stands, (n,) [rad].
         rate: Updates a second [Hz].
-        judge: Of what it is told.
-        others: Further joints in its states, of a gripper.
-        jitter: Of the stamps, to either side, as a share of the period.
+        judge: Of what it is told, in every cycle.
+        habits: How it is not ideal.
+
+    Attributes:
+        q: Where the arm is, (n,) [rad].
+        blocked: Joints that do not move, by index.
+        hardware: Judges the commands that are written to the hardware, cycle by cycle.
+        way: The commands that were written.
     """
 
     def __init__(
@@ -144,63 +177,139 @@ class StandIn:
         limits: JointLimits,
         q: np.ndarray,
         rate: float,
-        judge: Judge,
-        *,
-        others: Sequence[str] = (),
-        jitter: float = 0.2,
+        judge: Judge | None = None,
+        habits: Habits | None = None,
     ) -> None:
         self.q = q
+        self.blocked: list[int] = []
         self.commands = 0
         self.complaints: list[str] = []
         self.way = [q]
+        self.forwarding = True  # the forward_position_controller is active
+        self.broadcasting = True  # the joint_state_broadcaster is active
+        self.hardware = ReferenceJudge(limits, 1.0 / rate, 'hold')
         self._graph = graph
         self._period = 1.0 / rate
         self._judge = judge
         self._random = random.Random(0)
-        self._jitter = jitter
+        self._habits = habits or Habits()
         self._joints = limits.joint_names
-        self._names = [*limits.joint_names, *others]
-        self._random.shuffle(self._names)
-        self._command: np.ndarray | None = None  # newest
+        self._names = sorted((*limits.joint_names, *self._habits.others))
+        self._reference: np.ndarray | None = None  # the controller's newest; None: NaN
+        self._written = q  # to the hardware, which holds it
+        self._is_new = True  # since the last cycle of the hardware
+        self._cycle = 0
+        self._stamp = 0  # of the newest state [ns]
+        self._owed = 0  # updates that an overrun holds up
+        self._held_up_until = 0.0
         graph.listen(COMMANDS, 'robot', self._on_command)
-        graph.clock.repeat(self._period, self._update)
+        graph.clock.repeat(self._period, self._on_cycle)
+
+    def activate(self) -> None:
+        """Activate the forward_position_controller; commands of before are discarded."""
+        self._reference = None
+        self.forwarding = True
+
+    def deactivate(self) -> None:
+        """Deactivate the forward_position_controller."""
+        self._reference = None
+        self.forwarding = False
+
+    def fail_read(self) -> None:
+        """Have the hardware's read() fail: it is unconfigured, its controllers are inactive."""
+        self.deactivate()
+        self.broadcasting = False
+
+    def recover(self) -> None:
+        """Configure and activate the hardware and both controllers again."""
+        self.activate()
+        self.broadcasting = True
+
+    def overrun(self, seconds: float) -> None:
+        """Hold up the controller_manager for some time; then it makes up for its updates."""
+        self._held_up_until = self._graph.clock.now + seconds
 
     def _on_command(self, message: Float64MultiArray) -> None:
-        self._command = np.array(message.data)
         self.commands += 1
+        if not self.forwarding:
+            return
+        if len(message.data) != len(self._joints):
+            self.deactivate()
+            return
+        self._reference = np.array(message.data)
+
+    def _on_cycle(self) -> None:
+        """One period of the hardware and, unless that is held up, of the controller_manager."""
+        self._move()
+        self._owed += 1
+        if self._graph.clock.now < self._held_up_until:
+            return
+        for k in range(self._owed):
+            self._graph.clock.call_in(k * IN_A_BURST, self._update)
+        self._owed = 0
+
+    def _move(self) -> None:
+        """The hardware goes on by a cycle."""
+        self._cycle += 1
+        if self._is_new:
+            self.hardware.enter_reference(round(1e9 * self._cycle * self._period), self._written)
+            self._is_new = False
+        share = 1.0 if not self._habits.servo else 1.0 - np.exp(-self._period / self._habits.servo)
+        q = self.q + share * (self._written - self.q)
+        q[self.blocked] = self.q[self.blocked]
+        self.q = q
 
     def _update(self) -> None:
         """The state is published before commands are taken up, as the broadcaster comes first."""
-        positions = dict(zip(self._joints, self.q.tolist(), strict=True))
+        command = self._reference
+        if self.broadcasting and self._random.random() >= self._habits.dropped:
+            self._graph.publish('joint_states', self._state())
+        if command is None:
+            return
+        if self._judge and (complaint := self._judge.verdict(command)):
+            self.complaints.append(complaint)
+        self._is_new = self._is_new or command is not self._written
+        self._written = command
+        self.way.append(command)
+
+    def _state(self) -> JointState:
+        habits = self._habits
+        measured = self.q
+        if habits.one_turn:
+            measured = measured - TURN * np.round(measured / TURN)
+        positions: Mapping[str, float] = dict(zip(self._joints, measured.tolist(), strict=True))
         values = np.array([positions.get(name, 0.02) for name in self._names])
-        delay = self._random.uniform(-self._jitter, self._jitter) * self._period
-        stamp = EPOCH + round(1e9 * (self._graph.clock.now + delay))
-        state: JointState = to_joint_state(stamp, self._names, values, np.zeros(len(values)))
-        command = self._command
-        if command is not None:
-            assert command.shape == self.q.shape
-            complaint = self._judge.verdict(command)
-            if complaint:
-                self.complaints.append(complaint)
-            self.q = command
-            self.way.append(command)
-        self._graph.publish('joint_states', state)
+        velocities = np.full(len(values), 0.0 if habits.velocities else np.nan)
+        delay = self._random.uniform(-habits.jitter, habits.jitter) * self._period
+        # The stamp is of the update's beginning; in a burst one comes right after the other.
+        stamp = max(self._graph.clock.time_ns() + round(1e9 * delay), self._stamp + 1000)
+        self._stamp = stamp
+        state: JointState = to_joint_state(stamp, self._names, values, velocities)
+        return state
 
 
 @contextmanager
 def behind_ros2_control(
-    params_file: Path, description: str = ''
+    parameters: Path | Sequence[str], description: str = ''
 ) -> Iterator[tuple[Graph, VirtualTime]]:
-    """A controller and a planner with the parameters of a file, and wires for a robot.
+    """A controller and a planner with parameters, and wires for a robot.
 
     Args:
-        params_file: As users pass it.
+        parameters: A file as users pass it, or words such as 'rate:=100.0'.
         description: What robot_state_publisher would publish; empty: nothing.
     """
     clock = VirtualTime()
     graph = Graph(clock)
-    with own_domain(), mock.patch('time.monotonic', clock.monotonic):
-        rclpy.init(args=['--ros-args', '--params-file', str(params_file)])
+    if isinstance(parameters, Path):
+        words = ['--params-file', str(parameters)]
+    else:
+        words = [word for parameter in parameters for word in ('-p', parameter)]
+    with (
+        own_domain(),
+        mock.patch('time.monotonic', clock.monotonic),
+        mock.patch('time.time_ns', clock.time_ns),
+    ):
+        rclpy.init(args=['--ros-args', *words])
         nodes: list[Node] = []
         try:
             if description:

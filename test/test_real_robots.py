@@ -19,6 +19,7 @@ from rclpy.qos import (
 from stand_in import (
     COMMANDS,
     FrankaRules,
+    Habits,
     Judge,
     LbrGuard,
     Slowing,
@@ -93,13 +94,13 @@ def move(name: str, graph: Graph, robot: StandIn) -> str:
     return words[-1]
 
 
-def stand_in(name: str, graph: Graph, **options: Any) -> StandIn:
+def stand_in(name: str, graph: Graph) -> StandIn:
     robot = ROBOTS[name]
     rate = rate_of(name)
     limits = JointLimits.of(robot.arm)
     judge = robot.judge(limits, 1.0 / rate)
     start = np.array(robot.arm.start)
-    return StandIn(graph, limits, start, rate, judge, others=robot.others, **options)
+    return StandIn(graph, limits, start, rate, judge, Habits(others=robot.others))
 
 
 # rclcpp's SystemDefaultsQoS, of joint_state_broadcaster, the forwarding controllers and Franka's

@@ -13,7 +13,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from virtual_graph import Fault, VirtualRun, virtual_run
-from wire_faults import off
+from wire_faults import late, off
 
 from redres_ros.files.share import share_path
 from redres_ros.nodes.conversions import to_pose, to_twist
@@ -23,17 +23,6 @@ pytestmark = pytest.mark.slow
 
 RATE = 500.0  # [Hz]
 SECONDS = 4.5
-
-
-def late(*, most: int, share: float, seed: int = 0) -> Fault:
-    """A share of the messages comes so many cycles late, at most."""
-    chance = np.random.default_rng(seed)
-
-    def fault(message: Any, now: float) -> list[tuple[float, Any]]:
-        cycles = chance.uniform(0.0, most) if chance.random() < share else 0.0
-        return [(cycles / RATE, message)]
-
-    return fault
 
 
 def held_up(*, every: float, length: float) -> Fault:
@@ -90,8 +79,8 @@ def undisturbed() -> float:
 @pytest.mark.parametrize(
     'fault',
     [
-        late(most=6, share=1.0),
-        late(most=12, share=0.2),
+        late(most=6 / RATE, share=1.0),
+        late(most=12 / RATE, share=0.2),
         held_up(every=0.5, length=0.04),
         held_up(every=0.9, length=0.08),
     ],

@@ -6,16 +6,22 @@ come, and services are called directly.
 """
 
 import heapq
+import inspect
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 from unittest import mock
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
 from redres_ros.demo.processes import own_domain
@@ -26,6 +32,7 @@ from redres_ros.nodes.sim import SimNode
 Fault = Callable[[Any, float], list[tuple[float, Any]]]  # message, now [s] -> (delay [s], message)
 
 _BEGINNING = 1_000_000.0  # [s] of the virtual clock
+EPOCH = 1_700_000_000 * 10**9  # [ns] at which it shows 0
 
 
 def no_fault(message: Any, now: float) -> list[tuple[float, Any]]:
@@ -44,6 +51,10 @@ class VirtualTime:
     def monotonic(self) -> float:
         """In the place of time.monotonic."""
         return self.now
+
+    def time_ns(self) -> int:
+        """In the place of time.time_ns [ns]."""
+        return EPOCH + round(1e9 * self.now)
 
     def call_in(self, delay: float, call: Callable[[], object]) -> None:
         """Have something called after a delay [s]; at once without one."""
@@ -70,39 +81,81 @@ class VirtualTime:
         self.now = until
 
 
+class _Receiver(NamedTuple):
+    """A subscription: the node's name, what it calls with message and info, and its depth."""
+
+    listener: str
+    receive: Callable[[Any, dict[str, int]], None]
+    depth: int
+
+
 class Graph:
     """Wires between nodes, by topic; and the nodes' services by name.
 
     faults: by (topic, name of the listener). All listeners get the same message, which nobody may
-    change. What was published on the topics in `kept` is there, as (time [s], message).
+    change. taps: see what arrives just before the listener does, by the same keys. What was
+    published on the topics in `kept` is there, as (time [s], message).
     """
 
     def __init__(self, clock: VirtualTime) -> None:
         self.clock = clock
         self.faults: dict[tuple[str, str], Fault] = {}
+        self.taps: dict[tuple[str, str], Callable[[Any], None]] = {}
         self.kept: dict[str, list[tuple[float, Any]]] = {}
         self.services: dict[str, tuple[type, Callable[..., Any]]] = {}
         self.log: list[tuple[str, str]] = []  # (node, line)
-        self._receivers: dict[str, list[tuple[str, Callable[[Any], None]]]] = {}
-        self._latched: dict[str, Any] = {}
+        self._receivers: dict[str, list[_Receiver]] = {}
+        self._latched: dict[str, tuple[Any, int]] = {}  # message, when it was published [ns]
+        self._stalled: dict[str, dict[str, deque[Callable[[], None]]]] = {}  # by node and topic
 
-    def listen(self, topic: str, listener: str, receive: Callable[[Any], None]) -> None:
-        """Add a listener; a latched word reaches it at once."""
-        self._receivers.setdefault(topic, []).append((listener, receive))
+    def listen(
+        self, topic: str, listener: str, receive: Callable[..., None], depth: int = 1000
+    ) -> None:
+        """Add a listener; a latched message reaches it at once.
+
+        Args:
+            topic: What it listens to.
+            listener: The node's name.
+            receive: Takes the message, or the message and its info as rclpy has it.
+            depth: How many messages are kept while its process is stalled.
+        """
+        receiver = _Receiver(listener, _with_info(receive), depth)
+        self._receivers.setdefault(topic, []).append(receiver)
         if topic in self._latched:
-            self._deliver(topic, listener, receive, self._latched[topic])
+            self._deliver(topic, receiver, *self._latched[topic])
+
+    def stall(self, listener: str) -> None:
+        """Stop a node's process, as SIGSTOP does: nothing reaches it, and its timers rest."""
+        self._stalled[listener] = {}
+
+    def resume(self, listener: str, first: str = '') -> None:
+        """Let it go on, as SIGCONT does: what its subscriptions have kept reaches it now.
+
+        Args:
+            listener: The node's name.
+            first: Topic whose messages come before the others; empty: what was stalled first.
+        """
+        kept = self._stalled.pop(listener)
+        for topic in sorted(kept, key=lambda topic: topic != first):
+            for arrive in kept[topic]:
+                arrive()
+
+    def is_stalled(self, listener: str) -> bool:
+        """Whether a node's process is stopped."""
+        return listener in self._stalled
 
     def publish(self, topic: str, message: Any, *, latched: bool = False) -> None:
         """To every listener, as the faults on its wire will have it."""
+        now = self.clock.time_ns()
         if latched:
-            self._latched[topic] = message
+            self._latched[topic] = (message, now)
         if topic not in self._receivers and topic not in self.kept:
             return
         sent = _copied(message)
         if topic in self.kept:
             self.kept[topic].append((self.clock.now, sent))
-        for listener, receive in self._receivers.get(topic, ()):
-            self._deliver(topic, listener, receive, sent)
+        for receiver in self._receivers.get(topic, ()):
+            self._deliver(topic, receiver, sent, now)
 
     def listeners(self, topic: str) -> int:
         """How many there are."""
@@ -113,12 +166,40 @@ class Graph:
         kind, answer = self.services[name]
         return answer(kind.Request(**request), kind.Response())
 
-    def _deliver(
-        self, topic: str, listener: str, receive: Callable[[Any], None], message: Any
-    ) -> None:
-        fault = self.faults.get((topic, listener), no_fault)
+    def _deliver(self, topic: str, receiver: _Receiver, message: Any, published: int) -> None:
+        """Send a message over one wire.
+
+        Args:
+            topic: What it was published on.
+            receiver: Where it is to arrive.
+            message: As it was published.
+            published: When that was [ns].
+        """
+        fault = self.faults.get((topic, receiver.listener), no_fault)
         for delay, arriving in fault(message, self.clock.now):
-            self.clock.call_in(delay, lambda arriving=arriving: receive(arriving))
+            arrive = partial(self._arrive, topic, receiver, arriving, published)
+            self.clock.call_in(delay, arrive)
+
+    def _arrive(self, topic: str, receiver: _Receiver, message: Any, published: int) -> None:
+        stalled = self._stalled.get(receiver.listener)
+        if stalled is not None:
+            kept = stalled.setdefault(topic, deque(maxlen=receiver.depth))
+            kept.append(partial(self._arrive, topic, receiver, message, published))
+            return
+        if tap := self.taps.get((topic, receiver.listener)):
+            tap(message)
+        received = self.clock.time_ns()
+        info = {'source_timestamp': published, 'received_timestamp': received}
+        receiver.receive(message, info)
+
+
+def _with_info(receive: Callable[..., None]) -> Callable[[Any, dict[str, int]], None]:
+    """A callback as rclpy would call it, which looks at how many arguments it takes."""
+    try:
+        inspect.signature(receive).bind(object())
+    except TypeError:
+        return receive
+    return lambda message, info: receive(message)
 
 
 class _Wired(Node):
@@ -131,12 +212,17 @@ class _Wired(Node):
         return _Wire(self.graph, msg_type, topic, latched)
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[[Any], None], *rest: Any, **options: Any
+        self, msg_type: Any, topic: str, callback: Callable[..., None], qos: Any, **options: Any
     ) -> Any:
-        self.graph.listen(topic, self.get_name(), callback)
+        depth = qos if isinstance(qos, int) else qos.depth
+        self.graph.listen(topic, self.get_name(), callback, depth)
 
     def create_timer(self, period: float, callback: Callable[[], object], **options: Any) -> Any:
-        self.graph.clock.repeat(period, callback)
+        def unless_stalled() -> None:
+            if not self.graph.is_stalled(self.get_name()):
+                callback()
+
+        self.graph.clock.repeat(period, unless_stalled)
 
     def create_service(
         self, kind: type, name: str, callback: Callable[..., Any], **options: Any
@@ -223,6 +309,26 @@ class VirtualRun:
         """Whether the robot takes commands."""
         return bool(self.nodes['sim']._session.commanding)
 
+    def set(self, node: str, **values: Any) -> bool:
+        """Set parameters of a node, as somebody outside does; whether all were taken."""
+        wanted = [Parameter(name, value=value) for name, value in values.items()]
+        return all(result.successful for result in self.nodes[node].set_parameters(wanted))
+
+    def change_state(self, node: str, transition: int) -> bool:
+        """Ask a node for a transition of its life cycle, by its service; whether it was made."""
+        service = self.nodes[node]._service_change_state
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(service.callback(request, ChangeState.Response()).success)
+
+    def health(self, node: str) -> Any:
+        """Its newest DiagnosticStatus; keep the topic /diagnostics first."""
+        of_node = [
+            message.status[0]
+            for _, message in self.graph.kept['/diagnostics']
+            if message.status[0].name.endswith(node)
+        ]
+        return of_node[-1]
+
     def run(self, seconds: float) -> None:
         """Let the robot go on for some time."""
         stopped = threading.Event()
@@ -246,10 +352,14 @@ def virtual_run(**parameters: Any) -> Iterator[VirtualRun]:
     for node, values in parameters.items():
         for name, value in values.items():
             words += ['-p', f'{node}:{name}:={_as_yaml(value)}']
-    with own_domain(), mock.patch.object(time, 'monotonic', clock.monotonic):
+    with (
+        own_domain(),
+        mock.patch.object(time, 'monotonic', clock.monotonic),
+        mock.patch.object(time, 'time_ns', clock.time_ns),
+    ):
         rclpy.init(args=words)
+        nodes: dict[str, Any] = {}
         try:
-            nodes = {}
             for cls in (SimNode, ControllerNode, PlannerNode):
                 wired = type(cls.__name__, (cls, _Wired), {'graph': graph})
                 node = wired()

@@ -50,6 +50,34 @@ def slow() -> Fault:
     return fault
 
 
+def lossy(share: float, seed: int = 0) -> Fault:
+    """Some messages get lost.
+
+    Args:
+        share: How many of them, 0 to 1.
+        seed: Of which.
+    """
+    chance = np.random.default_rng(seed)
+    return lambda message, now: [] if chance.random() < share else [(0.0, message)]
+
+
+def late(*, most: float, share: float, seed: int = 0) -> Fault:
+    """Some messages come late.
+
+    Args:
+        most: By how much at most [s].
+        share: How many of them, 0 to 1.
+        seed: Of which, and by how much.
+    """
+    chance = np.random.default_rng(seed)
+
+    def fault(message: Any, now: float) -> list[tuple[float, Any]]:
+        delay = chance.uniform(0.0, most) if chance.random() < share else 0.0
+        return [(delay, message)]
+
+    return fault
+
+
 def delayed() -> Fault:
     """Every message arrives 0.3 s late."""
     return lambda message, now: [(0.3, message)]

@@ -32,11 +32,11 @@ def _swallowed_quietly() -> Iterator[None]:
     """Have Python not print the KeyboardInterrupt that a callback from C swallows."""
     usual = sys.unraisablehook
 
-    def report(unraisable: Any) -> None:
+    def tell(unraisable: Any) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             usual(unraisable)
 
-    sys.unraisablehook = report
+    sys.unraisablehook = tell
     try:
         yield
     finally:

@@ -1,0 +1,255 @@
+"""Judges the joint references that a controller publishes, knowing nothing of how it works.
+
+With r the references, one for each robot cycle at most, m the cycles since the last one, p where
+the robot's interface is by then, v its velocity there, and T the robot's period:
+
+    finite, q_min <= r <= q_max (outside: only towards the range),
+    |r - p| <= V T,   |(r - p)/T - v| <= A T,
+    holding: r is the last one to the bit,   inactive: nothing is published,
+    mirroring: only finite, and in the range or where the arm is.
+
+A robot that holds stays at its last reference: p = r, v = 0 if m > 1. One that extrapolates goes
+on: p = r + (m - 1) T v, up to the ends of its range.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from virtual_graph import Graph
+
+from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.robots.joint_limits import JointLimits
+
+MODES = ('inactive', 'mirroring', 'holding', 'moving', 'stopping')
+ROUNDING = 1e-9  # [rad] of positions and of their second differences
+NANOSECONDS = 1_000_000_000
+NEW_CLOCK = NANOSECONDS  # [ns] a step of the stamps by which a robot has been started again
+REMEMBERED = 64  # states
+
+
+class Violation(NamedTuple):
+    """A reference that should not have been published.
+
+    Attributes:
+        stamp: Of the state that it answers [ns].
+        mode: Of the controller; empty if it has published none.
+        rule: Which one it breaks.
+        joint: Counted from 0.
+        excess: By which [rad].
+        cycles: Since the reference before.
+    """
+
+    stamp: int
+    mode: str
+    rule: str
+    joint: int
+    excess: float
+    cycles: int
+
+
+class ReferenceJudge:
+    """Judges the references of one controller.
+
+    Args:
+        limits: Of the arm, n joints.
+        period: The robot's cycle T [s].
+        bridging: What the robot does in a cycle without a reference: 'hold' or 'extrapolate'.
+        dynamic: Whether velocity and acceleration are judged; not with `limits: none`.
+    """
+
+    def __init__(
+        self, limits: JointLimits, period: float, bridging: str, *, dynamic: bool = True
+    ) -> None:
+        self.violations: list[Violation] = []
+        self.judged = 0  # references
+        self.mode = ''
+        self.modes: list[str] = []  # one after the other
+        self.references: list[tuple[int, np.ndarray]] = []  # stamp [ns], (n,) [rad]
+        self._names = limits.joint_names
+        self._limits = limits
+        self._period = period
+        self._holds = bridging == 'hold'
+        self._dynamic = dynamic
+        self._step = limits.velocity * period  # (n,) [rad], V T
+        self._change = limits.acceleration * period**2  # (n,) [rad], A T^2
+        self._measured: dict[int, np.ndarray] = {}  # by stamp
+        self._last: np.ndarray | None = None  # r_{k-1}
+        self._last_stamp = 0
+        self._last_mode = ''
+        self._v_T = np.zeros(len(self._names))  # (n,) [rad], v T of the robot at r_{k-1}
+
+    def enter_mode(self, word: str) -> None:
+        """The references from here on are of this mode."""
+        if word not in MODES:
+            self._note('mode', self._last_stamp, 0)
+        self.mode = word
+        self.modes.append(word)
+
+    def enter_state(self, stamp: int, q: np.ndarray) -> None:
+        """A state of the robot: where a first reference may begin, and what is mirrored.
+
+        Args:
+            stamp: [ns].
+            q: Measured positions, (n,) [rad].
+        """
+        self._measured[stamp] = q
+        if len(self._measured) > REMEMBERED:
+            del self._measured[next(iter(self._measured))]
+
+    def enter_reference(self, stamp: int, r: np.ndarray) -> None:
+        """Judge a reference.
+
+        Args:
+            stamp: Of the state that it answers [ns].
+            r: Position, (n,) [rad].
+        """
+        self.judged += 1
+        self.references.append((stamp, r))
+        if self.mode == 'inactive':
+            self._note('silent while inactive', stamp, 0)
+        if not np.isfinite(r).all():
+            self._note('finite', stamp, 0, np.flatnonzero(~np.isfinite(r)))
+            return
+        cycles = self._cycles_to(stamp)
+        if self.mode == 'mirroring':
+            self._judge_mirrored(stamp, r)
+            self._v_T = np.zeros_like(r) if self._last is None else r - self._last
+        elif cycles == 0:
+            if self._last is not None and not np.array_equal(r, self._last):
+                self._judge_excess('repeated for the same state', stamp, 0, np.abs(r - self._last))
+        else:
+            self._judge(stamp, r, cycles)
+        self._last = r
+        self._last_stamp = stamp
+        self._last_mode = self.mode
+
+    def forget(self) -> None:
+        """The next reference is that of another robot."""
+        self._last = None
+        self._v_T = np.zeros(len(self._names))
+
+    def assert_followable(self) -> None:
+        """Fail if there was a violation, with the first ones and the largest."""
+        broken = self.violations
+        largest = max(broken, key=lambda violation: violation.excess, default=None)
+        assert not broken, f'{len(broken)} of {self.judged}: {broken[:3]}, largest {largest}'
+
+    def _cycles_to(self, stamp: int) -> int:
+        """Robot cycles since the last reference; 0 for the same state again."""
+        since = stamp - self._last_stamp
+        if self._last is None:
+            return 1
+        if -NEW_CLOCK < since < 0:
+            self._note('in the order of stamps', stamp, 0)
+            return 1
+        if since < 0 or (since > NEW_CLOCK and not self._holds):
+            self.forget()
+            return 1
+        return round(since / NANOSECONDS / self._period) or int(since > 0)
+
+    def _judge(self, stamp: int, r: np.ndarray, cycles: int) -> None:
+        """Judge a reference that the robot is to follow, `cycles` after the last one."""
+        last = self._last
+        if last is None:
+            last = self._measured.get(stamp, r)
+            self._v_T = np.zeros_like(r)
+        if self.mode == self._last_mode == 'holding' and self._last is not None:
+            self._judge_excess('constant while holding', stamp, cycles, np.abs(r - last), 0.0)
+        slow, fast, p = self._robot_at(last, cycles)
+        limits = self._limits
+        lowest = np.minimum(limits.lower, last)
+        highest = np.maximum(limits.upper, last)
+        outside = np.maximum(r - highest, lowest - r)
+        self._judge_excess('range', stamp, cycles, outside)
+        step = r - p
+        if self._dynamic:
+            self._judge_excess('velocity', stamp, cycles, np.abs(step) - self._step)
+            change = np.maximum(step - fast, slow - step) - self._change
+            self._judge_excess('acceleration', stamp, cycles, change)
+        self._v_T = step
+
+    def _robot_at(self, last: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the robot has done by itself since its last reference.
+
+        Args:
+            last: Reference, (n,) [rad].
+            cycles: Since then.
+
+        Returns:
+            Least and largest v T, and p: (n,) [rad] each. They differ for a joint that may have
+            been stopped at the end of its range.
+        """
+        v_T = self._v_T
+        if self._last_mode == 'mirroring':
+            return np.minimum(v_T, 0.0), np.maximum(v_T, 0.0), last  # pushed by hand, or let go
+        if cycles == 1:
+            return v_T, v_T, last
+        if self._holds:
+            rest = np.zeros_like(last)
+            return rest, rest, last
+        going = last + (cycles - 1) * v_T
+        p = np.clip(going, self._limits.lower, self._limits.upper)
+        at_end = p != going
+        slow = np.where(at_end, np.minimum(v_T, 0.0), v_T)
+        fast = np.where(at_end, np.maximum(v_T, 0.0), v_T)
+        return slow, fast, p
+
+    def _judge_mirrored(self, stamp: int, r: np.ndarray) -> None:
+        measured = self._measured.get(stamp, r)
+        outside = np.maximum(r - self._limits.upper, self._limits.lower - r)
+        self._judge_excess('mirrored', stamp, 0, np.minimum(outside, np.abs(r - measured)))
+
+    def _judge_excess(
+        self, rule: str, stamp: int, cycles: int, excess: np.ndarray, allowed: float = ROUNDING
+    ) -> None:
+        """Note the joint whose excess (n,) [rad] over a rule is the largest, if it is too large."""
+        joint = int(excess.argmax())
+        if not excess[joint] <= allowed:
+            self._note(rule, stamp, cycles, np.array((joint,)), float(excess[joint]))
+
+    def _note(
+        self,
+        rule: str,
+        stamp: int,
+        cycles: int,
+        joints: np.ndarray | None = None,
+        excess: float = 0.0,
+    ) -> None:
+        joint = -1 if joints is None else int(joints[0])
+        self.violations.append(Violation(stamp, self.mode, rule, joint, excess, cycles))
+
+
+def judge_graph(
+    graph: Graph, limits: JointLimits, rate: float, bridging: str, *, dynamic: bool = True
+) -> ReferenceJudge:
+    """A judge of what is published in a graph from now on.
+
+    Args:
+        graph: With one robot and one controller.
+        limits: Of the arm.
+        rate: Of the robot [Hz].
+        bridging: What the robot does without a reference.
+        dynamic: Whether velocity and acceleration are judged.
+    """
+    judge = ReferenceJudge(limits, 1.0 / rate, bridging, dynamic=dynamic)
+
+    def in_order(message: JointState) -> np.ndarray:
+        positions = dict(zip(message.name, message.position, strict=False))
+        return np.array([positions.get(name, np.nan) for name in limits.joint_names])
+
+    def on_state(message: JointState) -> None:
+        judge.enter_state(to_nanoseconds(message.header.stamp), in_order(message))
+
+    def on_reference(message: JointState) -> None:
+        judge.enter_reference(to_nanoseconds(message.header.stamp), in_order(message))
+
+    def on_mode(message: String) -> None:
+        judge.enter_mode(message.data)
+
+    # What the controller receives, faults and all, before it does.
+    graph.taps['joint_states', 'controller'] = on_state
+    graph.listen('controller/mode', 'judge', on_mode)
+    graph.listen('joint_command', 'judge', on_reference)
+    return judge
