@@ -6,7 +6,7 @@ from typing import Any
 
 _LONGEST = 60  # characters of a value that an error quotes
 _LONGEST_LINE = 1000  # characters of a line
-_MOST_NAMES = 60  # of which an error tells what is allowed
+_MOST_NAMES = 60  # that an error lists as allowed
 
 
 def quoted(value: Any) -> str:

@@ -131,7 +131,7 @@ def check_once(kind: str, names: Iterable[object]) -> None:
 
     Args:
         kind: What the names are of: limit, preference, task.
-        names: Names, or the things themselves.
+        names: Names, or the objects themselves.
     """
     seen = set()
     for name in names:
@@ -141,38 +141,38 @@ def check_once(kind: str, names: Iterable[object]) -> None:
             seen.add(name)
 
 
-def resolve_entry(kind: str, table: Mapping[str, type[T]], base: type, thing: str | T) -> T:
-    """A thing of a table that is given by its name or as it is.
+def resolve_entry(kind: str, table: Mapping[str, type[T]], base: type, entry: str | T) -> T:
+    """An entry of a table, given by name or as an object.
 
     Args:
         kind: What the table holds, for the errors: law, task, preference.
         table: Name to class.
-        base: What all things of that kind are.
-        thing: A name, whose gains then have their defaults; or an object of that kind.
+        base: Base class of that kind.
+        entry: A name, whose gains then have their defaults; or an object of that kind.
 
     Raises:
         UnknownNameError: No such name in the table, or an object of another kind.
     """
-    if isinstance(thing, str):
-        return make(kind, table, thing, {})
-    if not isinstance(thing, base):
-        raise UnknownNameError(kind, thing, table)
-    return thing
+    if isinstance(entry, str):
+        return make(kind, table, entry, {})
+    if not isinstance(entry, base):
+        raise UnknownNameError(kind, entry, table)
+    return entry
 
 
-def as_tuple(things: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
-    """Things that are given by name or as they are; a text alone is one name."""
-    return (things,) if isinstance(things, str) else tuple(things)
+def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
+    """Entries given by name or as objects; a single text is one name."""
+    return (entries,) if isinstance(entries, str) else tuple(entries)
 
 
-def name_of(thing: object, table: Mapping[str, type]) -> str:
+def name_of(entry: object, table: Mapping[str, type]) -> str:
     """The name of an object's class in a table; the class's own name if it is not in it.
 
     Args:
-        thing: The object.
+        entry: The object.
         table: Classes by their names.
     """
-    cls = type(thing)
+    cls = type(entry)
     return next((name for name, listed in table.items() if listed is cls), cls.__name__)
 
 

@@ -200,7 +200,7 @@ def _resolve_in_order_carefully(
     dq, damped = resolve_one(*levels[0], b, W)
     Z = np.eye(len(b))  # (n, k) null space of the tasks so far
     for (J_above, _), (J, dx) in pairwise(levels):
-        Z = Z.dot(_null_space(J_above.dot(Z), np.linalg.norm(J_above, 2)))
+        Z = Z.dot(_null_space(J_above.dot(Z), float(np.linalg.norm(J_above, 2))))
         if not Z.shape[1]:
             break
         # What is left to do is judged from the slowest velocity that executes the tasks above. A

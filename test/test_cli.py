@@ -195,7 +195,7 @@ def test_a_value_that_is_not_allowed_is_refused_in_one_line(options, message, ca
     assert captured.err.count('\n') == 1
 
 
-def test_where_the_tip_is_at_the_start_is_told(tmp_path, capsys):
+def test_where_the_tip_is_at_the_start_is_printed(tmp_path, capsys):
     task = tmp_path / 'my_task.yaml'
     task.write_text('robot: planar4r\nstart: [0, 90, -90, 90]\nwaypoints: [[0, 0, 0], [1, 0, 0]]\n')
     assert main(['simulate', '--task', str(task), '--robot', 'planar4r']) == 1
@@ -491,7 +491,7 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
     ('options', 'message'),
     [
         (('--robot', str(ARMS['iiwa7'].urdf), '--tip', 'hand'), "unknown frame 'hand'; "),
-        (('--prefer', 'posture', '--posture.target', '0'), '--posture.target cannot be told'),
+        (('--prefer', 'posture', '--posture.target', '0'), '--posture.target cannot be set'),
         (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
         (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),
         (('--switch', 'minimum_velocity'), '--switch minimum_velocity; expected LAW@SECONDS'),

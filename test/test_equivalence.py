@@ -84,7 +84,9 @@ def test_a_scheme_is_seen_to_be_another_if_its_damping_is_off_by_a_millionth(
     excess, seen, side, monkeypatch
 ):
     monkeypatch.setattr(
-        equivalence, 'yardstick', lambda name, damping, T: make_scheme(name, damping + excess)
+        equivalence,
+        'yardstick',
+        lambda name, damping, T, preference: make_scheme(name, damping + excess),
     )
     found = difference('dynamically_consistent', 10.0, 0.002, replace(side, segment_time=0.5))
     assert (found.max > ZERO) == (found.same_past.max() > ZERO) == seen

@@ -15,10 +15,10 @@ from redres_ros.fake_robot import render as rendering
 from redres_ros.paper import figures as figures_module
 from redres_ros.paper.equivalence import PERIODS, Convergence, velocity_difference
 from redres_ros.paper.experiment import Experiment
-from redres_ros.paper.figures import FIGURES, Runs, draw_all, motions
+from redres_ros.paper.figures import FIGURES, draw_all, motions
 from redres_ros.paper.figures.limits import torque_share
 from redres_ros.paper.figures.norms import torque_norm
-from redres_ros.paper.figures.runs import TORQUE_SCALE, names_of_runs
+from redres_ros.paper.runs import RUNS, TORQUE_SCALE, Runs
 from redres_ros.paper.savgol import MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm, find_arm
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.nightly
 FRAMES = motions.PICTURES[0] * motions.PICTURES[1]
 WITH_UNITS = (
     *('[s]', '[ms]', '[m]', '[mm]', '[rad]', '[rad/s]', '[rad/s$^2$]', '[Nm]'),
-    *('[-]', '[share of the limit]'),
+    *('[-]', '[fraction of the limit]'),
 )
 
 
@@ -56,7 +56,7 @@ def runs() -> Runs:
     runs = Runs(shortened(usual.task), shortened(usual.reversed_task))
     periods = np.array(PERIODS)
     for law in ('minimum_acceleration', 'minimum_weighted_torque', 'dynamically_consistent'):
-        runs.__dict__[f'convergence_{law}'] = Convergence(periods, periods, periods)
+        runs[f'convergence_{law}'] = Convergence(periods, periods, periods)
     return runs
 
 
@@ -144,10 +144,10 @@ def test_the_panels_are_those_of_the_paper(figures, number, panels):
 
 
 def test_a_stop_is_marked_and_told(runs, figures, monkeypatch):
-    tried = runs.experiment_minimum_velocity
+    tried = runs['measured_2']
     cut = replace(tried.recording, finished=False, ending='stopped after 1.000 s: protective stop')
     stopped = Runs()
-    stopped.experiment_minimum_velocity = Experiment(cut, 'protective stop', tried.q)
+    stopped['measured_2'] = Experiment(cut, 'protective stop', tried.q)
     monkeypatch.setattr(motions, 'render', grey_pictures)
     assert 'protective stop' in FIGURES[9](stopped).get_suptitle()
     labels = [text.get_text() for text in FIGURES[10](stopped).legends[0].get_texts()]
@@ -175,7 +175,7 @@ def test_a_place_that_cannot_be_written_is_an_error_of_ours(runs, monkeypatch):
 
 
 def test_a_run_is_kept(runs):
-    assert runs.ideal_damped is runs.ideal_damped
+    assert runs['simulated_23'] is runs['simulated_23']
 
 
 # --- what is drawn --------------------------------------------------------------------------------
@@ -183,17 +183,20 @@ def test_a_run_is_kept(runs):
 
 @pytest.mark.parametrize(
     ('law', 'scheme'),
-    [('ideal_damped', 'ideal_22'), ('ideal_35', 'ideal_29')],
+    [('simulated_23', 'simulated_22'), ('simulated_35', 'simulated_29')],
 )
 def test_laws_and_schemes_differ_by_rounding_in_simulations(runs, law, scheme):
-    dq_I, dq_II = (getattr(runs, name).vectors('dq1') for name in (law, scheme))
+    dq_I, dq_II = (runs[name].vectors('dq1') for name in (law, scheme))
     # the law divides nothing by T, the scheme does: 1e-16 / 1e-3 a tick
     assert velocity_difference(dq_I, dq_II).max() < 1e-10
 
 
-@pytest.mark.parametrize('apart', ['apart_23', 'apart_35'])
-def test_laws_and_schemes_differ_by_their_sensors_in_experiments(runs, apart):
-    found = getattr(runs, apart)
+@pytest.mark.parametrize(
+    ('law', 'scheme'),
+    [('measured_23_at_once', 'measured_22'), ('measured_35_at_once', 'measured_29')],
+)
+def test_laws_and_schemes_differ_by_their_sensors_in_experiments(runs, law, scheme):
+    found = runs.difference(law, scheme)
     assert 0.0 < found.measured.max() < 0.02 * found.dq.max()
     # What the paper plots is at most the sum of what it consists of.
     parts = found.commanded + found.filtered + found.servo
@@ -202,9 +205,14 @@ def test_laws_and_schemes_differ_by_their_sensors_in_experiments(runs, apart):
 
 def test_everything_that_is_run_is_run_once_and_kept(monkeypatch):
     runs = Runs()
-    monkeypatch.setattr(Runs, '_make', lambda self, name, progress: name)
+    monkeypatch.setattr(Runs, '__missing__', lambda self, name: name)
     runs.prepare(lambda share: None)
-    assert {runs.__dict__[name] for name in names_of_runs()} == set(names_of_runs())
+    assert runs == {name: name for name in RUNS}
+
+
+def test_an_unknown_run_is_an_error(runs):
+    with pytest.raises(KeyError, match='measured_99'):
+        runs['measured_99']
 
 
 def test_differences_are_taken_as_long_as_there_are_both():
@@ -233,12 +241,12 @@ def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
 @pytest.mark.parametrize(
     ('name', 'share', 'allowed'),
     [
-        ('experiment_within_limits', acceleration_share, 1.0),
-        ('experiment_within_torques', torque_share, TORQUE_SCALE),
+        ('within_limits', acceleration_share, 1.0),
+        ('within_torques', torque_share, TORQUE_SCALE),
     ],
 )
 def test_what_is_drawn_as_kept_within_limits_is(runs, name, share, allowed):
-    recording = getattr(runs, name).recording
+    recording = runs[name].recording
     assert share(recording, runs.experiment_model).max() <= allowed * (1.0 + 1e-6)
 
 
@@ -246,7 +254,7 @@ def test_what_is_drawn_as_kept_within_limits_is(runs, name, share, allowed):
 
 
 def film(runs: Runs) -> Film:
-    recording = runs.ideal_damped
+    recording = runs['simulated_23']
     return motions._film(recording, np.array([0, len(recording.data) - 1]), runs.model, runs.task)
 
 

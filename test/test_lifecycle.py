@@ -139,7 +139,7 @@ class TestWithin:
         assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
         assert planner._on_start(Trigger.Request(), Trigger.Response()).success
 
-    def test_an_inactive_sim_says_nothing_hears_nothing_and_monitors_anew_when_activated(
+    def test_an_inactive_sim_neither_sends_nor_receives_and_monitors_anew_when_activated(
         self, start_inactive: None
     ) -> None:
         sim = SimNode()

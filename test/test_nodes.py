@@ -319,7 +319,7 @@ class TestOneController:
             'without a stamp',
         ],
     )
-    def test_a_bad_state_is_not_answered_and_told_once(
+    def test_a_bad_state_is_not_answered_and_reported_once(
         self,
         resting: Shared,
         spoil: Callable[[Any], None],

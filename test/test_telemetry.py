@@ -39,10 +39,10 @@ class Speaker:
         while time.monotonic() < until:
             self.speak()
 
-    def speak_until(self, heard: bool) -> None:
+    def speak_until(self, has_subscribers: bool) -> None:
         until = time.monotonic() + PATIENCE
-        while self.telemetry.heard is not heard:
-            assert time.monotonic() < until, f'heard never became {heard}'
+        while self.telemetry.has_subscribers is not has_subscribers:
+            assert time.monotonic() < until, f'has_subscribers never became {has_subscribers}'
             self.speak()
 
     def _make(self, topic: str) -> float:
@@ -68,7 +68,7 @@ def test_while_nobody_listens_nothing_is_made(speaker: Speaker) -> None:
 def test_only_what_is_listened_to_is_made(speaker: Speaker) -> None:
     listener = Node('listener')
     listener.create_subscription(Float64, 'speaker/loudness', lambda message: None, 1)
-    speaker.speak_until(heard=True)
+    speaker.speak_until(has_subscribers=True)
     speaker.speak_for(3.0 * LOOK_PERIOD)
     assert speaker.made['loudness'] > 0
     assert speaker.made['pitch'] == 0
@@ -79,9 +79,9 @@ def test_nothing_is_made_any_more_when_the_last_listener_has_gone(speaker: Speak
     subscription = listener.create_subscription(
         Float64, 'speaker/loudness', lambda message: None, 1
     )
-    speaker.speak_until(heard=True)
+    speaker.speak_until(has_subscribers=True)
     listener.destroy_subscription(subscription)
-    speaker.speak_until(heard=False)
+    speaker.speak_until(has_subscribers=False)
     made = dict(speaker.made)
     speaker.speak_for(3.0 * LOOK_PERIOD)
     assert speaker.made == made

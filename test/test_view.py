@@ -234,7 +234,7 @@ def test_a_glance_that_no_controller_would_send_is_passed_over() -> None:
 class Heard:
     """Telemetry that somebody listens to: keeps what is published."""
 
-    heard = True
+    has_subscribers = True
 
     def __init__(self, *_: Any) -> None:
         self.messages: list[Any] = []
@@ -276,17 +276,17 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
             Float64MultiArray, controller_snapshot.TOPIC, QoSProfile(depth=1)
         )
 
-        def heard(publisher: Any, message: Any, q: np.ndarray) -> bool:
+        def arrived(publisher: Any, message: Any, q: np.ndarray) -> bool:
             publisher.publish(message)
             arm.look()
             return np.array_equal(arm.q, q)
 
         where = np.linspace(0.1, 0.7, motion.model.n)
         state = to_joint_state(5, motion.model.joint_names, where, np.zeros(motion.model.n))
-        await_that(lambda: heard(states, state, where), 'the states')
+        await_that(lambda: arrived(states, state, where), 'the states')
         command = motion.commands[0]
         told = to_message(ControllerSnapshot.of(5, command, speed=0.0, acceleration=0.0))
-        await_that(lambda: heard(snapshots, told, command.state.q), 'the glance')
+        await_that(lambda: arrived(snapshots, told, command.state.q), 'the snapshot')
         assert arm._states is None
         arm.close()
 

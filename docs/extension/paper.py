@@ -1,4 +1,4 @@
-"""The claims of the paper that are measured, and what came of the latest `redres reproduce`."""
+"""The claims that are measured, and what came of the latest `redres reproduce`."""
 
 import csv
 from collections.abc import Iterator
@@ -7,36 +7,41 @@ from pathlib import Path
 from sphinx.errors import ExtensionError
 
 from extension.markdown import plain, table
-from redres_ros.paper.claims import CLAIMS
+from redres_ros.paper.claims import CLAIMS, Claim
+from redres_ros.paper.claims.claim import ASSUMPTION, PAPER, PUBLISHED
 
 RESULTS = Path(__file__).resolve().parents[1] / 'claims.csv'  # copied from its output
+SOURCES = {'paper': PAPER, 'assumption': ASSUMPTION, 'published': PUBLISHED}
+
+Result = dict[str, str]  # a row of the file
 
 
-def claims() -> Iterator[str]:
-    """The table of claims, in our words, with what was measured."""
-    results = _results()
-    known = [(claim.section, claim.says) for claim in CLAIMS]
-    stale = {row['claim'] for row in results} - {says for _, says in known}
-    if stale:
-        raise ExtensionError(f'{RESULTS} is of an older run; no such claim: {", ".join(stale)}')
-    found = {(row['section'], row['claim']): row for row in results}
-    rows = [_row(section, says, found.get((section, says))) for section, says in known]
-    held = sum(row['held'] == 'yes' for row in results)
-    yield f'Of the {len(results)} claims with figures {held} were held when they were measured.'
+def claims(source: str) -> Iterator[str]:
+    """The table of claims of one source, in our words, with what was measured."""
+    found = {(row['section'], row['claim']): row for row in _results()}
+    wanted = [claim for claim in CLAIMS if claim.source == SOURCES[source]]
+    results = [(claim, found.get((claim.section, claim.says))) for claim in wanted]
+    measured = [result for _, result in results if result]
+    held = sum(result['held'] == 'yes' for result in measured)
+    yield f'Of {len(measured)} measured here {held} held.'
     yield ''
-    yield from table(('in the paper', 'claim', 'held?', 'measured'), rows)
+    yield from table(('section', 'claim', 'held?', 'measured'), [_row(*each) for each in results])
 
 
-def _results() -> list[dict[str, str]]:
+def _results() -> list[Result]:
     """What was measured, one row a claim."""
     with RESULTS.open(encoding='utf-8', newline='') as file:
-        return list(csv.DictReader(file))
+        results = list(csv.DictReader(file))
+    stale = {row['claim'] for row in results} - {claim.says for claim in CLAIMS}
+    if stale:
+        raise ExtensionError(f'{RESULTS} is of an older run; no such claim: {", ".join(stale)}')
+    return results
 
 
-def _row(section: str, says: str, result: dict[str, str] | None) -> tuple[str, ...]:
+def _row(claim: Claim, result: Result | None) -> tuple[str, ...]:
     """A claim, with what was measured if it was."""
     if result is None:
-        return plain(section), plain(says), '–', ''
+        return plain(claim.section), plain(claim.says), '–', ''
     held = 'held' if result['held'] == 'yes' else '**not held**'
     measured = '; '.join(filter(None, (result['measured'], result['remark'])))
-    return plain(section), plain(says), held, plain(measured)
+    return plain(claim.section), plain(claim.says), held, plain(measured)

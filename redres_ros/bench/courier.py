@@ -1,6 +1,6 @@
-"""Node `courier`: hears and says in every cycle what the controller does, and computes nothing.
+"""Node `courier`: receives and publishes what the controller does, and computes nothing.
 
-It shows what the messages of the graph cost by themselves: the planner beside it takes it for a
+It shows what the messages of the graph cost by themselves: the planner takes it for a
 controller that follows, and streams task velocities.
 """
 

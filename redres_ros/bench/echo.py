@@ -1,5 +1,5 @@
-"""Node `echo`: hears what the controller hears and sends every state back as joint_command. It
-shows what a controller costs that computes nothing.
+"""Node `echo`: subscribes as the controller does and returns every state as joint_command. It
+measures the cost of a controller that computes nothing.
 """
 
 import sys

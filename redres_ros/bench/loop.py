@@ -93,7 +93,7 @@ def measure_loop(
         rates: States per second [Hz].
         duration: For which each is measured at each rate, in all repetitions together [s].
         out: Directory for what the nodes print.
-        progress: Is told the share done.
+        progress: Called with the fraction done, 0 to 1.
 
     Raises:
         BenchError, GraphError: A node does not run or does not answer.

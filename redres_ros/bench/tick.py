@@ -114,7 +114,7 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
 
     Args:
         rounds: Blocks of calls of each.
-        progress: Is told the share done.
+        progress: Called with the fraction done, 0 to 1.
     """
     model = RobotModel.named(load_task('rectangle').robot)
     stretch = recorded(model)

@@ -19,7 +19,7 @@ COLD = 2
 
 @dataclass(frozen=True)
 class Times:
-    """Samples (N,) [s] of one thing."""
+    """Samples (N,) [s] of one candidate."""
 
     samples: np.ndarray
 
@@ -61,7 +61,7 @@ def measure(
     Args:
         calls: By name. Each gets the number of its turn, 0, 1, 2, ..., to pick its input by.
         rounds: Blocks of each call.
-        progress: Is told the share done.
+        progress: Called with the fraction done, 0 to 1.
     """
     samples: dict[K, list[int]] = {name: [] for name in calls}
     order = list(calls.items())
@@ -93,7 +93,7 @@ def _block(call: Callable[[int], object], first: int) -> list[int]:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """No garbage collection: it would be charged to whoever happens to run."""
+    """No garbage collection: it would be charged to the candidate that runs."""
     gc.collect()
     gc.disable()
     try:

@@ -18,7 +18,7 @@ def main(arguments: list[str] | None = None) -> int:
         arguments: What follows the word redres; None: those of this process.
 
     Returns:
-        0 only when the thing asked for happened, 1 when it did not, 2 for a wrong command line, and
+        0 if the command did what it was asked to do, 1 if not, 2 for a wrong command line, and
         130 after Ctrl-C.
     """
     # At its end Python would look for garbage in all that was loaded: 0.15 s after a demo.

@@ -38,7 +38,7 @@ _GROUPS = (
 )  # in the order of `redres --help`
 
 # Extras that bring a package; all others come with [ros].
-_EXTRAS = {'viser': 'view', 'imageio_ffmpeg': 'video'}
+_EXTRAS = {'viser': 'view', 'imageio_ffmpeg': 'video', 'scipy': 'paper'}
 _PLUGIN = '--plugin'
 
 _BEGINNING = """\
@@ -57,7 +57,7 @@ def run_command(arguments: list[str] | None) -> int:
     # Pictures go to files. A window system that the user named for other programs may not be here.
     os.environ.pop('MPLBACKEND', None)
     command = ' '.join(['redres', *given[:1]])
-    if sys.stdout is None:  # nothing that is asked for could be told
+    if sys.stdout is None:  # there is nowhere to print
         _complain(f'{command}: standard output is closed; expected an open one, as /dev/null')
         return 1
     try:

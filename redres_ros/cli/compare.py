@@ -35,7 +35,7 @@ class _Contender:
 
     @property
     def label(self) -> str:
-        """What tells it from the others, as 'minimum_acceleration, k_d = 5 1/s'."""
+        """Its label in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
         from redres_ros.simulation.comparison import label
 
         return label(self.law)

@@ -56,7 +56,7 @@ def make_controller(
     """A controller as the options ask for it.
 
     Args:
-        options: With what is added to the law.
+        options: The command line.
         motion: The arm and its task.
         law: The law in force.
         T: Sampling time [s].
@@ -187,40 +187,40 @@ def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
 
 
 def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict[str, Any]:
-    """What the nodes have to be told beside the law, its damping, the robot and its dynamics.
+    """Parameters of the nodes beside the law, its damping, the robot and its dynamics.
 
     Args:
-        options: With what is added to the law.
+        options: The command line.
         motion: The arm and its task.
 
     Raises:
         OptionError: A target that is open by default: ROS has no parameters for such ones.
     """
-    told: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
     for gain, value in given_gains(options).items():
         if gain.default == ():
-            raise OptionError(f'--{gain.key} cannot be told to nodes, which take the start for it')
-        told[gain.key] = value
+            raise OptionError(f'--{gain.key} cannot be set on nodes, which take the start for it')
+        parameters[gain.key] = value
     preferences = []
     for preference in options.prefer or ():
         name, equals, own = preference.partition('=')
         preferences.append(name)
         if equals:
-            told[f'{name}.gain'] = _number(preference, own)
+            parameters[f'{name}.gain'] = _number(preference, own)
     # ROS takes an empty array for no value at all.
-    told['limits'] = limit_names(options) or (NONE,)
-    told['preferences'] = tuple(preferences) or (NONE,)
-    told['secondary_tasks'] = tuple(options.secondary or ()) or (NONE,)
-    told['task_space'] = motion.task_space
-    told['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
-    told['limit_scale'] = options.limit_scale
-    told['torque_scale'] = options.torque_scale
-    told['task_scaling_rate'] = options.task_scaling_rate
+    parameters['limits'] = limit_names(options) or (NONE,)
+    parameters['preferences'] = tuple(preferences) or (NONE,)
+    parameters['secondary_tasks'] = tuple(options.secondary or ()) or (NONE,)
+    parameters['task_space'] = motion.task_space
+    parameters['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
+    parameters['limit_scale'] = options.limit_scale
+    parameters['torque_scale'] = options.torque_scale
+    parameters['task_scaling_rate'] = options.task_scaling_rate
     if options.tip:
-        told['tip_frame'] = options.tip
+        parameters['tip_frame'] = options.tip
     if options.elbow:
-        told['elbow_frame'] = options.elbow
-    return told
+        parameters['elbow_frame'] = options.elbow
+    return parameters
 
 
 def _number(option: str, text: str) -> float:

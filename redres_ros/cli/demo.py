@@ -55,7 +55,7 @@ def _add_run(group: Any) -> None:
         '--plant',
         default='mujoco',
         choices=('mujoco', 'ideal'),
-        help='physics, or an arm that goes exactly where it is told',
+        help='physics, or an ideal arm that follows every command exactly',
     )
     group.add_argument(
         '--lockstep',

@@ -17,7 +17,7 @@ class Gain:
     """A parameter of a law, preference, task or limit, as an option.
 
     Args:
-        kind: Of the thing that has it: 'law', 'preference', 'task' or 'limit'.
+        kind: Of its owner: 'law', 'preference', 'task' or 'limit'.
         owner: The name in its table.
         name: The field's name.
         default: The field's default, whose type is that of the option.
@@ -95,12 +95,12 @@ def given_gains(options: argparse.Namespace) -> dict[Gain, Any]:
 
 
 def gains_of(options: argparse.Namespace, kind: str, owner: str) -> dict[str, Any]:
-    """The gains that the command line gives to one thing, by their own names.
+    """The gains that the command line gives to one owner, by their own names.
 
     Args:
         options: The command line.
         kind: 'law', 'preference', 'task' or 'limit'.
-        owner: Name of the thing in the table of its kind.
+        owner: Its name in the table of its kind.
     """
     return {
         gain.name: value

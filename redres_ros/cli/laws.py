@@ -17,10 +17,10 @@ _NAME_WIDTH = 26  # columns
 _NARROWEST = 60  # columns; text beside the names needs some
 
 _HEADS = {
-    'law': 'laws, --law NAME: what the motion of the joints is to have least of',
-    'preference': 'preferences, --prefer NAME=GAIN: what the spare joints are to do meanwhile',
-    'task': 'tasks, --secondary NAME: further aims after the tip, in order of priority',
-    'limit': 'limits, --limits A,B: what no command leaves',
+    'law': 'laws, --law NAME: the quantity to minimise',
+    'preference': 'preferences, --prefer NAME=GAIN: a joint-space objective in the null space',
+    'task': 'tasks, --secondary NAME: secondary tasks, in order of priority',
+    'limit': 'limits, --limits A,B: what every command keeps',
     'robot': 'robots, --robot NAME: arms; or any other from its URDF file',
 }
 

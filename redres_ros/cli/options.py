@@ -108,14 +108,14 @@ def _add_additions(group: Any) -> None:
         nargs='+',
         action='extend',
         metavar='NAME[=GAIN]',
-        help='preferences, as joint_centering=4: what the spare joints should do',
+        help='preferences in the null space, such as joint_centering=4',
     )
     group.add_argument(
         '--secondary',
         nargs='+',
         action='extend',
         metavar='NAME',
-        help='further tasks, in order of priority, as orientation: hold it as it is at the start',
+        help='secondary tasks, in order of priority; orientation: keep the initial orientation',
     )
 
 
@@ -124,29 +124,29 @@ def _add_limits(group: Any, default: str) -> None:
         '--limits',
         default=default,
         metavar='A,B,...',
-        help=f'limits that are kept, as position,velocity,acceleration; {NONE}: the law alone',
+        help=f'limits to keep, such as position,velocity,acceleration; {NONE}: the law alone',
     )
     group.add_argument(
         '--limit-scale',
         type=float,
         default=1.0,
         metavar='X',
-        help='share of the velocity and acceleration limits that may be used',
+        help='fraction of the velocity and acceleration limits to use',
     )
     group.add_argument(
         '--torque-scale',
         type=float,
         default=1.0,
         metavar='X',
-        help='share of the torque limits that may be used',
+        help='fraction of the torque limits to use',
     )
     group.add_argument(
         '--task-scaling-rate',
         type=float,
         default=0.0,
         metavar='X',
-        help='rate at which the share of the task velocity rises again after limits have lowered '
-        'it [1/s], which calms the spare joints; 0: the largest share in every tick',
+        help='rate at which the task scaling s rises again after limits have lowered '
+        'it [1/s]; a low rate calms the null-space motion; 0: the largest s in every tick',
     )
 
 

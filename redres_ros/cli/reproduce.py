@@ -1,6 +1,7 @@
 """`redres reproduce`: the paper's figures and claims."""
 
 import argparse
+from importlib import import_module
 from typing import Any
 
 from redres_ros.cli.options import add_out
@@ -19,9 +20,11 @@ def add(commands: Any) -> None:
 def _reproduce(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import made
     from redres_ros.paper.claims import CLAIMS, check_all, table, write_csv
-    from redres_ros.paper.figures import Runs, draw_all
+    from redres_ros.paper.figures import draw_all
+    from redres_ros.paper.runs import Runs
     from redres_ros.simulation.report import progress_bar
 
+    import_module('scipy')  # an extra, asked for before a minute has passed
     runs = Runs()
     out = made(options.out, 'claims.csv')
     with progress_bar('simulations and experiments') as progress:

@@ -1,4 +1,4 @@
-"""The one door for answers: which state each one answers, or why it is refused."""
+"""Receives commands: which state each one belongs to, or why it is refused."""
 
 import math
 import time
@@ -29,9 +29,9 @@ class _ArrivedCommand(NamedTuple):
 
 
 class CommandReceiver:
-    """Judges what clients send: valid answers go to the robot, the others into the session's books.
+    """Checks what clients send: valid commands go to the robot, the session counts the others.
 
-    Whoever receives calls `put`, in any thread; the robot's loop calls `take`.
+    The subscriber calls `put`, in any thread; the robot's loop calls `take`.
 
     Args:
         joint_names: Joints of the arm, in the order of every array.

@@ -60,9 +60,7 @@ class Faults:
     push_force_z: float = param(
         0.0, 'force on the tip along z of the base [N]', -500.0, 500.0, live=True
     )
-    paused_physics: bool = param(
-        False, 'the arm stands still whatever its controller tells it', live=True
-    )
+    paused_physics: bool = param(False, 'the arm ignores every command', live=True)
 
     def __post_init__(self) -> None:
         check_parameters(self)

@@ -24,9 +24,9 @@ class FaultyPlant:
     """A plant as its faulty encoders show it; without faults it is the plant itself, bit for bit.
 
     Noise is drawn once a cycle, the same for the same seed. The velocities of encoders at fault are
-    differences of their positions. While the physics are paused the plant stands still and is told
-    nothing; afterwards its servos drive it to the reference as hard as they can, and an ideal one
-    jumps there.
+    differences of their positions. While the physics are paused the plant stands still and
+    receives nothing; afterwards its servos drive it to the reference as hard as they can, and an
+    ideal one jumps there.
 
     Args:
         plant: The arm.

@@ -1,4 +1,4 @@
-"""How good a connection is: the figures that tell, and what each quality asks of them."""
+"""Connection quality: its statistics, and the thresholds of each grade."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ class SunriseQuality(IntEnum):
 
 
 class FciQuality(IntEnum):
-    """Quality of a connection to a Franka arm, which tells the share of answers: names of ours."""
+    """Quality of a connection to a Franka arm, which reports the answer rate; names are ours."""
 
     INSUFFICIENT = 0
     POOR = 1

@@ -32,11 +32,11 @@ def _swallowed_quietly() -> Iterator[None]:
     """Have Python not print the KeyboardInterrupt that a callback from C swallows."""
     usual = sys.unraisablehook
 
-    def tell(unraisable: Any) -> None:
+    def report(unraisable: Any) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             usual(unraisable)
 
-    sys.unraisablehook = tell
+    sys.unraisablehook = report
     try:
         yield
     finally:

@@ -53,7 +53,7 @@ def _size(node: yaml.Node, known: dict[int, float]) -> float:
         known: Sizes of the nodes that were counted already, by their identity.
     """
     if id(node) not in known:
-        known[id(node)] = float('inf')  # until it is counted: whoever meets it is inside of it
+        known[id(node)] = float('inf')  # until it is counted: a node found here contains itself
         known[id(node)] = 1.0 + sum(_size(child, known) for child in _children(node))
     return known[id(node)]
 

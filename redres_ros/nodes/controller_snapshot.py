@@ -1,7 +1,8 @@
-"""`controller/snapshot`: what onlookers need of the arm, some times a second.
+"""`controller/snapshot`: the arm's state for displays, twenty times a second.
 
-A page that heard states, commands and task velocities at the rate of the robot made sim, planner
-and controller send one more message each in every cycle, which cost a tenth of the median answer.
+A page that subscribed to states, commands and task velocities at the robot's rate made sim, planner
+and controller send one more message each in every cycle. That added a tenth to the median response
+time.
 """
 
 from typing import NamedTuple
@@ -65,12 +66,12 @@ class ControllerSnapshot(NamedTuple):
     def of(
         cls, stamp: int, command: Command, speed: float, acceleration: float
     ) -> 'ControllerSnapshot':
-        """The glance at a command.
+        """The snapshot of a command.
 
         Args:
             stamp: Of the state that it answers [ns].
             command: The answer.
-            speed: Largest norm of the joint velocity since the last glance [rad/s].
+            speed: Largest norm of the joint velocity since the last snapshot [rad/s].
             acceleration: The same of the joint acceleration [rad/s^2].
         """
         figures = Figures(
@@ -96,7 +97,7 @@ def to_message(snapshot: ControllerSnapshot) -> Float64MultiArray:
 
 
 def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
-    """The glance in a message.
+    """The snapshot in a message.
 
     Args:
         message: Of the topic.
@@ -108,8 +109,8 @@ def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
     data = np.array(message.data)
     head = len(Figures._fields)
     if data.shape != (head + _ROWS * n,):
-        raise ArrayError(f'a glance of {data.size} numbers; expected {head + _ROWS * n}')
-    check_finite(data, 'a glance')
+        raise ArrayError(f'a snapshot of {data.size} numbers; expected {head + _ROWS * n}')
+    check_finite(data, 'a snapshot')
     return ControllerSnapshot(Figures(*data[:head].tolist()), *data[head:].reshape(_ROWS, n))
 
 
@@ -122,7 +123,7 @@ class SnapshotPublisher:
 
     def __init__(self, node: Node) -> None:
         self._telemetry = Telemetry(node, {_NAME: Float64MultiArray})
-        self._told = 0  # stamp of the newest one [ns]
+        self._published = 0  # stamp of the newest one [ns]
         self._speed = 0.0  # the largest since then [rad/s]
         self._acceleration = 0.0  # the same [rad/s^2]
 
@@ -133,9 +134,9 @@ class SnapshotPublisher:
             stamp: Of the state [ns].
             command: The answer to it.
         """
-        if not self._telemetry.heard:
+        if not self._telemetry.has_subscribers:
             return
-        elapsed = stamp - self._told
+        elapsed = stamp - self._published
         if not 0 <= elapsed < 2 * PERIOD:
             self._begin(stamp)  # somebody has come, or it is another clock
         self._speed = max(self._speed, norm(command.dq))
@@ -147,6 +148,6 @@ class SnapshotPublisher:
 
     def _begin(self, stamp: int) -> None:
         """Begin the time of the next one at a stamp [ns]."""
-        self._told = stamp
+        self._published = stamp
         self._speed = 0.0
         self._acceleration = 0.0

@@ -35,12 +35,12 @@ class JointMapper:
 
     Args:
         names: Of the arm's joints, in our order.
-        tell: Is told once of each set of other joints that are ignored.
+        report: Called once for each set of foreign joints, which are ignored.
     """
 
-    def __init__(self, names: Sequence[str], tell: Callable[[str], object] | None = None) -> None:
+    def __init__(self, names: Sequence[str], report: Callable[[str], object] | None = None) -> None:
         self.names = tuple(names)
-        self._tell = tell
+        self._report = report
         self._seen: list[str] = list(names)
         self._order: np.ndarray | None = None  # of the names seen last; None: as ours
         self._orders: dict[tuple[str, ...], np.ndarray | None] = {self.names: None}
@@ -57,7 +57,7 @@ class JointMapper:
             return True
         if len(self._foreign) < _REMEMBERED:
             self._foreign.add(names)
-            self._tell_of(names)
+            self._report_foreign(names)
         return False
 
     def positions(self, message: JointState | JointSample) -> np.ndarray:
@@ -95,12 +95,12 @@ class JointMapper:
         """The places of our joints among the names, (n,)."""
         if any(names.count(name) != 1 for name in self.names):
             raise JointNamesError(names, self.names)
-        self._tell_of([name for name in names if name not in self.names])
+        self._report_foreign([name for name in names if name not in self.names])
         return np.array([names.index(name) for name in self.names])
 
-    def _tell_of(self, others: Sequence[str]) -> None:
-        if others and self._tell:
-            self._tell(f'joint_states: ignoring {one_line(", ".join(others))}, not of this arm')
+    def _report_foreign(self, others: Sequence[str]) -> None:
+        if others and self._report:
+            self._report(f'joint_states: ignoring {one_line(", ".join(others))}, not of this arm')
 
 
 def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:

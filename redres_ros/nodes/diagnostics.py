@@ -1,5 +1,5 @@
-"""What a node tells about its health: a log line for an event and one for its end, and /diagnostics
-once a second.
+"""A node's health: a log line when an event begins and one when it ends, and /diagnostics once a
+second.
 """
 
 import time
@@ -74,7 +74,7 @@ class _Episode:
         count: Of refused inputs.
         last: When the last one came [s].
         over: Whether an input could be used since.
-        kinds: Of errors, each of which is told once.
+        kinds: Of errors, each of which is reported once.
     """
 
     reason: str = ''
@@ -146,7 +146,7 @@ class Watchdog:
         self._timeout = timeout
         self._last = time.monotonic()
         self._last_silence = self._last
-        self._told = False
+        self._reported = False
         self.silent = False
         node.create_timer(timeout / 2.0, self._look)
 
@@ -163,9 +163,9 @@ class Watchdog:
         self.silent = now - self._last > self._timeout
         if self.silent:
             self._last_silence = now
-            if not self._told:
-                self._told = True
+            if not self._reported:
+                self._reported = True
                 self._logger.warning(f'no {self._topic} for {self._timeout:g} s')
-        elif self._told and now - self._last_silence > _QUIET:
-            self._told = False
+        elif self._reported and now - self._last_silence > _QUIET:
+            self._reported = False
             self._logger.info(f'{self._topic} is back')

@@ -18,7 +18,7 @@ _PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 _UDP = 'UDPv4'
 
-# Whoever sets one of these has said who may find whom.
+# A user who sets one of these has decided which nodes find each other.
 CHOICES = (
     _RANGE,
     _PROFILE,

@@ -46,13 +46,13 @@ class Markers:
         }
         for marker in self._all():
             marker.header.frame_id = frame
-        self.heard = False
-        node.create_timer(PERIOD, self._tell)
+        self.has_subscribers = False
+        node.create_timer(PERIOD, self._publish)
 
     def wants(self, stamp: int) -> bool:
         """Whether the arm of a state [ns] is to be shown to it: some times a second, if at all."""
         self._stamp = stamp
-        return self.heard and not self._next - _STEP < stamp < self._next
+        return self.has_subscribers and not self._next - _STEP < stamp < self._next
 
     def see(self, stamp: int, tip: np.ndarray, elbow: np.ndarray) -> None:
         """Take in where tip and elbow are at a state.
@@ -66,9 +66,9 @@ class Markers:
         self._tip.append(_point(tip))
         self._elbow.append(_point(elbow))
 
-    def _tell(self) -> None:
-        self.heard = self._publisher.get_subscription_count() > 0
-        if not self.heard:
+    def _publish(self) -> None:
+        self.has_subscribers = self._publisher.get_subscription_count() > 0
+        if not self.has_subscribers:
             return
         stamp = to_time(self._stamp)
         for marker, points in self._traces.values():
@@ -96,7 +96,7 @@ def show_obstacles(node: Node, frame: str) -> None:
 
     shown: set[int] = set()
 
-    def tell() -> None:
+    def publish() -> None:
         if publisher.get_subscription_count() == 0:
             return
         markers = list(_obstacles(node))
@@ -110,7 +110,7 @@ def show_obstacles(node: Node, frame: str) -> None:
             marker.header.frame_id = frame
         publisher.publish(MarkerArray(markers=markers))
 
-    node.create_timer(_OBSTACLES_PERIOD, tell)
+    node.create_timer(_OBSTACLES_PERIOD, publish)
 
 
 def _obstacles(node: Node) -> Iterator[Marker]:

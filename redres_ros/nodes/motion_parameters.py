@@ -62,7 +62,7 @@ class MotionSettings:
         1.0, 'share of the torque limits that is used', 0.001, 1.0, live=True
     )
     preferences: tuple[str, ...] = param(
-        (NONE,), 'what the spare joints are to do', choices=Names(PREFERENCES, NONE), live=True
+        (NONE,), 'objectives in the null space', choices=Names(PREFERENCES, NONE), live=True
     )
     secondary_tasks: tuple[str, ...] = param(
         (NONE,), 'further tasks in order of priority', choices=Names(TASKS, NONE), live=True

@@ -1,4 +1,4 @@
-"""What the controller tells onlookers of each tick."""
+"""The controller's telemetry of each tick."""
 
 from functools import partial
 
@@ -15,13 +15,13 @@ from redres_ros.nodes.telemetry import Telemetry
 
 _SCALING = 'task_scaling'
 _FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING}
-# [s] after which an unchanged scaling is told again; the planner waits for 0.1 s, and nine of ten
+# [s] after which an unchanged scaling is repeated; the planner waits for 0.1 s, and nine of ten
 # may be lost
 _REMINDER = 0.008
 
 
 class MotionTelemetry:
-    """The controller's topics for onlookers.
+    """The controller's topics for displays and recorders.
 
     Args:
         node: Publishes.
@@ -65,7 +65,7 @@ class MotionTelemetry:
         if self._unsaid >= self._unsaid_most:
             self._publish_scaling(answer.scaling)
         self._snapshots.see(answer.stamp, answer.command)
-        if not self._telemetry.heard:
+        if not self._telemetry.has_subscribers:
             return
         publish = self._telemetry.publish
         command = answer.command

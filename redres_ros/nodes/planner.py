@@ -139,7 +139,7 @@ class PlannerNode(ManagedNode):
             self._refusals.refuse('joint_states', error)
             return
         self._refusals.accept('joint_states')
-        self._topics.tell()
+        self._topics.publish()
 
     def _enter_state(self, sample: JointSample) -> None:
         stamp = sample.stamp
@@ -184,7 +184,7 @@ class PlannerNode(ManagedNode):
         self._refusals.accept('target_pose')
         self._target = target
         self._run.begin_anew()
-        self._topics.tell()
+        self._topics.publish()
 
     def _check_active(self) -> None:
         if not self.active:
@@ -222,13 +222,13 @@ class PlannerNode(ManagedNode):
             self._target = None
             self._run.start()
             response.message = f'{task}: begins as soon as the robot takes commands'
-        self._topics.tell()
+        self._topics.publish()
         return response
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         moved = self._run.state in (TaskState.WAITING, TaskState.MOVING)
         self._run.stop()
-        self._topics.tell()
+        self._topics.publish()
         response.success = True
         response.message = 'stopped' if moved else 'was not moving'
         return response
@@ -236,11 +236,11 @@ class PlannerNode(ManagedNode):
     def _begin(self) -> None:
         if self._settings.autostart:
             self._run.start()
-        self._topics.tell()
+        self._topics.publish()
 
     def _end(self) -> None:
         self._run.stop()
-        self._topics.tell()
+        self._topics.publish()
 
     def _forget(self) -> None:
         self._target = None

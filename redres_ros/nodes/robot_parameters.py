@@ -25,7 +25,7 @@ DESCRIPTION = 'robot_description'
 _PAPER = ARMS['lwr4_paper']
 _OF_THE_URDF = (0.0,)  # ROS has no empty arrays
 _PATIENCE = 3.0  # [s] of waiting for the description between one line in the log and the next
-_GLANCE = 0.1  # [s] after which Python's signal handlers have their turn
+_WAIT = 0.1  # [s] after which Python's signal handlers have their turn
 
 
 @dataclass(frozen=True)
@@ -137,23 +137,23 @@ def await_description(node: Node) -> str:
     Raises:
         KeyboardInterrupt: The process is to end.
     """
-    heard: list[String] = []
-    subscription = node.create_subscription(String, DESCRIPTION, heard.append, LATCHED)
+    received: list[String] = []
+    subscription = node.create_subscription(String, DESCRIPTION, received.append, LATCHED)
     topic = node.resolve_topic_name(DESCRIPTION)
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    told_at = time.monotonic()
+    reported_at = time.monotonic()
     try:
         # before the loop of the node looks at them
         with handled(signal.default_int_handler, signal.SIGINT, signal.SIGTERM):
-            while not heard:
-                executor.spin_once(timeout_sec=_GLANCE)
-                if time.monotonic() - told_at > _PATIENCE:
-                    told_at = time.monotonic()
+            while not received:
+                executor.spin_once(timeout_sec=_WAIT)
+                if time.monotonic() - reported_at > _PATIENCE:
+                    reported_at = time.monotonic()
                     node.get_logger().warning(f'waiting for a URDF on {topic}')
     finally:
         executor.remove_node(node)
         executor.shutdown()
         node.destroy_subscription(subscription)
-    text: str = heard[-1].data
+    text: str = received[-1].data
     return text

@@ -228,8 +228,8 @@ def run_nodes(
     try:
         start(arguments)
         nodes = [_made(make) for make in makes]
-        _tell_compiled(nodes)
-        _tell_misspelt(nodes)
+        _log_compiled(nodes)
+        _log_misspelt(nodes)
         _spin(nodes, stopped, one_thread)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
@@ -245,14 +245,14 @@ def run_nodes(
     return 0
 
 
-def _tell_compiled(nodes: list[Node]) -> None:
+def _log_compiled(nodes: list[Node]) -> None:
     """Say that what this start waited for is over."""
     seconds = time_compiling()
     if seconds:
         nodes[0].get_logger().info(f'compiled the formulas in {seconds:.0f} s')
 
 
-def _tell_misspelt(nodes: list[Node]) -> None:
+def _log_misspelt(nodes: list[Node]) -> None:
     """Say, in one line, which parameters were set that no node has."""
     meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
     if meant:

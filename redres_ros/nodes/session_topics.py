@@ -19,7 +19,7 @@ class SessionTopics:
 
     def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()
-        # The reason comes first: whoever receives the end of a session can say why.
+        # The reason comes first: a subscriber that receives the end of a session knows why.
         self._publishers = {
             topic: node.create_publisher(String, topic, LATCHED)
             for topic in (REASON, SESSION, QUALITY)

@@ -55,7 +55,7 @@ class SimParameters(LoopParameters):
 
     plant: str = param(
         'mujoco',
-        'mujoco: physics behind position servos; ideal: goes exactly where it is told',
+        'mujoco: physics behind position servos; ideal: follows every command exactly',
         choices=('mujoco', 'ideal'),
     )
     start: tuple[float, ...] = param((), 'joint positions at the start [rad]')
@@ -95,7 +95,7 @@ class SimNode(ManagedNode):
         guard = CommandValidator(limits, period, declare(self, profile.guard), profile.reflexes)
         self._robot = FakeRobot(self._plant, guard, self._session)
         self._refusals = InputMonitor(self)
-        self._told_refusal: AnswerError | None = None
+        self._reported_refusal: AnswerError | None = None
         # Not the node's clock: with use_sim_time that stands at 0 until somebody publishes /clock.
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
@@ -166,7 +166,7 @@ class SimNode(ManagedNode):
                 self._reset_wanted = False
                 self._robot.reset()
             self._robot.advance(*answers)
-            self._tell_refusals()
+            self._report_refusals()
             self._publish_session()
             if self._settings.lockstep:
                 # The answer may have come already, in this thread; services still need a turn.
@@ -176,7 +176,7 @@ class SimNode(ManagedNode):
                 self._keep_time(stopped, waiting)
 
     def close(self) -> None:
-        """Tell the final figures."""
+        """Publish the final figures."""
         self._diagnostics.publish()
 
     def _publish_session(self) -> None:
@@ -258,11 +258,11 @@ class SimNode(ManagedNode):
         self._states.link = faults.states
         self._receiver.link = faults.commands
 
-    def _tell_refusals(self) -> None:
+    def _report_refusals(self) -> None:
         refused = self._session.answer_error
-        if refused is self._told_refusal:
+        if refused is self._reported_refusal:
             return
-        self._told_refusal = refused
+        self._reported_refusal = refused
         if refused:
             self._refusals.refuse('joint_command', refused)
         else:

@@ -1,4 +1,4 @@
-"""What the planner tells of its task: latched words as they change, and figures for onlookers."""
+"""The planner's topics: latched ones as they change, and figures for displays."""
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -22,8 +22,8 @@ class TaskTopics:
 
     Args:
         node: The planner.
-        frame: Of the poses that it tells.
-        run: What is told.
+        frame: Of the poses.
+        run: Whose state is published.
     """
 
     def __init__(self, node: Node, frame: str, run: TaskExecutor) -> None:
@@ -33,18 +33,18 @@ class TaskTopics:
         self._begun_publisher = node.create_publisher(Time, TASK_BEGUN, LATCHED)
         kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
         self._telemetry = Telemetry(node, kinds)
-        self._told_state: TaskState | None = None
-        self._told_begun = 0
-        self.tell()
+        self._published_state: TaskState | None = None
+        self._published_start = 0
+        self.publish()
 
-    def tell(self) -> None:
+    def publish(self) -> None:
         """Publish what has changed of the run since the last call."""
-        if self._run.start_stamp != self._told_begun:
-            self._told_begun = self._run.start_stamp
-            self._begun_publisher.publish(to_time(self._told_begun))
-        if self._run.state is not self._told_state:
-            self._told_state = self._run.state
-            self._state_publisher.publish(String(data=self._told_state.value))
+        if self._run.start_stamp != self._published_start:
+            self._published_start = self._run.start_stamp
+            self._begun_publisher.publish(to_time(self._published_start))
+        if self._run.state is not self._published_state:
+            self._published_state = self._run.state
+            self._state_publisher.publish(String(data=self._published_state.value))
 
     def show(self, stamp: int, reference: Reference, R: np.ndarray) -> None:
         """Publish where the task is, to those who listen.
@@ -54,7 +54,7 @@ class TaskTopics:
             reference: What the task asks for there.
             R: Orientation of the tip, (3, 3), which a task of positions leaves as it is.
         """
-        if not self._telemetry.heard:
+        if not self._telemetry.has_subscribers:
             return
         publish = self._telemetry.publish
         R_d = R if reference.R_d is None else reference.R_d

@@ -1,4 +1,4 @@
-"""Topics for onlookers: nothing is computed or sent for one that nobody listens to."""
+"""Telemetry: nothing is computed or sent for a topic without subscribers."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -8,12 +8,12 @@ from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.nodes.qos import PUBLISH
 
-# [s] how often it is seen who listens; asking in every cycle would cost more than the rest
+# [s] between counts of subscribers; counting in every cycle would cost more than the rest
 LOOK_PERIOD = 0.2
 
 
 class Telemetry:
-    """Publishers by topic, each with whether it has a listener at present.
+    """Publishers by topic, and which of them have subscribers at present.
 
     Args:
         node: Publishes.
@@ -33,22 +33,22 @@ class Telemetry:
         node.create_timer(LOOK_PERIOD, self._look)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
-        """Publish if somebody listens.
+        """Publish if the topic has a subscriber.
 
         Args:
             name: Of the topic.
-            make: Gives a message, or a plain number or text; is called only if somebody listens.
+            make: Returns a message, a number or a text; called only if the topic has a subscriber.
         """
-        if name in self._heard:
+        if name in self._subscribed:
             self._publishers[name].publish(_to_message(make()))
 
     @property
-    def heard(self) -> bool:
-        """Whether anything is listened to."""
-        return bool(self._heard)
+    def has_subscribers(self) -> bool:
+        """Whether any topic has a subscriber."""
+        return bool(self._subscribed)
 
     def _look(self) -> None:
-        self._heard: list[str] = [
+        self._subscribed: list[str] = [
             name
             for name, publisher in self._publishers.items()
             if publisher.get_subscription_count()

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from redres_ros.controller import SPEED_LIMIT
 from redres_ros.errors import RangeError, RedresError
@@ -60,6 +59,8 @@ def integrate(
         LostMotionError: The motion cannot be followed.
         ArrayError: J loses rank.
     """
+    from scipy.integrate import solve_ivp  # an extra, which takes a while to load
+
     T_AB = task.segment_time
     T_end = task.segments * task.segment_time
     if not 0.0 <= t[0] <= t[-1] <= T_end:

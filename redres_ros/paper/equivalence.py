@@ -13,6 +13,7 @@ from redres_ros.laws import make_law
 from redres_ros.paper.continuous import integrate
 from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 
@@ -44,7 +45,13 @@ class Difference:
 
 
 def difference(
-    law_name: str, damping: float, T: float, task: WaypointTask, *, model: RobotModel | None = None
+    law_name: str,
+    damping: float,
+    T: float,
+    task: WaypointTask,
+    *,
+    model: RobotModel | None = None,
+    preference: Preference | None = None,
 ) -> Difference:
     """The task executed by a law and by its yardstick, each in its own closed loop.
 
@@ -54,19 +61,22 @@ def difference(
         T: Sampling time [s].
         task: What both execute.
         model: Of the arm; None for the task's with the equal links of Section 5.2.
+        preference: Of both, Eqs. (18) and (19).
 
     Raises:
         UnknownNameError: The law has no yardstick.
         RangeError: Damping or T is not allowed.
     """
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
-    scheme = yardstick(law_name, damping, T)
-    law = _Accompanied(Controller(model, make_law(law_name, damping=damping), T), scheme)
+    scheme = yardstick(law_name, damping, T, preference)
+    preferences = (preference,) if preference else ()
+    controller = Controller(model, make_law(law_name, damping=damping), T, preferences=preferences)
+    law = _Accompanied(controller, scheme)
     one = run(law, task)
     two = run(SecondOrderController(model, scheme, T), task)
     norm = velocity_difference(one.vectors('dq1'), two.vectors('dq1'))
     ticks = len(norm)
-    return Difference(one['t'][:ticks], norm, np.array(law.apart[:ticks]))
+    return Difference(one['t'][:ticks], norm, np.array(law.differences[:ticks]))
 
 
 def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
@@ -80,7 +90,9 @@ def velocity_difference(dq_I: np.ndarray, dq_II: np.ndarray) -> np.ndarray:
     return np.linalg.norm(dq_I[:both] - dq_II[:both], axis=1)
 
 
-def yardstick(law_name: str, damping: float, T: float) -> Scheme:
+def yardstick(
+    law_name: str, damping: float, T: float, preference: Preference | None = None
+) -> Scheme:
     """The scheme of second order that a law is compared with.
 
     minimum_velocity is of first order; it is what the sampled scheme of least acceleration becomes
@@ -91,14 +103,15 @@ def yardstick(law_name: str, damping: float, T: float) -> Scheme:
         law_name: In the table LAWS.
         damping: k_d [1/s].
         T: Sampling time [s].
+        preference: A further preferred acceleration.
 
     Raises:
         UnknownNameError: There is none.
         RangeError: The damping is not allowed.
     """
     if law_name == 'minimum_velocity':
-        return make_scheme('minimum_acceleration', 1.0 / T)
-    return make_scheme(law_name, damping)
+        return make_scheme('minimum_acceleration', 1.0 / T, preference)
+    return make_scheme(law_name, damping, preference)
 
 
 @dataclass(frozen=True)
@@ -171,7 +184,7 @@ def _slope(periods: np.ndarray, errors: np.ndarray) -> float:
 
 
 class _Accompanied:
-    """A controller, and at every tick how far from its command a scheme would be that has the same
+    """A controller, and at every tick the difference from the command of a scheme with the same
     past.
     """
 
@@ -183,12 +196,12 @@ class _Accompanied:
         self._scheme = scheme
         self._J_prev = np.zeros((3, self.model.n))
         self._dx_prev = np.zeros(3)
-        self.apart: list[float] = []  # [rad/s], one a tick
+        self.differences: list[float] = []  # [rad/s], one a tick
 
     def update(self, q: np.ndarray, dx: np.ndarray) -> Command:
         command = self._controller.update(q, dx)
         dq = step(self.model, self._scheme, self.T, command.state, self._J_prev, dx, self._dx_prev)
-        self.apart.append(float(np.linalg.norm(command.dq - dq)))
+        self.differences.append(float(np.linalg.norm(command.dq - dq)))
         self._J_prev = command.J
         self._dx_prev = dx
         return command

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.fake_robot.robot import Answer, FakeRobot
@@ -58,6 +58,7 @@ def experiment(
     arm: Arm,
     *,
     sensing: Sensing | None = None,
+    guard: ValidatorSettings | None = None,
 ) -> Experiment:
     """The task with the simulated arm behind the fake robot controller; the same call gives the
     same bits.
@@ -71,12 +72,13 @@ def experiment(
         task: Start and points.
         arm: The one that is simulated.
         sensing: How its positions are measured and recorded; None: exactly.
+        guard: When the robot stops; None: at the limits of the arm.
     """
     sensing = sensing or Sensing()
     plant = MujocoPlant(arm, client.T, task.start)
     robot = FakeRobot(
         FaultyPlant(plant, sensing.faults, sensing.seed),
-        CommandValidator(JointLimits.of(arm), client.T),
+        CommandValidator(JointLimits.of(arm), client.T, guard),
         Session(client.T),
     )
     return _Run(client, task, robot, sensing).result()

@@ -4,8 +4,8 @@ The tip goes from corner to corner, straight at the next one, at the speed k_P d
 distance d and its last speed v. A corner counts as reached within 5 mm. The figures are those of
 github.com/ValerioSpagnoli/Multi-task-SNS-at-velocity-and-acceleration-level, at accelerations and
 at 1 ms; here the laws do the same at velocities. We brake before a corner, where they turn at 10
-mm/s: no joint can do that in one tick, so the tip goes astray for some. Their LWR without damping
-is the faster one because joint 6 leaves its limit after the corner, by a factor of 2.2.
+mm/s: no joint can do that in one tick, so their tip leaves the straight line. Their LWR without
+damping is the faster one because joint 6 leaves its limit after the corner, by a factor of 2.2.
 """
 
 import math
@@ -40,10 +40,11 @@ class Benchmark:
         corners: Where the tip goes, (N, 3) [m].
         is_relative: Whether they are beside the tip's start.
         braking: Deceleration before a corner [m/s^2], which the joints can do.
-        law: By which the spare joints move.
+        law: Of the motion in the null space.
         damping: Of that law [1/s].
         seconds: That the others' motion took.
-        astray: Mean angle between the tip's velocity and the way to the corner, theirs [rad].
+        heading_error: Theirs, the mean angle between the tip's velocity and the line to the corner
+            [rad].
     """
 
     robot: str
@@ -56,16 +57,22 @@ class Benchmark:
     law: str
     damping: float
     seconds: float
-    astray: float
+    heading_error: float
 
 
 @dataclass(frozen=True)
-class Saturated:
-    """What came of a motion."""
+class SaturatedMotion:
+    """Our motion.
+
+    Args:
+        seconds: That it took.
+        heading_error: Mean angle between the tip's velocity and the line to the corner [rad].
+        limit_usage: The largest velocity or acceleration of a joint, over its limit.
+    """
 
     seconds: float
-    astray: float  # mean angle between the tip's velocity and the way to the corner [rad]
-    used: float  # the largest share of a limit
+    heading_error: float
+    limit_usage: float
 
 
 def _radians(*degrees: float) -> tuple[float, ...]:
@@ -89,10 +96,10 @@ LWR = Benchmark(
     law='minimum_acceleration',
     damping=0.0,
     seconds=4.640,
-    astray=0.0012,
+    heading_error=0.0012,
 )
 
-LWR_DAMPED = replace(LWR, law='minimum_velocity', seconds=4.706, astray=0.0017)
+LWR_DAMPED = replace(LWR, law='minimum_velocity', seconds=4.706, heading_error=0.0017)
 PLANAR = Benchmark(
     robot='planar4r',
     velocity=(2.0, 2.0, 4.0, 4.0),
@@ -104,14 +111,14 @@ PLANAR = Benchmark(
     law='minimum_acceleration',
     damping=10.0,
     seconds=27.211,
-    astray=0.0073,
+    heading_error=0.0073,
 )
 
 
-def run(benchmark: Benchmark) -> Saturated:
+def run(benchmark: Benchmark) -> SaturatedMotion:
     """The motion under a law of ours, within the same limits.
 
-    Raises DivergedError where it does not get to its end.
+    Raises DivergedError if it does not get to its end.
     """
     model = RobotModel.named(benchmark.robot)
     model.dq_max = np.array(benchmark.velocity)
@@ -124,26 +131,26 @@ def run(benchmark: Benchmark) -> Saturated:
     next_corner = 0
     speed = 0.0
     angles: list[float] = []
-    used = 0.0
+    usage = 0.0
     for k in range(round(LONGEST / T)):
         x, _ = model.tip(q)
         if np.linalg.norm(corners[next_corner] - x) < REACHED:
             next_corner += 1
         if next_corner == len(corners):
-            return Saturated(k * T, float(np.mean(angles)), used)
-        way = corners[next_corner] - x
-        command = controller.update(q, _velocity(way, speed, benchmark.braking))
+            return SaturatedMotion(k * T, float(np.mean(angles)), usage)
+        path = corners[next_corner] - x
+        command = controller.update(q, _velocity(path, speed, benchmark.braking))
         velocity = command.J @ command.dq  # (3,)
         speed = float(np.linalg.norm(velocity))
         if speed > _SLOW:
-            angles.append(angle_between(velocity, way))
-        used = max(used, _share(command.ddq, A), _share(command.dq, model.dq_max))
+            angles.append(angle_between(velocity, path))
+        usage = max(usage, _usage(command.ddq, A), _usage(command.dq, model.dq_max))
         q = command.q_ref
     raise DivergedError(speed, LONGEST, 'the corners, which were not reached')
 
 
 def _controller(model: RobotModel, benchmark: Benchmark) -> Controller:
-    # Loading the limits may compile them, which only who runs this should wait for.
+    # Loading the limits may compile them: only those who run this should wait for that.
     from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 
     gains = {} if benchmark.law == 'minimum_velocity' else {'damping': benchmark.damping}
@@ -155,17 +162,17 @@ def _controller(model: RobotModel, benchmark: Benchmark) -> Controller:
     return Controller(model, make_law(benchmark.law, **gains), T, limits=limits)
 
 
-def _share(values: np.ndarray, allowed: np.ndarray) -> float:
+def _usage(values: np.ndarray, allowed: np.ndarray) -> float:
     """The largest of |value| / allowed, both (n,)."""
     return float((np.abs(values) / allowed).max())
 
 
-def _velocity(way: np.ndarray, speed: float, braking: float) -> np.ndarray:
-    """Task velocity (3,) [m/s] along the way (3,) to a corner, in time to stop there."""
-    distance = float(np.linalg.norm(way))
+def _velocity(path: np.ndarray, speed: float, braking: float) -> np.ndarray:
+    """Task velocity (3,) [m/s] along the straight path (3,) [m] to a corner, in time to stop."""
+    distance = float(np.linalg.norm(path))
     rest = max(distance - REACHED + _MARGIN, 0.0)
-    wanted = min(K_P * distance - K_D * speed, math.sqrt(2.0 * braking * rest))
-    return way * (wanted / distance)
+    desired = min(K_P * distance - K_D * speed, math.sqrt(2.0 * braking * rest))
+    return path * (desired / distance)
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> float:

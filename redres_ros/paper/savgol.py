@@ -5,7 +5,6 @@ paper's experiments.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from redres_ros.errors import ArrayError
 
@@ -48,6 +47,8 @@ def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMoti
     Raises:
         ArrayError: Fewer than W + 1 samples.
     """
+    from scipy.signal import savgol_filter  # an extra, which takes a while to load
+
     if len(q) <= window:
         raise ArrayError(
             f'{len(q)} positions; expected at least {window + 1} for the Savitzky-Golay filter'

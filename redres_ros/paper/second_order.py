@@ -15,6 +15,7 @@ import numpy as np
 from redres_ros.command import Command
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import check_parameters, param
+from redres_ros.preferences import Preference
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.vectors import finite_vector
@@ -27,9 +28,14 @@ class Scheme(ABC):
 
     Its dq is state.dq_prev, Eq. (10). A subclass is a frozen dataclass whose fields, declared with
     `param`, are its gains.
+
+    Args:
+        damping: k_d [1/s].
+        preference: A further preferred acceleration.
     """
 
     damping: float = param(10.0, 'null-space damping k_d [1/s]', 0.0, 1e5)
+    preference: Preference | None = None
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -56,10 +62,11 @@ class Scheme(ABC):
         """J_W^#, (n, m), in that metric."""
 
     def preferred(self, state: RobotState) -> np.ndarray:
-        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), unless a
-        subclass wants another.
+        """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), and the
+        preference.
         """
-        return -self.damping * state.dq_prev
+        ddq_N: np.ndarray = -self.damping * state.dq_prev
+        return ddq_N if self.preference is None else ddq_N + self.preference.acceleration(state)
 
 
 @dataclass(frozen=True)
@@ -183,12 +190,13 @@ SCHEMES: dict[str, type[Scheme]] = {
 }
 
 
-def make_scheme(name: str, damping: float = 10.0) -> Scheme:
+def make_scheme(name: str, damping: float = 10.0, preference: Preference | None = None) -> Scheme:
     """The scheme that the law of that name was made from.
 
     Args:
         name: Of the law.
         damping: k_d [1/s].
+        preference: A further preferred acceleration.
 
     Raises:
         UnknownNameError: The law was made from none.
@@ -196,7 +204,7 @@ def make_scheme(name: str, damping: float = 10.0) -> Scheme:
     """
     if name not in SCHEMES:
         raise UnknownNameError('scheme of second order', name, SCHEMES)
-    return SCHEMES[name](damping)
+    return SCHEMES[name](damping, preference)
 
 
 class SecondOrderController:

@@ -1,4 +1,4 @@
-"""How far apart two experiments are that were run one after the other, as Figures 13 and 16 ask."""
+"""How far apart two experiments are that were run one after the other, for Figures 13 and 16."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,8 @@ class VelocityDifference:
         measured: Measured with either.
         commanded: Commanded by either.
         filtered: Commanded by the scheme, before and after the filter that differentiates.
-        servo: Commanded by the scheme and so filtered, and measured: lag, speed limit, encoders.
+        servo: Commanded by the scheme and filtered in the same way, and measured: lag, speed limit
+            and encoders.
     """
 
     t: np.ndarray
@@ -31,21 +32,21 @@ class VelocityDifference:
     servo: np.ndarray
 
     @classmethod
-    def of(cls, one: Experiment, two: Experiment) -> 'VelocityDifference':
-        """Of two experiments, while both were commanded.
+    def between(cls, law: Experiment, scheme: Experiment) -> 'VelocityDifference':
+        """The difference of two experiments, while both were commanded.
 
         Args:
-            one: The law's.
-            two: The scheme's.
+            law: The law's.
+            scheme: The scheme's.
         """
-        commands = [each.recording.vectors('dq1') for each in (one, two)]
+        commands = [each.recording.vectors('dq1') for each in (law, scheme)]
         ticks = min(len(dq) for dq in commands)
         inner = slice(LEFT_OUT, ticks - LEFT_OUT)
         dq_I, dq_II = (dq[inner] for dq in commands)
-        measured_I, measured_II = (each.motion.dq[: ticks - 2 * LEFT_OUT] for each in (one, two))
-        smooth_II = _as_measured(two, ticks)
+        measured_I, measured_II = (each.motion.dq[: ticks - 2 * LEFT_OUT] for each in (law, scheme))
+        smooth_II = _as_measured(scheme, ticks)
         return cls(
-            one.motion.t[: len(dq_I)],
+            law.motion.t[: len(dq_I)],
             _norm(measured_I),
             total=_norm(dq_I - measured_II),
             measured=_norm(measured_I - measured_II),

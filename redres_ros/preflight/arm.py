@@ -26,7 +26,7 @@ def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
     """Joints, positions, limits and frames of the arm that is expected.
 
     Args:
-        seen: What was heard of the robot.
+        seen: What was received from the robot.
         expected: The arm that it should be.
     """
     try:
@@ -88,13 +88,13 @@ def _judge_positions(q: np.ndarray, limits: JointLimits) -> Iterator[Verdict]:
     if not np.isfinite(q).all():
         yield Verdict(Level.FAULT, 'positions', f'{q.tolist()}; every value must be finite')
         return
-    room = np.minimum(q - limits.lower, limits.upper - q) / (limits.upper - limits.lower)  # (n,)
-    j = int(np.argmin(room))
+    margin = np.minimum(q - limits.lower, limits.upper - q) / (limits.upper - limits.lower)  # (n,)
+    j = int(np.argmin(margin))
     where = f'{limits.joint_names[j]} is at {q[j]:.3f}'
     allowed = f'{limits.lower[j]:.3f} to {limits.upper[j]:.3f}'
-    if room[j] < 0.0:
+    if margin[j] < 0.0:
         yield Verdict(Level.FAULT, 'positions', f'{where}; allowed: {allowed}')
-    elif room[j] < _NEAR:
+    elif margin[j] < _NEAR:
         yield Verdict(Level.NOTE, 'positions', f'{where}, near an end of its range {allowed}')
     else:
         yield Verdict(Level.OK, 'positions', 'inside all ranges')

@@ -73,7 +73,7 @@ def judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
     topic = FORWARD if forward else COMMANDS
     listeners = seen.subscribers.get(topic, ())
     if listeners:
-        yield Verdict(Level.OK, 'commands', f'{topic} is heard by {", ".join(listeners)}')
+        yield Verdict(Level.OK, 'commands', f'{topic} has the subscribers {", ".join(listeners)}')
     else:
         advice = 'is that controller loaded and active?'
         if not forward:

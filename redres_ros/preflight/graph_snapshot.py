@@ -60,7 +60,7 @@ class GraphSnapshot:
         publishers: Full names of the nodes that publish on a topic, by topic.
         subscribers: Of those that subscribe.
         twist_frames: Frames of the task velocities that came.
-        words: The newest words of a robot that tells of its session, by topic.
+        words: Newest session state and stop reason of a robot that reports them, by topic.
         description: The URDF on robot_description; empty: none came.
         controller: Parameters of the controller by name; None: there is no controller.
         controllers: How many nodes have its name.
@@ -137,8 +137,8 @@ class SnapshotNode(Node):
         return self.get_node_names_and_namespaces().count(wanted)
 
     def _forward_joints(self) -> tuple[str, ...]:
-        told = self._ask(_FORWARDING, ('joints',))
-        return tuple(told['joints'] or ()) if told else ()
+        answer = self._ask(_FORWARDING, ('joints',))
+        return tuple(answer['joints'] or ()) if answer else ()
 
     def _ask(self, node: str, names: Sequence[str]) -> dict[str, Any] | None:
         """Parameters of a node; None if it is not there, or does not answer."""

@@ -21,8 +21,8 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
         expected: What is expected where no controller runs; None: not known.
     """
     if seen.controller:
-        told = seen.controller
-        expected = ExpectedArm(told['robot'], told['tip_frame'], told['rate'])
+        parameters = seen.controller
+        expected = ExpectedArm(parameters['robot'], parameters['tip_frame'], parameters['rate'])
     verdicts = [*judge_states(seen), *judge_session(seen)]
     if expected is None:
         text = 'no controller runs and no --robot is named: joints and limits are not known'

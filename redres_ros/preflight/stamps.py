@@ -8,9 +8,9 @@ from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.preflight.graph_snapshot import STATES, StateSeen
 from redres_ros.preflight.verdict import Level, Verdict
 
-_FEWEST = 10  # states that tell a rate
+_FEWEST = 10  # states for an estimate of the rate
 _RATE_ERROR = 0.02  # share by which the rate may differ
-_HALF = 0.5  # of a period: stamps that jitter by more cannot be told apart
+_HALF = 0.5  # of a period: stamps that jitter by more are ambiguous
 _FEW = 0.01  # share of stamps that may jitter by more
 _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 
@@ -30,7 +30,7 @@ def judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict
         return
     stamps = np.unique(stamps)  # a robot that waits for its answer sends a state again
     if len(stamps) < _FEWEST:
-        text = f'only {len(stamps)} states came; the rate cannot be told'
+        text = f'only {len(stamps)} states came; too few to estimate the rate'
         yield Verdict(Level.FAULT, 'rate', text)
         return
     period = float(np.median(np.diff(stamps)))  # [s]

@@ -1,4 +1,4 @@
-"""The bodies of an arm, simple enough to tell their distances in every tick: capsules."""
+"""The bodies of an arm, as capsules, whose distances are cheap to compute in every tick."""
 
 from typing import NamedTuple
 
@@ -65,7 +65,7 @@ class Bodies(NamedTuple):
 
 
 def _axis(way: np.ndarray, radius: float, is_last: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The ends of a capsule's axis. The last cap ends at the tip, which may touch things."""
+    """The ends of a capsule's axis. The last cap ends at the tip, which may be in contact."""
     length = float(np.linalg.norm(way))
     share = max(1.0 - radius / length, 0.0) if is_last else 1.0
     return np.zeros(3), share * way

@@ -7,7 +7,7 @@ from redres_ros.robots.arm import Arm
 from redres_ros.robots.table import ARMS, arm_from_urdf, find_arm
 from redres_ros.robots.urdf import Urdf
 
-URDF_ENDINGS = ('.urdf', '.xacro')  # by which a file is told from a name
+URDF_ENDINGS = ('.urdf', '.xacro')  # that distinguish a file from a name
 ALLOWED = (*ARMS, f'a path ending in {" or ".join(URDF_ENDINGS)}')  # in words
 
 

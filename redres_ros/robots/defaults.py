@@ -18,7 +18,7 @@ _GOOD_ENOUGH = 0.4  # of the best conditioning found
 
 
 def default_acceleration(kinematics: Kinematics) -> tuple[float, ...]:
-    """Acceleration limits that most arms can bear, (n,) [rad/s^2] or [m/s^2]: an assumption."""
+    """Acceleration limits that most arms can follow, (n,) [rad/s^2] or [m/s^2]: an assumption."""
     return tuple(
         PRISMATIC_ACCELERATION if joint.is_prismatic else REVOLUTE_ACCELERATION
         for joint in kinematics.joints

@@ -1,4 +1,4 @@
-"""The paper's ideal loop: planner, controller, and an arm that goes where it is told."""
+"""The paper's ideal loop: planner, controller, and an ideal arm."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -59,7 +59,7 @@ def run(
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
         switches: Tick -> law to go over to.
-        progress: Is told the share of the nominal duration that is over.
+        progress: Called with the fraction of the nominal duration that is over.
 
     Raises:
         RangeError: A delay below zero.

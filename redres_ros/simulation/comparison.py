@@ -112,10 +112,10 @@ def _violations(recording: Recording, limits: JointLimits) -> Iterator[tuple[str
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')
     ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # (ticks, n), Eq. (13)
-    room = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
+    tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
     more = 1.0 + _ROUNDING
     beyond = {
-        'position': (q < limits.lower - room) | (q > limits.upper + room),
+        'position': (q < limits.lower - tolerance) | (q > limits.upper + tolerance),
         'velocity': np.abs(dq) > more * limits.velocity,
         'acceleration': np.abs(ddq) > more * limits.acceleration,
     }
@@ -158,7 +158,7 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
 
 
 def label(law: Law) -> str:
-    """What tells a law from others, as 'minimum_acceleration, k_d = 5 1/s'."""
+    """The label of a law in tables and plots, such as 'minimum_acceleration, k_d = 5 1/s'."""
     if not law.has_memory:
         return law_name(law)
     return f'{law_name(law)}, k_d = {plain(law.damping)} 1/s'

@@ -72,7 +72,7 @@ def random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
         seed: The same one gives the same task.
     """
     random = np.random.default_rng(seed)
-    middle, half = _room(model)
+    middle, half = _inner_range(model)
     start = middle + half * random.uniform(-1.0, 1.0, model.n)
     q = start
     points = [model.tip(q)[0]]
@@ -99,7 +99,7 @@ def sweep(
         laws: Names in LAWS.
         tasks: How many; their seeds are 0, 1, 2 and so on.
         T: Sampling time [s].
-        progress: Is told the share that is done.
+        progress: Called with the fraction done, 0 to 1.
         dampings: k_d [1/s], up to 1/T.
 
     Raises:
@@ -184,7 +184,7 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     return figure
 
 
-def _room(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
+def _inner_range(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
     """Middle of the joints' ranges and half of the part in which starts lie, (n,) each [rad]."""
     limits = JointLimits.of(model.arm)
     lower = np.maximum(limits.lower, -_FARTHEST)

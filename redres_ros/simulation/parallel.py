@@ -1,4 +1,4 @@
-"""The same work on many things, on all processors, with one progress for the whole."""
+"""The same work on many items, on all processors, with one progress for the whole."""
 
 import gc
 import multiprocessing
@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from redres_ros.errors import RedresError
 
-Thing = TypeVar('Thing')
+Item = TypeVar('Item')
 Result = TypeVar('Result')
 Progress = Callable[[float], None]
 
@@ -18,33 +18,33 @@ _LOOK = 0.1  # [s] between looks at how far the others are
 
 # in a worker: what to do, with what, and an array, shared by all, of how far each piece is
 _work: Any = None
-_things: Sequence[Any] = ()
+_items: Sequence[Any] = ()
 _shares: Any = None
 
 
 def in_parallel(
-    work: Callable[[Thing, Progress], Result], things: Sequence[Thing], progress: Progress
+    work: Callable[[Item, Progress], Result], items: Sequence[Item], progress: Progress
 ) -> list[Result]:
-    """The results of work(thing, progress), in the order of the things.
+    """The results of work(item, progress), in the order of the items.
 
     Args:
         work: Runs in a process of its own, a copy of this one, and its result is sent back.
-        things: Of any kind: the copy has them already.
-        progress: Is told the share of the whole that is done, 0 to 1.
+        items: Of any kind: the copy has them already.
+        progress: Called with the fraction of the whole that is done, 0 to 1.
 
     Raises:
         RedresError: As one of the pieces of work raised it.
     """
-    workers = min(len(os.sched_getaffinity(0)), len(things))
+    workers = min(len(os.sched_getaffinity(0)), len(items))
     if workers <= 1:
-        return [work(thing, _part(progress, place, things)) for place, thing in enumerate(things)]
-    shares = multiprocessing.RawArray('d', len(things))
+        return [work(item, _part(progress, place, items)) for place, item in enumerate(items)]
+    shares = multiprocessing.RawArray('d', len(items))
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
     others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(workers, context, _begin, (work, things, shares)) as pool:
+    with ProcessPoolExecutor(workers, context, _begin, (work, items, shares)) as pool:
         try:
-            futures = [pool.submit(_piece, place) for place in range(len(things))]
+            futures = [pool.submit(_piece, place) for place in range(len(items))]
             _watch(futures, shares, progress)
         except BaseException:  # whatever it is, nobody waits for the other results any more
             for process in set(multiprocessing.active_children()) - others:
@@ -53,13 +53,13 @@ def in_parallel(
         return [future.result() for future in futures]
 
 
-def _part(progress: Progress, place: int, things: Sequence[Any]) -> Progress:
-    """Turns the progress of one thing into that of the whole; those before it are done."""
-    return lambda share: progress((place + share) / len(things))
+def _part(progress: Progress, place: int, items: Sequence[Any]) -> Progress:
+    """Turns the progress of one item into that of the whole; those before it are done."""
+    return lambda share: progress((place + share) / len(items))
 
 
 def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Progress) -> None:
-    """Tell the progress until everything is done. Raises what a piece of work raised."""
+    """Report the progress until everything is done. Raises what a piece of work raised."""
     pending = set(futures)
     while pending:
         done, pending = wait(pending, _LOOK, FIRST_COMPLETED)
@@ -68,11 +68,11 @@ def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Pr
         progress(sum(shares) / len(shares))
 
 
-def _begin(work: Any, things: Sequence[Any], shares: Any) -> None:
-    global _work, _things, _shares
+def _begin(work: Any, items: Sequence[Any], shares: Any) -> None:
+    global _work, _items, _shares
     gc.freeze()  # garbage of the process that was copied is its own to clear away, as nodes of ROS
     _work = work
-    _things = things
+    _items = items
     _shares = shares
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes: end without words
 
@@ -82,7 +82,7 @@ def _piece(place: int) -> Any:
         _shares[place] = share
 
     try:
-        result = _work(_things[place], progress)
+        result = _work(_items[place], progress)
     except RedresError as error:  # what has more arguments than a text cannot be sent
         raise RedresError(str(error)) from None
     progress(1.0)

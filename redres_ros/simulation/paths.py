@@ -13,7 +13,7 @@ _BESIDE = 0.07  # [m] from a point to its label, away from the middle of all poi
 _ARROW = 0.08  # [m]
 _LARGEST_ARROW = 0.05  # of the length of the way
 _THINNEST = 0.35  # of the longest axis that each axis is shown with
-_ZOOM = 0.85  # leaves room for the labels of the axes
+_ZOOM = 0.85  # leaves space for the labels of the axes
 
 
 def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
@@ -74,7 +74,7 @@ def _draw_arrows(ax: Any, way: np.ndarray, color: str) -> None:
 
 
 def _scale_alike(ax: Any) -> None:
-    """Make a metre equally long on every axis, with as many ticks as there is room for."""
+    """Make a metre equally long on every axis, with as many ticks as fit."""
     limits = np.array((ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))  # (3, 2)
     spans = np.maximum(np.ptp(limits, axis=1), _THINNEST * np.ptp(limits, axis=1).max())
     middles = limits.mean(axis=1)

@@ -106,7 +106,7 @@ def draw_norm(
     Args:
         ax: Where.
         norm: One of NORMS.
-        recording: The motion that sets the scale; what goes beyond it is cut off, and told.
+        recording: The motion that sets the scale; peaks beyond it are cut off and labelled.
         beside: Other motions by name.
         stopped: What the robot stopped may be far beyond the rest, and does not set the scale.
     """
@@ -123,7 +123,7 @@ def draw_norm(
     top *= _HEADROOM
     ax.set_ylim(0.0, top)
     for other in (recording, *beside.values()):
-        _tell_hidden_peak(ax, other, norm, top)
+        _label_hidden_peak(ax, other, norm, top)
     ax.grid(alpha=0.3)
 
 
@@ -204,7 +204,7 @@ def _name_switches(ax: Axes, remarks: Remarks) -> None:
         ax.text(t, 0.97, f' {after}', ha='left', **style)
 
 
-def _tell_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:
+def _label_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:
     """How high a curve is, beside the place where it leaves the picture."""
     peak, t = other.peak(norm)
     beyond = other['t'][other[norm] > top]

@@ -124,8 +124,8 @@ def _turned(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, if that is a terminal; yields a function that is told the share
-    done, 0 to 1.
+    """A bar on standard error, if that is a terminal; yields a function that takes the
+    fraction done, 0 to 1.
 
     It is drawn when that function is called. A thread that draws it would be in the way of
     processes that copy this one.
@@ -147,7 +147,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     task = bar.add_task(label, total=1.0)
     drawn_at = -math.inf
 
-    def tell(share: float) -> None:
+    def update(share: float) -> None:
         nonlocal drawn_at
         now = time.monotonic()
         if now - drawn_at >= _DRAWN_EVERY or share >= 1.0:
@@ -155,7 +155,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
             bar.update(task, completed=share, refresh=True)
 
     with bar:
-        yield tell
+        yield update
 
 
 def peaks(recordings: Mapping[str, Recording]) -> Table:

@@ -67,7 +67,7 @@ class Controls:
             self._add_faults(values['sim'])
 
     def show(self, node: str, values: Mapping[str, Any]) -> None:
-        """Show what a node has now, whoever has set it; what cannot be is passed over.
+        """Show what a node has now, no matter who set it; impossible values are skipped.
 
         Args:
             node: Its name.
@@ -177,7 +177,7 @@ class Controls:
         order: Callable[[], Any],
         undo: Callable[[], None] = lambda: None,
     ) -> None:
-        """Carry out an order of somebody at the page; who gave it is told what went wrong.
+        """Carry out an order of somebody at the page; errors are shown to its browser alone.
 
         Args:
             event: What was clicked, and by whom.

@@ -1,8 +1,8 @@
 """Who may load the page: a browser on this computer, from the page's own address.
 
 A page that steers a robot must not obey other pages. A browser sends along whose page asks (Origin)
-and which name it looked up (Host), so a request from elsewhere can be told, even where a foreign
-name was made to point to this computer.
+and which name it looked up (Host), so a request from elsewhere is recognised, even if a
+foreign name was made to point to this computer.
 """
 
 import contextlib
@@ -60,7 +60,7 @@ def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) ->
     if len(hosts) != 1 or hosts[0] not in own_hosts:
         return 'This page is served to this computer alone, under its own address.'
     if steers and len(origins) != 1:
-        return 'Whoever steers must say which page it comes from.'
+        return 'A connection that steers must name the page it comes from.'
     if origins and origins != [f'http://{hosts[0]}']:
         return 'Another page must not steer this one.'
     return ''

@@ -28,7 +28,7 @@ class Page:
 
     Args:
         server: Of viser, still empty.
-        spectator: Listens to the graph; is spun by somebody else.
+        monitor: Listens to the graph; is spun by somebody else.
         remote: Gives it orders.
 
     Raises:
@@ -36,18 +36,18 @@ class Page:
         RedresError: It has an arm or a task that is not known here.
     """
 
-    def __init__(self, server: viser.ViserServer, spectator: GraphMonitor, remote: Remote) -> None:
+    def __init__(self, server: viser.ViserServer, monitor: GraphMonitor, remote: Remote) -> None:
         self._server = server
-        self._monitor = spectator
+        self._monitor = monitor
         values = {'controller': remote.parameters('controller'), 'sim': _of_sim(remote)}
-        self._arm = LiveArm(spectator, values['controller'])
+        self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
         self._scene = ArmScene(server, model, points_of(remote.parameters('planner'), model))
         self._add_panels(remote, values)
         self._figures = RingBuffer(_PLOTTED)
         self._ways = {way: RingBuffer(_TRACED) for way in self._scene.ways(self._arm.q)}
         self._shown = np.full(model.n, np.nan)  # q of the newest picture
-        spectator.on_parameters = self._on_parameters
+        monitor.on_parameters = self._on_parameters
 
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""

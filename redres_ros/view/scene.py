@@ -61,7 +61,7 @@ class ArmScene:
         ):
             motion = motion_of(joint.axis, value, is_prismatic=joint.is_prismatic)
             moved = joint.before @ motion
-            # What moves is told to every browser, so only what does is set.
+            # Every change is sent to every browser, so only what moves is set.
             if joint.is_prismatic:
                 link.position = moved[:3, 3]
             else:

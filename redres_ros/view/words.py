@@ -28,20 +28,20 @@ def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
     """Session and planner as HTML, and why the robot has stopped, if it has.
 
     Args:
-        words: Heard last, by their topics.
+        words: The newest by topic.
         health: Of the nodes, by their names.
     """
     lines = []
     if words[REASON]:
-        reason = _told(words[REASON])
+        reason = _escaped(words[REASON])
         lines.append(
             f'<div style="{_ALARM}"><b>Stopped:</b> {reason}<br>Reset lets it go on.</div>'
         )
-    session = _told(words[SESSION] or 'not heard')
-    quality = _told(words[QUALITY])
+    session = _escaped(words[SESSION] or 'no message')
+    quality = _escaped(words[QUALITY])
     lines.append(f'<div>Robot: <b>{session}</b> {_dim(quality and f"connection {quality}")}</div>')
-    lines.append(f'<div>Task: <b>{_told(words[TASK_STATE] or "not heard")}</b></div>')
-    lines.extend(_health(node, health.get(node, 'not heard')) for node in NODES)
+    lines.append(f'<div>Task: <b>{_escaped(words[TASK_STATE] or "no message")}</b></div>')
+    lines.extend(_health(node, health.get(node, 'no message')) for node in NODES)
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
@@ -90,13 +90,13 @@ def _tag(limit: str) -> str:
     )
 
 
-def _told(text: str) -> str:
+def _escaped(text: str) -> str:
     """What somebody said, so that it is text and nothing else, and no longer than can be read."""
     return escape(text[:_LONGEST])
 
 
 def _health(node: str, text: str) -> str:
-    return f'<div>{_dim(f"{node}: {_told(text)}")}</div>'
+    return f'<div>{_dim(f"{node}: {_escaped(text)}")}</div>'
 
 
 def _dim(text: str) -> str:

@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from redres_ros.errors import FileError
-from redres_ros.paper.figures.runs import Runs
+from redres_ros.paper.runs import Runs
 from redres_ros.simulation.parallel import in_parallel
 
 ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
+
+PAPER = 'the paper'
+ASSUMPTION = 'our reading of the paper'
+PUBLISHED = "others' published figures"
 
 _WIDTH = 118
 
@@ -32,17 +36,32 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper that can be measured.
+    """A sentence that can be measured.
 
     Attributes:
         section: Of the paper, or an equation.
         says: The claim in our words.
         measure: Finds out.
+        source: Whose claim it is.
     """
 
     section: str
     says: str
     measure: Callable[[Runs], Finding]
+    source: str = PAPER
+
+
+def claim(
+    section: str, says: str, source: str = PAPER
+) -> Callable[[Callable[[Runs], Finding]], Claim]:
+    """A decorator that makes a claim of the function that measures it.
+
+    Args:
+        section: Of the paper, or an equation.
+        says: The claim in our words.
+        source: Whose claim it is.
+    """
+    return lambda measure: Claim(section, says, measure, source)
 
 
 def check_all(
@@ -66,7 +85,11 @@ def check_all(
 def table(findings: Mapping[Claim, Finding]) -> str:
     """For the terminal: section, verdict and claim on a line, figures and remark below."""
     lines = []
+    held: dict[str, list[bool]] = {}
     for claim, finding in findings.items():
+        if claim.source not in held:
+            lines.append(f'{claim.source}:')
+        held.setdefault(claim.source, []).append(finding.held)
         verdict = 'held' if finding.held else 'NOT HELD'
         lines += textwrap.wrap(
             f'{claim.section:<10}{verdict:<10}{claim.says}', _WIDTH, subsequent_indent=' ' * 20
@@ -75,8 +98,8 @@ def table(findings: Mapping[Claim, Finding]) -> str:
             lines += textwrap.wrap(
                 text, _WIDTH, initial_indent=' ' * 20, subsequent_indent=' ' * 20
             )
-    held = sum(finding.held for finding in findings.values())
-    return '\n'.join([*lines, f'{held} of {len(findings)} claims held'])
+    lines += [f'{source}: {sum(all_)} of {len(all_)} claims held' for source, all_ in held.items()]
+    return '\n'.join(lines)
 
 
 def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:

@@ -2,23 +2,24 @@
 
 import numpy as np
 
-from redres_ros.paper.claims.claim import Claim, Finding
+from redres_ros.paper.claims.claim import Finding, claim
 from redres_ros.paper.experiment import Experiment
-from redres_ros.paper.figures.runs import Runs
+from redres_ros.paper.runs import Runs
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion, differentiate
 from redres_ros.paper.velocity_difference import VelocityDifference
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
 
-# share of the largest velocity up to which two experiments count as practically the same
+# fraction of the largest velocity up to which two experiments count as practically the same
 _PRACTICAL = 0.02
-_ALIKE = 0.05  # share of the joints' way up to which two motions count as very similar
+_ALIKE = 0.05  # fraction of the joints' path up to which two motions count as very similar
 
 
+@claim('6.1', 'With law (2) the robot is stopped for its acceleration, which peaks after 7 s')
 def stopped(runs: Runs) -> Finding:
     """The run of Figs. 9 and 10."""
-    tried = runs.experiment_minimum_velocity
+    tried = runs['measured_2']
     ended = tried.recording['t'][-1]
     (peak, at) = tried.recording.peak('joint_acceleration_norm')
     return Finding(
@@ -28,27 +29,28 @@ def stopped(runs: Runs) -> Finding:
     )
 
 
+@claim('6.1', 'The peaks are seen in the measured acceleration after 7 s (Fig. 10)')
 def seen(runs: Runs) -> Finding:
     """What the paper's filter shows of the run of Fig. 10."""
-    tried = runs.experiment_minimum_velocity
+    tried = runs['measured_2']
     before, after = (_largest(tried.motion, span) for span in ((0.0, 7.0), (7.0, np.inf)))
     fine = _largest(tried.motion_through(FINER))
-    ideal = runs.ideal_minimum_velocity
+    ideal = runs['ideal_2']
     peak, _ = ideal.peak('joint_acceleration_norm')
-    smoothed = _largest(differentiate(ideal.vectors('q1'), ideal.T), (7.0, 9.0))
     return Finding(
         after > before,
         f'largest measured |ddq| {after:.1f} rad/s^2 after 7 s, {before:.1f} rad/s^2 before; '
         f'through a window of {FINER * ideal.T:g} s it is {fine:.1f} rad/s^2 after 7 s',
-        f"the paper's window of {WINDOW * ideal.T:g} s smooths a peak of 0.1 s away, the servo "
-        f'does not: even without a stop, {peak:.0f} rad/s^2 of an ideal arm look like '
-        f'{smoothed:.1f} rad/s^2',
+        f"the paper's window of {WINDOW * ideal.T:g} s shows a peak of {peak:.0f} rad/s^2 of an "
+        f'ideal arm as {_filtered(ideal):.1f} rad/s^2; the rest is missing because the stop ends '
+        'the motion before its peak',
     )
 
 
+@claim('6.1', 'With law (23) the robot reaches the end (Fig. 11)')
 def finishes(runs: Runs) -> Finding:
     """The run of Figs. 11 and 12."""
-    tried = runs.experiment_damped
+    tried = runs['measured_23']
     error = _end_error(tried, runs.experiment_model, runs.task)
     return Finding(
         tried.recording.finished and error < 0.001,
@@ -56,10 +58,11 @@ def finishes(runs: Runs) -> Finding:
     )
 
 
+@claim('6.1', 'The commanded acceleration stays below that of law (2)')
 def lower_peak(runs: Runs) -> Finding:
     """Peaks of the commands in Figs. 10 and 12."""
-    one, _ = runs.experiment_minimum_velocity.recording.peak('joint_acceleration_norm')
-    two, _ = runs.experiment_damped.recording.peak('joint_acceleration_norm')
+    one, _ = runs['measured_2'].recording.peak('joint_acceleration_norm')
+    two, _ = runs['measured_23'].recording.peak('joint_acceleration_norm')
     return Finding(
         two < one,
         f'largest commanded |ddq| {two:.1f} rad/s^2 with (23), '
@@ -67,57 +70,69 @@ def lower_peak(runs: Runs) -> Finding:
     )
 
 
+@claim('6.1', 'So does the measured one (Figs. 10, 12)')
 def lower_measured_peak(runs: Runs) -> Finding:
-    """Peaks of the measurements in Figs. 10 and 12."""
-    tried = runs.experiment_minimum_velocity, runs.experiment_damped
+    """Peaks of the measurements in Figs. 10 and 12, and of the same run without the stop."""
+    tried = runs['measured_2'], runs['measured_23']
     one, two = (_largest(each.motion) for each in tried)
     fine_one, fine_two = (_largest(each.motion_through(FINER)) for each in tried)
-    T = tried[0].recording.T
+    recording = tried[0].recording
+    span = (0.0, tried[0].motion.t[-1])
+    longer = _largest(runs['measured_2_without_stop'].motion, span)
+    ideal_one, ideal_two = (_filtered(runs[name]) for name in ('ideal_2', 'ideal_23'))
     return Finding(
         two < one,
-        f'largest measured |ddq| {two:.1f} rad/s^2 with (23), {one:.1f} rad/s^2 with (2); '
-        f'through a window of {FINER * T:g} s {fine_two:.1f} and {fine_one:.1f} rad/s^2',
-        f"on this arm the peak of law (2) lasts 0.1 s, and the paper's window of {WINDOW * T:g} s "
-        'smooths it below the long, low one of law (23)',
+        f'largest measured |ddq| {two:.1f} rad/s^2 with (23), {one:.1f} rad/s^2 with (2) until it '
+        f'was stopped; {longer:.1f} rad/s^2 with (2) over the same time where nothing stops it; '
+        f'through a window of {FINER * recording.T:g} s {fine_two:.1f} and {fine_one:.1f} rad/s^2',
+        f"the stop at {recording['t'][-1]:.2f} s reverses it, not the paper's window of "
+        f'{WINDOW * recording.T:g} s: of ideal arms the window shows {ideal_two:.1f} and '
+        f'{ideal_one:.1f} rad/s^2',
     )
 
 
+@claim('6.1', 'In the first part the two motions are very similar')
 def alike(runs: Runs) -> Finding:
     """Joint paths of the two laws over the first segment."""
-    one = _until(runs.experiment_minimum_velocity.recording, runs.task.segment_time)
-    two = _until(runs.experiment_damped.recording, runs.task.segment_time)
-    apart = float(np.abs(one - two).max())
-    way = float(np.ptp(one, axis=0).max())
+    one = _until(runs['measured_2'].recording, runs.task.segment_time)
+    two = _until(runs['measured_23'].recording, runs.task.segment_time)
+    largest = float(np.abs(one - two).max())
+    path = float(np.ptp(one, axis=0).max())
     return Finding(
-        apart < _ALIKE * way,
-        f'over the first segment at most {apart:.4f} rad apart, on a way of {way:.2f} rad',
+        largest < _ALIKE * path,
+        f'over the first segment at most {largest:.4f} rad apart, on a path of {path:.2f} rad',
     )
 
 
+@claim('6.1', 'Law (23) and scheme (22) move the robot practically alike')
 def practically_23(runs: Runs) -> Finding:
     """Two experiments, both measured."""
-    return _practically(runs.difference_23)
+    return _practically(runs.difference('measured_23_at_once', 'measured_22'))
 
 
+@claim('6.2', 'Law (35) and scheme (29) with (34) move the robot practically alike')
 def practically_35(runs: Runs) -> Finding:
     """Two experiments, both measured."""
-    return _practically(runs.difference_35)
+    return _practically(runs.difference('measured_35_at_once', 'measured_29'))
 
 
+@claim('6.1', 'What (23) commands and what is measured with (22) differ negligibly (Fig. 13)')
 def plotted_23(runs: Runs) -> Finding:
     """The quantity of Fig. 13."""
-    return _plotted(runs.difference_23)
+    return _plotted(runs.difference('measured_23_at_once', 'measured_22'))
 
 
+@claim('6.2', 'What (35) commands and what is measured with (29) differ negligibly (Fig. 16)')
 def plotted_35(runs: Runs) -> Finding:
     """The quantity of Fig. 16."""
-    return _plotted(runs.difference_35)
+    return _plotted(runs.difference('measured_35_at_once', 'measured_29'))
 
 
+@claim('6.2', 'Law (35) needs the points in reverse order to stay within the joint ranges')
 def reverse_order(runs: Runs) -> Finding:
     """Law (35) with the points in either order."""
-    there = runs.experiment_35_forward
-    back = runs.experiment_35
+    there = runs['measured_35_forward']
+    back = runs['measured_35']
     return Finding(
         'position limit' in there.stop_reason and back.recording.finished,
         f'as in the other runs: {there.recording.ending}; '
@@ -126,29 +141,29 @@ def reverse_order(runs: Runs) -> Finding:
     )
 
 
-def _practically(apart: VelocityDifference) -> Finding:
-    largest = float(apart.measured.max())
-    speed = float(apart.dq.max())
+def _practically(difference: VelocityDifference) -> Finding:
+    largest = float(difference.measured.max())
+    speed = float(difference.dq.max())
     return Finding(
         largest < _PRACTICAL * speed,
         f'measured velocities at most {largest:.1e} rad/s apart, the largest being '
-        f'{speed:.2f} rad/s; commanded ones at most {float(apart.commanded.max()):.1e} rad/s',
+        f'{speed:.2f} rad/s; commanded ones at most {float(difference.commanded.max()):.1e} rad/s',
         'two experiments that begin between samples, with noise of 1e-5 rad and positions of which '
         'some are recorded late, all of it assumed',
     )
 
 
-def _plotted(apart: VelocityDifference) -> Finding:
-    at = int(np.argmax(apart.total))
-    largest = float(apart.total[at])
-    speed = float(apart.dq.max())
+def _plotted(difference: VelocityDifference) -> Finding:
+    at = int(np.argmax(difference.total))
+    largest = float(difference.total[at])
+    speed = float(difference.dq.max())
     return Finding(
         largest < _PRACTICAL * speed,
-        f'at most {largest:.2f} rad/s at {apart.t[at]:.2f} s, {largest / speed:.0%} of the largest '
-        f'velocity, half of the time below {float(np.median(apart.total)):.3f} rad/s; at that '
-        f'moment the filter alone makes {float(apart.filtered[at]):.2f} rad/s, servo, speed limit '
-        f'and encoders {float(apart.servo[at]):.2f} rad/s, and the commands are '
-        f'{float(apart.commanded[at]):.0e} rad/s apart',
+        f'at most {largest:.2f} rad/s at {difference.t[at]:.2f} s, {largest / speed:.0%} of the '
+        f'largest velocity, half of the time below {np.median(difference.total):.3f} rad/s; at '
+        f'that moment the filter alone makes {difference.filtered[at]:.2f} rad/s, servo, speed '
+        f'limit and encoders {difference.servo[at]:.2f} rad/s, and the commands are '
+        f'{difference.commanded[at]:.0e} rad/s apart',
         'compares a command with a filtered measurement, and so shows filter and servo rather than '
         'the difference of law and scheme',
     )
@@ -160,6 +175,11 @@ def _largest(motion: MeasuredMotion, span: tuple[float, float] = (0.0, np.inf)) 
     return float(np.linalg.norm(motion.ddq[within], axis=1).max())
 
 
+def _filtered(recording: Recording) -> float:
+    """Largest |ddq| [rad/s^2] of an ideal arm, as the paper's filter shows it."""
+    return _largest(differentiate(recording.vectors('q1'), recording.T))
+
+
 def _until(recording: Recording, t: float) -> np.ndarray:
     return recording.vectors('q1')[: round(t / recording.T)]
 
@@ -169,33 +189,15 @@ def _end_error(tried: Experiment, model: RobotModel, task: WaypointTask) -> floa
 
 
 EXPERIMENTAL = (
-    Claim(
-        '6.1',
-        'With law (2) the robot is stopped for its acceleration, which peaks after 7 s',
-        stopped,
-    ),
-    Claim('6.1', 'The peaks are seen in the measured acceleration after 7 s (Fig. 10)', seen),
-    Claim('6.1', 'With law (23) the robot reaches the end (Fig. 11)', finishes),
-    Claim('6.1', 'In the first part the two motions are very similar', alike),
-    Claim('6.1', 'The commanded acceleration stays below that of law (2)', lower_peak),
-    Claim('6.1', 'So does the measured one (Figs. 10, 12)', lower_measured_peak),
-    Claim('6.1', 'Law (23) and scheme (22) move the robot practically alike', practically_23),
-    Claim(
-        '6.1',
-        'What (23) commands and what is measured with (22) differ negligibly (Fig. 13)',
-        plotted_23,
-    ),
-    Claim(
-        '6.2',
-        'Law (35) needs the points in reverse order to stay within the joint ranges',
-        reverse_order,
-    ),
-    Claim(
-        '6.2', 'Law (35) and scheme (29) with (34) move the robot practically alike', practically_35
-    ),
-    Claim(
-        '6.2',
-        'What (35) commands and what is measured with (29) differ negligibly (Fig. 16)',
-        plotted_35,
-    ),
+    stopped,
+    seen,
+    finishes,
+    alike,
+    lower_peak,
+    lower_measured_peak,
+    practically_23,
+    plotted_23,
+    reverse_order,
+    practically_35,
+    plotted_35,
 )

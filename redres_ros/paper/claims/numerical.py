@@ -1,24 +1,30 @@
 """Claims of Sections 3.2 to 5: simulations with an ideal arm."""
 
-from redres_ros.controller import Controller
-from redres_ros.laws import make_law
-from redres_ros.paper.claims.claim import ROUNDING, Claim, Finding
-from redres_ros.paper.equivalence import velocity_difference
-from redres_ros.paper.figures.runs import (
-    EXPERIMENT_DAMPING,
-    EXPERIMENT_T,
+from itertools import product
+
+from redres_ros.paper.claims.claim import ROUNDING, Finding, claim
+from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, velocity_difference
+from redres_ros.paper.runs import (
+    EXPERIMENT_DYNAMICS,
+    SIMULATION_DAMPING,
     SIMULATION_T,
+    TORQUE_LAWS,
     Runs,
+    two_rounds,
 )
-from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.recording import Recording
 
 
+@claim(
+    '3.2',
+    'Without damping the joints float on the self-motion manifold; null-space damping removes that',
+)
 def drift(runs: Runs) -> Finding:
     """Null-space velocity where the tip rests between two segments, without and with damping."""
     tick = round(runs.task.segment_time / SIMULATION_T) - 1
     without, damped = (
-        float(run['null_velocity_norm'][tick]) for run in (runs.ideal_undamped, runs.ideal_damped)
+        float(run['null_velocity_norm'][tick])
+        for run in (runs['simulated_15'], runs['simulated_23'])
     )
     return Finding(
         without > 10.0 * damped,
@@ -27,14 +33,19 @@ def drift(runs: Runs) -> Finding:
     )
 
 
+@claim(
+    '5.1',
+    'Without damping the arm drifts to a singular configuration, '
+    'and the acceleration peaks rise 40 times',
+)
 def peaks(runs: Runs) -> Finding:
     """Ratio of the acceleration peaks of lambda = 1 and 0.99, at the sampling times of simulation
     and experiment.
     """
-    without, at = runs.ideal_undamped.peak('joint_acceleration_norm')
-    damped, _ = runs.ideal_damped.peak('joint_acceleration_norm')
+    without, at = _peak(runs['simulated_15'])
+    damped, _ = _peak(runs['simulated_23'])
     ratio = without / damped
-    slower = _peak(runs, 0.0) / _peak(runs, EXPERIMENT_DAMPING)
+    slower = _peak(runs['ideal_15'])[0] / _peak(runs['ideal_23'])[0]
     return Finding(
         min(ratio, slower) > 10.0,
         f'{without:.1f} rad/s^2 at {at:.2f} s against {damped:.2f} rad/s^2: '
@@ -44,19 +55,22 @@ def peaks(runs: Runs) -> Finding:
     )
 
 
+@claim('5.1', 'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)')
 def equivalence_damped(runs: Runs) -> Finding:
     """Fig. 5."""
-    return _equivalence(runs.ideal_damped, runs.ideal_22)
+    return _equivalence(runs['simulated_23'], runs['simulated_22'])
 
 
+@claim('5.2', 'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)')
 def equivalence_35(runs: Runs) -> Finding:
     """Fig. 8."""
-    return _equivalence(runs.ideal_35, runs.ideal_29)
+    return _equivalence(runs['simulated_35'], runs['simulated_29'])
 
 
+@claim('5.1', 'Law and scheme still behave alike without damping')
 def equivalence_undamped(runs: Runs) -> Finding:
     """The same without damping, where the loop itself amplifies rounding."""
-    found = runs.difference_undamped
+    found = runs['difference_15']
     return Finding(
         found.max <= ROUNDING,
         f'in closed loops of their own at most {found.max:.0e} rad/s apart, '
@@ -65,34 +79,38 @@ def equivalence_undamped(runs: Runs) -> Finding:
     )
 
 
+@claim('4, A', 'So do the other torque laws and their schemes')
 def equivalence_others(runs: Runs) -> Finding:
     """The torque laws that the paper converts but does not draw."""
-    found = {
-        'minimum_weighted_torque': runs.difference_minimum_weighted_torque,
-        'dynamically_consistent': runs.difference_dynamically_consistent,
-        'minimum_torque': runs.difference_minimum_torque,
-    }
-    apart = ', '.join(
+    found = {law: runs[f'difference_{law}'] for law in TORQUE_LAWS}
+    listed = ', '.join(
         f'{name} {d.max:.0e} / {d.same_past.max():.0e} rad/s' for name, d in found.items()
     )
     return Finding(
         all(d.same_past.max() <= ROUNDING for d in found.values()),
-        f'largest difference in closed loops of their own / given the same past: {apart}',
+        f'largest difference in closed loops of their own / given the same past: {listed}',
         'with the identified dynamics and k_d = 10 1/s',
     )
 
 
+@claim(
+    '4.1',
+    'With the norm weighted by M^-2 the motion stays bounded in longer tasks, '
+    'unlike with the plain torque norm',
+)
 def bounded(runs: Runs) -> Finding:
     """Fastest joint motion over two rounds, torque norms without damping."""
-    arms = {'identified': runs.two_rounds_identified, 'cylinders': runs.two_rounds_cylinders}
     weighted: list[float] = []
     plain: list[float] = []
     listed = []
-    for arm, speeds in arms.items():
-        for (name, damping), speed in speeds.items():
-            group = weighted if name == 'minimum_weighted_torque' else plain
-            group.append(speed)
-            listed.append(f'{arm}, {name}, k_d = {damping:g}: {speed:.3g}')
+    for dynamics, (law, speeds), damping in product(
+        (EXPERIMENT_DYNAMICS, SIMULATION_DYNAMICS),
+        {'minimum_weighted_torque': weighted, 'minimum_torque': plain}.items(),
+        (0.0, SIMULATION_DAMPING),
+    ):
+        speed, _ = runs[two_rounds(law, damping, dynamics)].peak('joint_velocity_norm')
+        speeds.append(speed)
+        listed.append(f'{dynamics}, {law}, k_d = {damping:g}: {speed:.3g}')
     return Finding(
         all(one < two for one, two in zip(weighted, plain, strict=True)) and max(weighted) < 100.0,
         f'largest |dq| over two rounds of the rectangle [rad/s]: {"; ".join(listed)}',
@@ -101,23 +119,20 @@ def bounded(runs: Runs) -> Finding:
     )
 
 
+@claim('5.2', 'Law (35) moves the joints faster than law (23) (Figs. 4, 7)')
 def faster(runs: Runs) -> Finding:
     """Peaks of |dq| in Figs. 4 and 7."""
     (damped, _), (law_35, _) = (
-        run.peak('joint_velocity_norm') for run in (runs.ideal_damped, runs.ideal_35)
+        run.peak('joint_velocity_norm') for run in (runs['simulated_23'], runs['simulated_35'])
     )
     return Finding(
         law_35 > damped, f'largest |dq| {law_35:.2f} rad/s with (35), {damped:.2f} rad/s with (23)'
     )
 
 
-def _peak(runs: Runs, damping: float) -> float:
-    """Largest |ddq| of law (23) at the sampling time of the experiments [rad/s^2]."""
-    law = make_law('minimum_acceleration', damping=damping)
-    peak, _ = run(Controller(runs.model, law, EXPERIMENT_T), runs.task).peak(
-        'joint_acceleration_norm'
-    )
-    return peak
+def _peak(recording: Recording) -> tuple[float, float]:
+    """Largest |ddq| [rad/s^2] and when [s]."""
+    return recording.peak('joint_acceleration_norm')
 
 
 def _equivalence(law: Recording, scheme: Recording) -> Finding:
@@ -128,35 +143,12 @@ def _equivalence(law: Recording, scheme: Recording) -> Finding:
 
 
 NUMERICAL = (
-    Claim(
-        '3.2',
-        'Without damping the joints float on the self-motion manifold; '
-        'null-space damping removes that',
-        drift,
-    ),
-    Claim(
-        '4.1',
-        'With the norm weighted by M^-2 the motion stays bounded in longer tasks, '
-        'unlike with the plain torque norm',
-        bounded,
-    ),
-    Claim(
-        '5.1',
-        'Law (23) and scheme (22) give the same velocities up to rounding (Fig. 5)',
-        equivalence_damped,
-    ),
-    Claim(
-        '5.1',
-        'Without damping the arm drifts to a singular configuration, '
-        'and the acceleration peaks rise 40 times',
-        peaks,
-    ),
-    Claim('5.1', 'Law and scheme still behave alike without damping', equivalence_undamped),
-    Claim('5.2', 'Law (35) moves the joints faster than law (23) (Figs. 4, 7)', faster),
-    Claim(
-        '5.2',
-        'Law (35) and scheme (29) with (34) give the same velocities up to rounding (Fig. 8)',
-        equivalence_35,
-    ),
-    Claim('4, A', 'So do the other torque laws and their schemes', equivalence_others),
+    drift,
+    bounded,
+    equivalence_damped,
+    peaks,
+    equivalence_undamped,
+    faster,
+    equivalence_35,
+    equivalence_others,
 )

@@ -4,19 +4,33 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import null_space
 
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
-from redres_ros.paper.claims.claim import ROUNDING, Claim, Finding
-from redres_ros.paper.figures.runs import SIMULATION_DAMPING, SIMULATION_T, Runs
+from redres_ros.paper.claims.claim import ROUNDING, Finding, claim
+from redres_ros.paper.equivalence import Difference
+from redres_ros.paper.runs import (
+    CONVERGING_LAWS,
+    PREFERENCE,
+    SIMULATION_DAMPING,
+    SIMULATION_T,
+    Runs,
+)
 from redres_ros.paper.second_order import SCHEMES, SecondOrderController, make_scheme
-from redres_ros.resolution import resolve
+from redres_ros.resolution import resolve, resolve_in_order
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.simulation.recording import Recording
 
 _EVERY = 50  # ticks between the states of a run at which something is checked
 _REPETITIONS = 3000  # of a tick when it is timed
+
+
+def same_velocities(difference: Difference) -> Finding:
+    """Whether a law and a scheme give the same velocities, each in its own closed loop."""
+    return Finding(
+        difference.max <= ROUNDING,
+        f'largest |dq_I - dq_II| {difference.max:.1e} rad/s over the whole task',
+    )
 
 
 def states(
@@ -35,13 +49,14 @@ def states(
         yield model.state(q[k], dq[k - 1]), dq[k]
 
 
+@claim('2.2 (14)', 'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx')
 def square_task(runs: Runs) -> Finding:
     """Six joints and six task variables: the sampled acceleration law against J^-1 dx, along a
     recorded motion.
     """
     T = SIMULATION_T
     model = RobotModel.named(runs.task.robot)
-    recording = runs.ideal_damped
+    recording = runs['simulated_23']
     q = recording.vectors('q1')
     dq = recording.vectors('dq1')[:, :6]  # joint 7 stands still
     worst = 0.0
@@ -62,10 +77,114 @@ def square_task(runs: Runs) -> Finding:
     )
 
 
+@claim(
+    '3.1 (19)', 'Law (19) and scheme (18) give the same velocities with a preferred acceleration'
+)
+def auxiliary_task(runs: Runs) -> Finding:
+    """Joint centering beside damping."""
+    return same_velocities(runs['difference_19'])
+
+
+@claim(
+    '3.1 (20)',
+    'Law (20) executes several tasks in order of priority with the least change of the velocity',
+)
+def several_tasks(runs: Runs) -> Finding:
+    """The position of the tip and the height of the elbow, against (20) written out."""
+    T = SIMULATION_T
+    elbow = runs.model.elbow_frame
+    dx_2 = np.array([0.05])  # [m/s]
+    task_error = 0.0
+    residual = 0.0
+    difference = 0.0
+    for state, moved in states(runs['simulated_23'], runs.model):
+        J_1 = state.J[:3]
+        J_2 = state.jacobian(elbow)[2:3]
+        dx_1 = J_1 @ moved
+        b = state.dq_prev + T * PREFERENCE.acceleration(state)
+        dq, _ = resolve_in_order([(J_1, dx_1), (J_2, dx_2)], b)
+        J_1_pinv = np.linalg.pinv(J_1)
+        P_1 = np.eye(len(b)) - J_1_pinv @ J_1
+        lower_pinv = np.linalg.pinv(J_2 @ P_1)
+        dq_l = J_1_pinv @ dx_1
+        dq_l = dq_l + lower_pinv @ (dx_2 - J_2 @ dq_l)  # least velocity of both tasks
+        P_l = P_1 - lower_pinv @ (J_2 @ P_1)
+        J = np.vstack((J_1, J_2))
+        task_error = max(task_error, float(np.abs(J @ dq - np.append(dx_1, dx_2)).max()))
+        residual = max(residual, float(np.abs(_null_space(J).T @ (dq - b)).max()))
+        difference = max(difference, float(np.linalg.norm(dq - (dq_l + P_l @ b))))  # Eq. (20)
+    return Finding(
+        max(task_error, residual, difference) <= ROUNDING,
+        f'both tasks executed to {task_error:.1e} m/s, {difference:.1e} rad/s from (20) written '
+        f'out, {residual:.1e} rad/s from the least change',
+    )
+
+
+@claim(
+    '3.2',
+    'A joint that the task does not need: least velocity stops it, least acceleration '
+    'lets it drift at constant velocity, damping brings it to rest',
+)
+def unneeded_joint(runs: Runs) -> Finding:
+    """Joint 7, whose column of J is zero, along the paper's task."""
+    T = SIMULATION_T
+    first = 0.1  # [rad/s] of joint 7 before the first tick
+    laws = {
+        'least velocity': make_law('minimum_velocity'),
+        'least acceleration': make_law('minimum_acceleration', damping=0.0),
+        'with damping': make_law('minimum_acceleration', damping=SIMULATION_DAMPING),
+    }
+    recording = runs['simulated_23']
+    q = recording.vectors('q1')
+    moved = recording.vectors('dq1')
+    ticks = round(1.0 / T)
+    speeds = {}
+    for name, law in laws.items():
+        dq = np.append(np.zeros(6), first)
+        for k in range(ticks):
+            state = runs.model.state(q[k], dq)
+            J = state.J[:3]
+            dq = resolve(J, J @ moved[k], law.bias(state, T))
+        speeds[name] = float(dq[6])
+    expected = (0.0, first, first * (1.0 - SIMULATION_DAMPING * T) ** ticks)
+    found = tuple(speeds.values())
+    return Finding(
+        bool(np.allclose(found, expected, rtol=0.0, atol=ROUNDING)),
+        f'joint 7 turns at {first:g} rad/s; a second later at '
+        + ', '.join(f'{speed:.2g} rad/s ({name})' for name, speed in speeds.items()),
+    )
+
+
+@claim(
+    '3',
+    'Near a singularity the task is deformed, but the change of the velocity is still minimised',
+)
+def damped_variation(runs: Runs) -> Finding:
+    """An arm that is nearly stretched, with velocities at random."""
+    random = np.random.default_rng(0)
+    deformation = 0.0
+    residual = 0.0
+    for bend in np.geomspace(1e-2, 1e-4, 20):  # of elbow and wrist [rad]
+        q = np.array((0.3, 0.5, 0.2, bend, 0.1, bend, 0.0))
+        state = runs.model.state(q, random.uniform(-0.5, 0.5, 7))
+        J = state.J[:3]
+        dx = random.uniform(-0.1, 0.1, 3)
+        dq = resolve(J, dx, state.dq_prev)
+        deformation = max(deformation, float(np.linalg.norm(J @ dq - dx) / np.linalg.norm(dx)))
+        change = dq - state.dq_prev
+        residual = max(residual, float(np.linalg.norm(_null_space(J).T @ change)))
+    return Finding(
+        residual <= ROUNDING and deformation > 0.01,
+        f'up to {deformation:.0%} of the task velocity is not executed; of all velocities that '
+        f'execute the rest, the commanded one is {residual:.1e} rad/s from the least change',
+    )
+
+
+@claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical')
 def two_forms(runs: Runs) -> Finding:
     """(15) against (17) with an explicit pseudoinverse."""
     worst = 0.0
-    for state, dq in states(runs.ideal_undamped, runs.model):
+    for state, dq in states(runs['simulated_15'], runs.model):
         J_pinv = np.linalg.pinv(state.J[:3])
         dx = state.J[:3] @ dq
         b = state.dq_prev
@@ -75,11 +194,12 @@ def two_forms(runs: Runs) -> Finding:
     return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
 
 
+@claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)')
 def special_case_35(runs: Runs) -> Finding:
     """(32) with the damping torque (34) against (35), written out."""
     T = SIMULATION_T
     worst = 0.0
-    for state, dq in states(runs.ideal_35, runs.model):
+    for state, dq in states(runs['simulated_35'], runs.model):
         Minv = np.linalg.inv(state.M)
         dx = state.J[:3] @ dq
         J_M = Minv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ Minv @ state.J[:3].T)  # Eq. (A.5)
@@ -91,6 +211,7 @@ def special_case_35(runs: Runs) -> Finding:
     return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
 
 
+@claim('A', 'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)')
 def optimality(runs: Runs) -> Finding:
     """Z' W (dq - b), Z spanning the null space of J, relative to its terms: zero at the constrained
     minimum.
@@ -99,10 +220,10 @@ def optimality(runs: Runs) -> Finding:
     for name in LAWS:
         law = make_law(name)
         residuals = []
-        for state, moved in states(runs.ideal_damped, runs.model):
+        for state, moved in states(runs['simulated_23'], runs.model):
             b = law.bias(state, SIMULATION_T)
             W = law.weight(state)
-            Z = null_space(state.J[:3])
+            Z = _null_space(state.J[:3])
             dq = resolve(state.J[:3], state.J[:3] @ moved, b, W)
             W = np.eye(len(b)) if W is None else np.asarray(W)
             size = np.linalg.norm(W) * np.linalg.norm(dq - b)
@@ -114,6 +235,7 @@ def optimality(runs: Runs) -> Finding:
     )
 
 
+@claim('B (B.2)', 'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)')
 def resting_place(runs: Runs) -> Finding:
     """A task that has vanished: where the joints come to rest, against (B.2)."""
     T = SIMULATION_T
@@ -131,6 +253,11 @@ def resting_place(runs: Runs) -> Finding:
     return Finding(miss <= 1e-12, f'the joints rest {miss:.1e} rad from where Eq. (B.2) says')
 
 
+@claim(
+    'B',
+    'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; '
+    'beyond: diverges',
+)
 def regimes(runs: Runs) -> Finding:
     """Signs and growth of a null-space velocity for k_d T = 0.5, 1.5, 2 and 2.5."""
     seen = {}
@@ -154,6 +281,29 @@ def regimes(runs: Runs) -> Finding:
     )
 
 
+@claim('B', 'With lambda = 0 the joints stop at the next step, at the cost of a high acceleration')
+def stops_at_once(runs: Runs) -> Finding:
+    """A task that has vanished, and the largest damping."""
+    T = SIMULATION_T
+    first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
+    law = make_law('minimum_acceleration', damping=1.0 / T)
+    dq = resolve(
+        np.zeros((3, 7)), np.zeros(3), law.bias(runs.model.state(runs.task.start, first), T)
+    )
+    speed = float(np.linalg.norm(first))
+    return Finding(
+        not dq.any(),
+        f'from {speed:.2f} rad/s to {float(np.linalg.norm(dq)):g} rad/s in one step of '
+        f'{1e3 * T:g} ms, which takes {float(np.linalg.norm(first - dq)) / T:.0f} rad/s^2',
+    )
+
+
+@claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
+def full_damping(runs: Runs) -> Finding:
+    """Scheme (22) with k_d = 1/T and law (2), each in a closed loop of its own."""
+    return same_velocities(runs['difference_2'])
+
+
 def _fate(ratio: float) -> str:
     """What becomes of a speed that is so many times the first one after a while."""
     if ratio < 1e-6:
@@ -161,10 +311,11 @@ def _fate(ratio: float) -> str:
     return 'grows' if ratio > 1e6 else 'stays'
 
 
+@claim('7', 'The velocity laws cost no more computation than the second-order schemes')
 def cost(runs: Runs) -> Finding:
     """Time of a tick of each law and of its scheme, measured in turns."""
     ratios = {}
-    state, moved = next(states(runs.ideal_damped, runs.model, 1000))
+    state, moved = next(states(runs['simulated_23'], runs.model, 1000))
     dx = state.J[:3] @ moved
     for name in SCHEMES:
         law = Controller(runs.model, make_law(name), SIMULATION_T)
@@ -181,14 +332,24 @@ def cost(runs: Runs) -> Finding:
     )
 
 
+@claim(
+    '2.2',
+    'The approximations (8) to (10) are consistent: '
+    'the sampled laws tend to the continuous schemes',
+)
 def proportional(runs: Runs) -> Finding:
     """Order of convergence to the continuous scheme on the first segment."""
-    orders = {name: found.q_order for name, found in runs.convergences.items()}
+    orders = {law: runs[f'convergence_{law}'].q_order for law in CONVERGING_LAWS}
     return Finding(
         all(0.9 <= order <= 1.1 for order in orders.values()),
         'the error of q against the continuous scheme falls as T^p over the first segment, '
         'with p = ' + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
     )
+
+
+def _null_space(J: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the null space of J (m, n), which has full rank, (n, n - m)."""
+    return np.linalg.svd(J)[2][len(J) :].T
 
 
 def _seconds(
@@ -200,40 +361,18 @@ def _seconds(
 
 
 THEORETICAL = (
-    Claim(
-        '2.2 (14)',
-        'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx',
-        square_task,
-    ),
-    Claim(
-        '2.2',
-        'The approximations (8) to (10) are consistent: '
-        'the sampled laws tend to the continuous schemes',
-        proportional,
-    ),
-    Claim(
-        '3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical', two_forms
-    ),
-    Claim(
-        '4.2 (35)',
-        'With the damping torque (34), law (32) becomes the simpler (35)',
-        special_case_35,
-    ),
-    Claim(
-        'A',
-        'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)',
-        optimality,
-    ),
-    Claim(
-        'B (B.2)',
-        'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)',
-        resting_place,
-    ),
-    Claim(
-        'B',
-        'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; '
-        'beyond: diverges',
-        regimes,
-    ),
-    Claim('7', 'The velocity laws cost no more computation than the second-order schemes', cost),
+    square_task,
+    proportional,
+    two_forms,
+    damped_variation,
+    auxiliary_task,
+    several_tasks,
+    unneeded_joint,
+    special_case_35,
+    optimality,
+    resting_place,
+    regimes,
+    stops_at_once,
+    full_damping,
+    cost,
 )

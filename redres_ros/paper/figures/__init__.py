@@ -1,6 +1,7 @@
 """The paper's figures by number, computed anew."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -14,27 +15,30 @@ from redres_ros.paper.figures import (
     norms,
     pictorial,
 )
-from redres_ros.paper.figures.runs import Runs
+from redres_ros.paper.runs import Runs
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.plots import save
+
+_ACCELERATION = ('joint_acceleration_norm', 'null_velocity_norm', 'joint_velocity_norm')
+_TORQUE = ('joint_torque_norm', 'joint_velocity_norm')
 
 FIGURES: dict[int, Callable[[Runs], Figure]] = {
     1: architecture.figure_1,
     2: pictorial.figure_2,
-    3: motions.figure_3,
-    4: norms.figure_4,
-    5: differences.figure_5,
-    6: motions.figure_6,
-    7: norms.figure_7,
-    8: differences.figure_8,
-    9: motions.figure_9,
-    10: norms.figure_10,
-    11: motions.figure_11,
-    12: norms.figure_12,
-    13: differences.figure_13,
-    14: motions.figure_14,
-    15: norms.figure_15,
-    16: differences.figure_16,
+    3: partial(motions.draw, 3, 'simulated_23'),
+    4: partial(norms.draw_simulated, 4, 'simulated_23', _ACCELERATION),
+    5: partial(differences.draw_simulated, 5, 'simulated_23', 'simulated_22'),
+    6: partial(motions.draw, 6, 'simulated_35'),
+    7: partial(norms.draw_simulated, 7, 'simulated_35', _TORQUE),
+    8: partial(differences.draw_simulated, 8, 'simulated_35', 'simulated_29'),
+    9: partial(motions.draw, 9, 'measured_2'),
+    10: partial(norms.draw_accelerations, 10, 'measured_2'),
+    11: partial(motions.draw, 11, 'measured_23'),
+    12: partial(norms.draw_accelerations, 12, 'measured_23'),
+    13: partial(differences.draw_measured, 13, 'measured_23_at_once', 'measured_22'),
+    14: partial(motions.draw, 14, 'measured_35'),
+    15: partial(norms.draw_torques, 15, 'measured_35'),
+    16: partial(differences.draw_measured, 16, 'measured_35_at_once', 'measured_29'),
     # Beyond the paper:
     17: limits.figure_17,
     18: limits.figure_18,
@@ -47,7 +51,7 @@ def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[i
 
     Args:
         out: The folder, which is made if need be.
-        progress: Is told the share that is done.
+        progress: Receives the completed fraction.
         runs: What to draw.
 
     Raises:
@@ -62,4 +66,4 @@ def draw_all(out: Path, progress: Callable[[float], None], runs: Runs) -> dict[i
     return files
 
 
-__all__ = ['FIGURES', 'Runs', 'draw_all']
+__all__ = ['FIGURES', 'draw_all']

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from redres_ros.paper.figures.runs import Runs
+from redres_ros.paper.runs import Runs
 
 _OURS = '#dbe9f6'
 _THEIRS = '#f3e6d3'
@@ -57,8 +57,8 @@ def figure_1(_: Runs | None = None) -> Figure:
     ax = figure.add_subplot(xlim=(0.0, 15.0), ylim=(0.2, 5.2))
     ax.set_axis_off()
     ax.set_title('Figure 1. Two levels of control, and the nodes in them')
-    _room(ax, 0.15, 7.35, _OURS, 'high level: ROS 2 nodes of this package, 500 Hz')
-    _room(ax, 8.3, 14.85, _THEIRS, 'low level: the robot, or the node sim')
+    _level(ax, 0.15, 7.35, _OURS, 'high level: ROS 2 nodes of this package, 500 Hz')
+    _level(ax, 8.3, 14.85, _THEIRS, 'low level: the robot, or the node sim')
     for box in (_PLANNER, _CONTROLLER, _ROBOT, _ARM):
         _draw(ax, box)
     _arrow(ax, _PLANNER, _CONTROLLER, r'$\dot x$', 'cartesian_\nvelocity')
@@ -68,7 +68,7 @@ def figure_1(_: Runs | None = None) -> Figure:
     return figure
 
 
-def _room(ax: Axes, left: float, right: float, color: str, name: str) -> None:
+def _level(ax: Axes, left: float, right: float, color: str, name: str) -> None:
     ax.add_patch(
         FancyBboxPatch(
             (left, 0.5),

@@ -2,19 +2,18 @@
 
 from matplotlib.figure import Figure
 
-from redres_ros.paper.figures.naming import PER_SECOND
-from redres_ros.paper.figures.runs import SIMULATION_DAMPING, Runs
+from redres_ros.paper.runs import CONVERGING_LAWS, SIMULATION_DAMPING, Runs
 
 
 def figure_19(runs: Runs) -> Figure:
     """Largest error over the first segment against the sampling time, on logarithmic scales."""
     figure = Figure(figsize=(8.0, 6.0), layout='constrained')
     ax = figure.add_subplot()
-    for law, found in runs.convergences.items():
+    for law in CONVERGING_LAWS:
+        found = runs[f'convergence_{law}']
         ax.loglog(
             1e3 * found.periods, found.q_errors, 'o-', label=f'{law}: slope {found.q_order:.3f}'
         )
-    found = next(iter(runs.convergences.values()))
     slope = 0.5 * found.q_errors[0] * found.periods / found.periods[0]
     ax.loglog(1e3 * found.periods, slope, '--', color='0.6', label='slope 1')
     ax.set_xticks(1e3 * found.periods, [f'{1e3 * T:g}' for T in found.periods], minor=False)
@@ -23,7 +22,7 @@ def figure_19(runs: Runs) -> Figure:
         xlabel='sampling time T [ms]',
         ylabel=r'largest $\Vert q_k-q(t_k)\Vert$ [rad]',
         title='Figure 19. Velocity laws against their schemes in continuous time,\n'
-        f'first segment, $k_d$ = {SIMULATION_DAMPING:g} {PER_SECOND}',
+        f'first segment, $k_d$ = {SIMULATION_DAMPING:g} s$^{{-1}}$',
     )
     ax.grid(alpha=0.3)
     ax.legend()

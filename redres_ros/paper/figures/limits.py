@@ -7,47 +7,45 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.paper.experiment import Experiment
-from redres_ros.paper.figures.naming import law, title
-from redres_ros.paper.figures.runs import EXPERIMENT_T, TORQUE_SCALE, Runs
+from redres_ros.paper.runs import TORQUE_SCALE, Runs, title
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.shares import acceleration_share
 
 _LEAST = 1e-3  # of the logarithmic axis
-_LAW = law('minimum_velocity', '2', EXPERIMENT_T)
 
 
 def figure_17(runs: Runs) -> Figure:
     """The run that stops the paper's robot, and the same with the limits of the joints on."""
     tried = {
-        'no limits': runs.experiment_minimum_velocity,
-        'position, velocity, acceleration': runs.experiment_within_limits,
+        'no limits': runs['measured_2'],
+        'position, velocity, acceleration': runs['within_limits'],
     }
-    figure, panels = _panels(title(17, 'Experiment', f'{_LAW},\nwithout and within limits'))
+    figure, panels = _panels(f'{title(17, "measured_2")},\nwithout and within limits')
     _draw_shares(panels[0], tried, lambda each: acceleration_share(each, runs.experiment_model))
-    panels[0].set_ylabel('largest acceleration\n[share of the limit]')
+    panels[0].set_ylabel('largest acceleration\n[fraction of the limit]')
     panels[0].set_yscale('log')
     panels[0].set_ylim(bottom=_LEAST)
     _draw_limit(panels[0], 1.0, 'limit')
     _draw_rest(panels, tried)
-    _tell(figure, panels[0])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=2)
     return figure
 
 
 def figure_18(runs: Runs) -> Figure:
     """Torque limits that are kept through a position interface."""
     tried = {
-        'limits without torque': runs.experiment_within_limits,
-        f'and torque, {TORQUE_SCALE:g} of what the joints bear': runs.experiment_within_torques,
+        'limits without torque': runs['within_limits'],
+        f'and torque, {TORQUE_SCALE:g} of what the joints can bear': runs['within_torques'],
     }
-    heading = f'{_LAW},\ntorque limits kept through a position interface'
-    figure, panels = _panels(title(18, 'Experiment', heading))
+    heading = f'{title(18, "within_torques")},\ntorque limits kept through a position interface'
+    figure, panels = _panels(heading)
     _draw_shares(panels[0], tried, lambda each: torque_share(each, runs.experiment_model))
-    panels[0].set_ylabel('largest torque\n[share of the limit]')
+    panels[0].set_ylabel('largest torque\n[fraction of the limit]')
     panels[0].set_ylim(bottom=0.0)
     _draw_limit(panels[0], TORQUE_SCALE, 'allowed')
     _draw_rest(panels, tried)
-    _tell(figure, panels[0])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=2)
     return figure
 
 
@@ -105,7 +103,3 @@ def _draw_rest(panels: list[Axes], tried: dict[str, Experiment]) -> None:
     scaling.set_ylabel('task scaling $s$ [-]')
     error.set_ylabel('task error [mm]')
     error.set_xlabel('time [s]')
-
-
-def _tell(figure: Figure, ax: Axes) -> None:
-    figure.legend(*ax.get_legend_handles_labels(), loc='outside lower center', ncols=2)

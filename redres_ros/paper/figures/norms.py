@@ -1,6 +1,6 @@
 """Figures 4, 7, 10, 12, 15: norms over time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,24 +8,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.paper.experiment import Experiment
-from redres_ros.paper.figures.naming import law, title
-from redres_ros.paper.figures.runs import (
-    EXPERIMENT_DAMPING,
-    EXPERIMENT_T,
-    SIMULATION_DAMPING,
-    SIMULATION_T,
-    Runs,
-)
+from redres_ros.paper.runs import Runs, title
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.plots import NORMS, draw_norm
-from redres_ros.simulation.recording import Recording
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 
 # P dq of a law of least acceleration is what it keeps of the last velocity, as the paper plots it.
-_REMEMBERED = r'null-space part $\Vert\lambda P\dot q_{k-1}\Vert$ [rad/s]'
+_LABELS = {
+    **NORMS,
+    'null_velocity_norm': r'null-space part $\Vert\lambda P\dot q_{k-1}\Vert$ [rad/s]',
+}
 _MARGIN = 0.01  # of the time axis, so that a step at the start is seen
 
 
@@ -40,49 +35,58 @@ class _Measured:
     width: float
 
 
-def figure_4(runs: Runs) -> Figure:
-    """Law (23): acceleration, null-space part and velocity."""
-    shown = {
-        'joint_acceleration_norm': NORMS['joint_acceleration_norm'],
-        'null_velocity_norm': _REMEMBERED,
-        'joint_velocity_norm': NORMS['joint_velocity_norm'],
-    }
-    text = law('minimum_acceleration', '23', SIMULATION_T, SIMULATION_DAMPING)
-    return _simulation(title(4, 'Simulation', text), runs.ideal_damped, shown, runs.task)
+def draw_simulated(number: int, name: str, norms: Sequence[str], runs: Runs) -> Figure:
+    """Norms of a simulation.
+
+    Args:
+        number: Of the figure.
+        name: Of the run.
+        norms: Which, from above.
+        runs: Its result.
+    """
+    figure, panels = _panels(title(number, name), len(norms), runs.task)
+    for ax, norm in zip(panels, norms, strict=True):
+        draw_norm(ax, norm, runs[name], {})
+        ax.set_ylabel(_LABELS[norm], fontsize='medium')
+    return figure
 
 
-def figure_7(runs: Runs) -> Figure:
-    """Law (35): torque and velocity."""
-    shown = {norm: NORMS[norm] for norm in ('joint_torque_norm', 'joint_velocity_norm')}
-    text = law('dynamically_consistent', '35', SIMULATION_T, 1.0 / SIMULATION_T)
-    return _simulation(title(7, 'Simulation', text), runs.ideal_35, shown, runs.task)
+def draw_accelerations(number: int, name: str, runs: Runs) -> Figure:
+    """Acceleration and velocity of an experiment, through the paper's filter and a finer one that
+    shows what the paper's smooths away.
+
+    Args:
+        number: Of the figure.
+        name: Of the run.
+        runs: Its result.
+    """
+    tried = runs[name]
+    T = tried.recording.T
+    finer = tried.motion_through(FINER)
+    fine = f'measured, window of {FINER * T:g} s'
+    usual = f'measured, window of {WINDOW * T:g} s as in the paper'
+    measured = [
+        _Measured(finer, _kinematic(finer), fine, 'tab:orange', 1.0),
+        _Measured(tried.motion, _kinematic(tried.motion), usual, 'tab:blue', 1.6),
+    ]
+    return _experiment(title(number, name), tried, measured, runs.task)
 
 
-def figure_10(runs: Runs) -> Figure:
-    """Law (2): acceleration and velocity until the robot stops, and a little longer."""
-    text = law('minimum_velocity', '2', EXPERIMENT_T)
-    tried = runs.experiment_minimum_velocity
-    return _experiment(title(10, 'Experiment', text), tried, _both_filters(tried), runs.task)
+def draw_torques(number: int, name: str, runs: Runs) -> Figure:
+    """Torque and velocity of an experiment.
 
-
-def figure_12(runs: Runs) -> Figure:
-    """Law (23): acceleration and velocity."""
-    text = law('minimum_acceleration', '23', EXPERIMENT_T, EXPERIMENT_DAMPING)
-    tried = runs.experiment_damped
-    return _experiment(title(12, 'Experiment', text), tried, _both_filters(tried), runs.task)
-
-
-def figure_15(runs: Runs) -> Figure:
-    """Law (35): torque and velocity."""
-    text = law('dynamically_consistent', '35', EXPERIMENT_T, 1.0 / EXPERIMENT_T)
-    tried = runs.experiment_35
+    Args:
+        number: Of the figure.
+        name: Of the run.
+        runs: Its result.
+    """
+    tried = runs[name]
     curves = {
         'joint_torque_norm': torque_norm(tried.motion, runs.experiment_model),
         'joint_velocity_norm': _norm(tried.motion.dq),
     }
     measured = _Measured(tried.motion, curves, 'measured', 'tab:blue', 1.6)
-    heading = title(15, 'Experiment', f'{text}, reverse order')
-    return _experiment(heading, tried, [measured], runs.reversed_task)
+    return _experiment(title(number, name), tried, [measured], runs.task)
 
 
 def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
@@ -101,34 +105,12 @@ def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
     )
 
 
-def _both_filters(tried: Experiment) -> list[_Measured]:
-    """The paper's filter, and a finer one that shows what the paper's smooths away."""
-    T = tried.recording.T
-    finer = tried.motion_through(FINER)
-    fine = f'measured, window of {FINER * T:g} s'
-    usual = f'measured, window of {WINDOW * T:g} s as in the paper'
-    return [
-        _Measured(finer, _kinematic(finer), fine, 'tab:orange', 1.0),
-        _Measured(tried.motion, _kinematic(tried.motion), usual, 'tab:blue', 1.6),
-    ]
-
-
 def _kinematic(motion: MeasuredMotion) -> Curves:
     return {'joint_acceleration_norm': _norm(motion.ddq), 'joint_velocity_norm': _norm(motion.dq)}
 
 
 def _norm(vectors: np.ndarray) -> np.ndarray:
     return np.linalg.norm(vectors, axis=1)
-
-
-def _simulation(
-    heading: str, recording: Recording, norms: Mapping[str, str], task: WaypointTask
-) -> Figure:
-    figure, panels = _panels(heading, len(norms), task)
-    for ax, (norm, label) in zip(panels, norms.items(), strict=True):
-        draw_norm(ax, norm, recording, {})
-        ax.set_ylabel(label, fontsize='medium')
-    return figure
 
 
 def _experiment(

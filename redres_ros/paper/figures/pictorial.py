@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from redres_ros.paper.figures.runs import Runs
+from redres_ros.paper.runs import Runs
 from redres_ros.resolution import project, resolve
 
 J = np.array([[0.5, 1.0]])
