@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.errors import FileError, RangeError, UnknownNameError
 from redres_ros.kernels.tick import free_motion
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.vectors import finite_vector
@@ -311,6 +311,35 @@ class RobotModel:
             frame: Name of a link.
         """
         return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
+
+    def check_reach(self, x: np.ndarray) -> None:
+        """Refuse a point that the tip cannot reach: one that is farther from the first joint than
+        all links in one line, with linear joints at their longest.
+
+        Args:
+            x: Position in the base frame, (3,) [m].
+
+        Raises:
+            RangeError: It is too far away.
+        """
+        root, length = self._length()
+        distance = float(np.linalg.norm(x - root))
+        if not distance <= length:
+            raise RangeError('distance from the first joint', distance, 0.0, length, 'm')
+
+    def _length(self) -> tuple[np.ndarray, float]:
+        """Position of the first joint in the base frame, (3,) [m], and a bound on the distance of
+        the tip from there [m].
+        """
+        joint = self._model.frames[self._tip].parentJoint
+        length = self.reach
+        while joint:
+            if self._model.joints[joint].shortname().startswith('JointModelP'):  # prismatic
+                place = self._model.joints[joint].idx_q
+                length += float(max(abs(self.q_min[place]), abs(self.q_max[place])))
+            root = self._model.jointPlacements[joint].translation.copy()
+            joint = self._model.parents[joint]
+        return root, length
 
     def _tip_position(self, q: np.ndarray) -> np.ndarray:
         if self._placed is not q:

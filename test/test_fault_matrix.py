@@ -199,7 +199,8 @@ class Scene:
 
     def _point(self) -> None:
         """Show three targets, one after the other."""
-        x, R = self.run.nodes['planner']._tip
+        planner = self.run.nodes['planner']
+        x, R = planner._model.tip(planner._q)
         for height in (0.05, 0.06, 0.07):
             self.run.graph.publish(
                 'target_pose', to_pose(0, '', x + np.array((0.0, -0.1, height)), R)

@@ -560,10 +560,11 @@ def test_a_target_pose_is_approached_in_a_straight_line_and_a_bad_one_refused(
             lambda: any('nose' in line for line in log_lines(tmp_path, 'planner')), 'the refusal'
         )
         target.header.frame_id = ''
-        targets.publish(target)
 
         def speed() -> float:
             probe.send(probe.state(START))
+            if not twists:  # until the planner has had a state
+                targets.publish(target)
             time.sleep(PERIOD / 1e9)
             linear = twists[-1].twist.linear if twists else TwistStamped().twist.linear
             along = np.array((linear.x, linear.y, linear.z))

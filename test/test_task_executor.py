@@ -5,14 +5,18 @@ import pytest
 
 from redres_ros import load_task
 from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner
+from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
+from redres_ros.planning.task_executor import Goal, Step, TaskExecutor, TaskState, way_to
+from redres_ros.rotation import rotation_matrix
 
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]
 TASK = load_task('rectangle')
 HOME = TASK.waypoints[0]
+THE_TASK = Goal(make_planner=lambda x, R: Planner(TASK, x), goes_on=True, patience=None)
 
 
 class Arm:
@@ -22,14 +26,18 @@ class Arm:
         self.x = HOME
         self.cycle = 500
         self.scaling: float | None = 0.0  # None: nothing is heard of the controller
-        self.run = TaskExecutor(T, lambda x, R: Planner(TASK, x), TaskClock(T, at_once))
+        self.q = TASK.start
+        self.run = TaskExecutor(T, TaskClock(T, at_once), ProgressMonitor(5.0, 30.0))
+
+    def start(self) -> None:
+        self.run.begin(THE_TASK)
 
     def tick(self, scaling: float | None, cycles: int = 1) -> Step | None:
         """One state later; the controller says what it carries out."""
         if scaling is not None:
             self.run.set_scaling(scaling)
         self.cycle += cycles
-        step = self.run.enter_state(self.cycle * NS, self.x, np.eye(3), self.cycle * T)
+        step = self.run.enter_state(self.cycle * NS, self.q, self.x, np.eye(3), self.cycle * T)
         if step and step.reference:
             self.x = self.x + T * (scaling or 0.0) * step.reference.dx
         return step
@@ -44,7 +52,7 @@ class Arm:
 def under_way() -> Arm:
     """An arm one second into its task."""
     arm = Arm()
-    arm.run.start()
+    arm.start()
     arm.go(500)
     assert arm.run.state is TaskState.MOVING
     return arm
@@ -57,7 +65,7 @@ def error(step: Step | None) -> float:
 
 def test_the_task_begins_when_the_controller_follows_and_not_before() -> None:
     arm = Arm()
-    arm.run.start()
+    arm.start()
     for _ in range(1000):
         step = arm.tick(0.0)
         assert step is not None and step.reference is None
@@ -74,14 +82,14 @@ def test_nothing_is_asked_for_until_the_task_is_wanted() -> None:
 
 def test_in_lock_step_it_begins_with_the_first_state() -> None:
     arm = Arm(at_once=True)
-    arm.run.start()
+    arm.start()
     step = arm.tick(None)
     assert step is not None and step.reference is not None
 
 
 def test_it_runs_to_its_end_and_does_not_begin_again() -> None:
     arm = Arm()
-    arm.run.start()
+    arm.start()
     arm.go(5000)
     assert arm.run.state is TaskState.FINISHED
     assert np.linalg.norm(arm.x - TASK.waypoints[-1]) < TASK.tolerance
@@ -95,7 +103,7 @@ def test_it_runs_to_its_end_and_does_not_begin_again() -> None:
 
 def test_half_of_the_velocity_carried_out_takes_twice_the_time_on_the_same_path() -> None:
     slow = Arm()
-    slow.run.start()
+    slow.start()
     slow.go(1000, 0.5)
     quick = under_way()
     np.testing.assert_allclose(slow.x, quick.x, rtol=0.0, atol=1e-3)
@@ -141,7 +149,7 @@ def test_a_state_out_of_order_changes_nothing() -> None:
     arm = under_way()
     begun = arm.run.start_stamp
     with pytest.raises(ClockError):
-        arm.run.enter_state((arm.cycle - 1) * NS, arm.x, np.eye(3), arm.cycle * T)
+        arm.run.enter_state((arm.cycle - 1) * NS, arm.q, arm.x, np.eye(3), arm.cycle * T)
     assert error(arm.tick(1.0)) < 1e-3
     assert arm.run.start_stamp == begun
 
@@ -149,15 +157,15 @@ def test_a_state_out_of_order_changes_nothing() -> None:
 def test_the_same_state_again_gets_the_same_step() -> None:
     arm = under_way()
     step = arm.tick(1.0)
-    again = arm.run.enter_state(arm.cycle * NS, arm.x, np.eye(3), arm.cycle * T)
+    again = arm.run.enter_state(arm.cycle * NS, arm.q, arm.x, np.eye(3), arm.cycle * T)
     assert again is step
 
 
 def test_a_robot_that_waits_for_the_first_step_gets_it_when_the_task_is_started() -> None:
     arm = Arm(at_once=True)
     assert arm.tick(None) is None
-    arm.run.start()
-    step = arm.run.enter_state(arm.cycle * NS, arm.x, np.eye(3), arm.cycle * T)
+    arm.start()
+    step = arm.run.enter_state(arm.cycle * NS, arm.q, arm.x, np.eye(3), arm.cycle * T)
     assert step is not None and step.reference is not None
 
 
@@ -189,7 +197,130 @@ def test_stop_asks_for_nothing_and_start_begins_again() -> None:
     arm.run.stop()
     assert arm.tick(1.0) is None
     assert arm.run.state is TaskState.IDLE
-    arm.run.start()
+    arm.start()
     step = arm.tick(1.0)
     assert step is not None and step.reference is not None
     assert arm.run.start_stamp == arm.cycle * NS
+
+
+# --- goals ----------------------------------------------------------------------------------------
+
+
+def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
+    R = rotation_matrix(np.array((0.0, 0.0, 3.0)))
+    x = HOME + np.array((0.0, 0.1, 0.0))
+    bent = way_to(TASK, HOME, np.eye(3), x, R, 0.2, turns=True)
+    straight = way_to(TASK, HOME, np.eye(3), x, R, 0.2, turns=False)
+    assert straight.segment_time == pytest.approx(15.0 / 8.0 * 0.1 / 0.2)
+    assert bent.segment_time == pytest.approx(15.0 / 8.0 * 0.3 / 0.2)
+
+
+def homing(*, then: bool = True) -> Goal:
+    """Joints go from where they are to the start of the task; then the task, or nothing."""
+    V = np.full(7, 1.0)
+    return Goal(
+        lambda q: None if np.abs(q - TASK.start).max() < 0.01 else JointPath(q, TASK.start, V, V),
+        THE_TASK.make_planner if then else None,
+        goes_on=then,
+    )
+
+
+def following(q: np.ndarray) -> Arm:
+    """An arm at q (n,) [rad] whose controller follows."""
+    arm = Arm()
+    arm.q = q
+    arm.go(2)
+    return arm
+
+
+def go_home(arm: Arm, seconds: float = 20.0) -> None:
+    """Joints go as they are told, until the arm is at home."""
+    for _ in range(round(seconds / T)):
+        step = arm.tick(1.0)
+        if step is None or step.dq is None:
+            return
+        arm.q = arm.q + T * step.dq
+    raise AssertionError('not at home')
+
+
+def test_joints_that_are_elsewhere_go_to_the_start_before_the_task_begins() -> None:
+    arm = following(TASK.start + 0.5)
+    arm.run.begin(homing())
+    step = arm.go(10)
+    assert arm.run.state is TaskState.HOMING
+    assert step is not None and step.dx is None and step.dq is not None
+    assert arm.run.start_stamp == 0
+    go_home(arm)
+    assert arm.run.state is TaskState.MOVING
+    assert np.abs(arm.q - TASK.start).max() < 0.01
+
+
+def test_joints_that_are_at_the_start_begin_at_once() -> None:
+    arm = following(TASK.start)
+    arm.run.begin(homing())
+    step = arm.tick(1.0)
+    assert arm.run.state is TaskState.MOVING
+    assert step is not None and step.dq is None
+
+
+def test_a_motion_home_alone_ends_there_and_asks_for_nothing_more() -> None:
+    arm = following(TASK.start + 0.5)
+    arm.run.begin(homing(then=False))
+    go_home(arm)
+    assert arm.run.state is TaskState.FINISHED
+    assert arm.run.progress == 1.0
+    assert arm.tick(1.0) is None
+
+
+def test_a_task_started_on_the_way_home_goes_on_with_that_way() -> None:
+    arm = following(TASK.start + 0.5)
+    arm.run.begin(homing(then=False))
+    for _ in range(500):
+        step = arm.tick(1.0)
+        assert step is not None and step.dq is not None
+        arm.q = arm.q + T * step.dq
+    before = step.dq
+    arm.run.begin(homing())
+    step = arm.tick(1.0)
+    assert step is not None and step.dq is not None
+    assert np.abs(step.dq - before).max() < 2.0 * T  # twice what A = 1 rad/s^2 allows in a cycle
+    go_home(arm)
+    assert arm.run.state is TaskState.MOVING
+
+
+def test_a_hold_on_the_way_home_has_it_begun_anew_from_where_the_joints_are() -> None:
+    arm = following(TASK.start + 0.5)
+    arm.run.begin(homing())
+    arm.go(500)
+    step = arm.go(200, 0.0)
+    assert arm.run.state is TaskState.WAITING
+    assert step is not None and step.dq is not None and not step.dq.any()
+    arm.q = TASK.start + 0.3
+    step = arm.tick(1.0)
+    assert step is not None and step.dq is not None
+    assert np.abs(step.dq).max() < 0.01
+    go_home(arm)
+    assert arm.run.state is TaskState.MOVING
+
+
+def test_an_arm_at_a_limit_is_not_interrupted_but_stuck() -> None:
+    arm = under_way()
+    arm.run.set_mode('moving')
+    arm.run.set_active_limits('lwr_a1_joint: position')
+    arm.go(round(6.0 / T), 0.0)
+    assert arm.run.state is TaskState.MOVING
+    assert 'no progress for 5 s: lwr_a1_joint: position' in arm.run.remark
+    arm.go(round(25.0 / T), 0.0)
+    assert arm.run.state is TaskState.STUCK
+    assert arm.tick(1.0) is None
+    arm.start()
+    arm.tick(1.0)
+    assert arm.run.state is TaskState.MOVING
+    assert arm.run.remark == ''
+
+
+def test_a_controller_that_is_gone_is_an_interruption_whatever_it_said_last() -> None:
+    arm = under_way()
+    arm.run.set_mode('moving')
+    arm.go(200, None)
+    assert arm.run.state is TaskState.WAITING

@@ -6,6 +6,7 @@ Building the site fails if a topic or service has no words here, or words are of
 TOPICS = {
     'joint_states': 'the measured arm, at the rate of the robot; joints are matched by name',
     'joint_command': 'next reference q and velocity, with the stamp of the state that it answers',
+    'joint_velocity': 'joint velocities in place of a task velocity: towards the start of a task',
     'cartesian_velocity': 'wanted task velocity, in the frame of any link; a zero stamp means now',
     'forward_position_controller/commands': 'the same reference for ros2_control, '
     'with `forward_commands`',
@@ -28,7 +29,9 @@ TOPICS = {
     'planner/desired_pose': 'where the tip should be',
     'planner/task_error': 'distance from there [m]',
     'planner/segment': 'which way between two points of the task, from 0',
-    'planner/state': 'what the planner is about',
+    'planner/state': '`idle`, `waiting` for the controller to follow, `homing` in joint space, '
+    '`moving` along the path of the tip, `finished`, or `stuck`: given up',
+    'planner/progress': 'share of the task that is over, 0 to 1',
     'planner/begun': 'stamp of the state at which the task began',
     'sim/session_state': 'whether the robot takes commands (`CMD`) or only reports (`MON`)',
     'sim/connection_quality': 'how well commands arrive in time',
@@ -39,7 +42,9 @@ TOPICS = {
 SERVICES = {
     'sim/reset': 'clear a stop; command mode begins anew after half a second of good timing',
     'controller/hold': 'stand still softly, or go on',
-    'planner/start': 'begin the task as soon as the robot takes commands',
+    'planner/start': 'begin the task; joints that are elsewhere go to its start first. The answer '
+    'says what will happen',
+    'planner/home': 'go to the joint positions at which the task starts',
     'planner/stop': 'end it softly',
 }
 
@@ -50,5 +55,6 @@ ON_DEMAND = (
     'controller/',
     'planner/task_error',
     'planner/segment',
+    'planner/progress',
     'planner/desired_pose',
 )

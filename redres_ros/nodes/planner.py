@@ -4,6 +4,7 @@ joint_states.
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,12 +32,24 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.session_topics import REASON
+from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.task_topics import TaskTopics
-from redres_ros.nodes.wire import JointSample, JointStateReader, TwistWriter
+from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, TwistWriter
 from redres_ros.parameter import param
+from redres_ros.planning.joint_path import JointPath, path_to
 from redres_ros.planning.planner import Planner
+from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState, way_to
+from redres_ros.planning.task_executor import (
+    UNDER_WAY,
+    Goal,
+    GoalError,
+    Step,
+    TaskExecutor,
+    TaskState,
+    check_age,
+    way_to,
+)
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.policy import Policy
 from redres_ros.tasks import make_task
@@ -56,13 +69,32 @@ class PlannerParameters(ListenerParameters):
     )
     resume_within: float = param(
         2.0,
-        'silence of joint_states after which a task under way goes on by itself; after a longer '
-        'one, as of a driver that was started again, it is over, unless autostart is set [s]',
+        'how long a goal waits for the robot and the controller, to begin or to go on; after a '
+        'longer time, as of a driver that was started again, it is over. With autostart the task '
+        'waits for ever [s]',
         0.0,
         1e6,
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
+    target_timeout: float = param(
+        1.0, "largest age of a target_pose by the robot's clock [s]", 0.001, 1e6
+    )
+    home_speed: float = param(
+        0.25, "share of the arm's limits that the motion to the start of the task uses", 0.01, 1.0
+    )
+    home_tolerance: float = param(
+        0.02,
+        'distance of a joint from the start of the task within which the task begins at once [rad]',
+        0.001,
+        1.0,
+    )
+    stuck_after: float = param(
+        5.0, 'time without progress after which that is reported [s]', 0.1, 3600.0
+    )
+    give_up_after: float = param(
+        30.0, 'time without progress after which the goal is over [s]', 0.1, 36000.0
+    )
     headstart: float = param(
         0.15,
         'share of a cycle that is left to the controller before a task velocity is computed, where '
@@ -83,31 +115,37 @@ class PlannerNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__('planner')
         self._robot = declare_robot(self)
-        self._settings = declare(self, PlannerParameters())
+        settings = declare(self, PlannerParameters())
+        self._settings = settings
         self._model = self._robot.model
-        name = self._settings.task
+        name = settings.task
         self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
-        self._frame = self._settings.base_frame or self._model.base_frame
+        self._task.check_joints(self._model.n)
+        self._frame = settings.base_frame or self._model.base_frame
         self._states = JointStateReader()
         self._twists = TwistWriter(self._frame)
+        self._joint_velocities = JointStateWriter(self._model.joint_names)
         self._joints = JointMapper(self._model.joint_names, self.get_logger().info)
-        T = 1.0 / self._settings.rate
-        self._T = T
-        task_clock = TaskClock(T, self._settings.lockstep)
-        resume_within = None if self._settings.autostart else self._settings.resume_within
+        self._T = 1.0 / settings.rate
         self._run = TaskExecutor(
-            T, self._make_planner, task_clock, self._robot.task_space, resume_within
+            self._T,
+            TaskClock(self._T, settings.lockstep),
+            ProgressMonitor(settings.stuck_after, settings.give_up_after),
+            self._robot.task_space,
         )
         self._first_task = make_task(self._robot.task_space)
         self._asked: np.ndarray | None = None  # dx of the newest step
-        self._tip: tuple[np.ndarray, np.ndarray] | None = None  # at the newest state
-        self._target: tuple[np.ndarray, np.ndarray] | None = None  # instead of the task
+        self._stamp = 0  # of the newest state [ns]
+        self._q: np.ndarray | None = None  # at the newest state
         self._stop_reason = ''
+        self._mode = ''  # of the controller
+        self._logged = ''  # on the log, of what happened to the goal
         self._create_interfaces()
         self._start_life()
 
     def _create_interfaces(self) -> None:
         self._twist_publisher = self.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
+        self._joint_publisher = self.create_publisher(JointState, 'joint_velocity', PUBLISH)
         self._topics = TaskTopics(self, self._frame, self._run)
         self._markers = Markers(self, self._frame, self._task.waypoints)
         self._refusals = InputMonitor(self)
@@ -115,16 +153,44 @@ class PlannerNode(ManagedNode):
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
+        self.create_subscription(String, 'controller/mode', self._on_mode, LATCHED)
+        self.create_subscription(String, 'controller/active_limits', self._on_limits, NEWEST)
         self.create_subscription(String, REASON, self._on_stop_reason, LATCHED)
         self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
         self.create_service(Trigger, 'planner/start', self._on_start)
+        self.create_service(Trigger, 'planner/home', self._on_home)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
 
-    def _make_planner(self, x: np.ndarray, R: np.ndarray) -> Planner:
-        task = self._task
-        if self._target is not None:
-            task = way_to(task, x, R, *self._target, self._settings.target_speed)
-        return Planner(task, x, R, feedback_limit=self._settings.feedback_limit)
+    def _task_goal(self) -> Goal:
+        settings = self._settings
+        return Goal(
+            self._path_home if self._can_home else None,
+            lambda x, R: Planner(self._task, x, R, feedback_limit=settings.feedback_limit),
+            self._task.segments * self._task.segment_time,
+            goes_on=True,
+            patience=None if settings.autostart else settings.resume_within,
+        )
+
+    def _target_goal(self, x_end: np.ndarray, R_end: np.ndarray) -> Goal:
+        settings = self._settings
+        turns = self._robot.task_space == 'pose'
+
+        def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
+            way = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=turns)
+            return Planner(way, x, R, feedback_limit=settings.feedback_limit)
+
+        if self._q is not None:
+            make_planner(*self._model.tip(self._q))  # refused here if it is too far away
+        return Goal(make_planner=make_planner, patience=settings.resume_within)
+
+    def _path_home(self, q: np.ndarray) -> JointPath | None:
+        settings = self._settings
+        start = self._task.start
+        return path_to(self._model, q, start, settings.home_speed, settings.home_tolerance)
+
+    @property
+    def _can_home(self) -> bool:
+        return self._joint_publisher.get_subscription_count() > 0
 
     def _on_state(self, message: JointState | bytes) -> None:
         if not self.configured:
@@ -139,27 +205,21 @@ class PlannerNode(ManagedNode):
             self._refusals.refuse('joint_states', error)
             return
         self._refusals.accept('joint_states')
-        self._topics.publish()
+        self._report()
 
     def _enter_state(self, sample: JointSample) -> None:
         stamp = sample.stamp
         q = self._joints.positions(sample)
         x, R = self._model.tip(q)
-        self._tip = (x, R)
+        self._q = q
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
         unachieved = self._unachieved(q) if self._run.is_due else None
-        asking = self._run.state in (TaskState.WAITING, TaskState.MOVING)
-        step = self._run.enter_state(stamp, x, R, time.monotonic(), unachieved)
-        if asking and self._run.state is TaskState.IDLE:
-            self.get_logger().warning(
-                'the robot was started again, or silent for more than '
-                f'{self._settings.resume_within:g} s (resume_within): the task is over; '
-                'planner/start begins it anew'
-            )
+        step = self._run.enter_state(stamp, q, x, R, time.monotonic(), unachieved)
+        self._stamp = stamp
         self._asked = None if step is None else step.dx
         if step is not None:
-            self._publish(step, R)
+            self._publish(step, q, R)
 
     def _unachieved(self, q: np.ndarray) -> np.ndarray | None:
         """The part of the last dx that a singularity does not let through at q, as any law."""
@@ -168,65 +228,125 @@ class PlannerNode(ManagedNode):
         state = self._model.unchecked_state(q, np.zeros(self._model.n))
         return _ANY_LAW.answer(state, self._first_task, self._asked, self._T).unachieved
 
-    def _publish(self, step: Step, R: np.ndarray) -> None:
-        self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
-        if step.reference is not None:
-            self._topics.show(step.stamp, step.reference, R)
+    def _publish(self, step: Step, q: np.ndarray, R: np.ndarray) -> None:
+        if step.dq is not None:
+            self._joint_publisher.publish(self._joint_velocities.written(step.stamp, q, step.dq))
+        if step.dx is not None:
+            self._twist_publisher.publish(self._twists.written(step.stamp, step.dx))
+        self._topics.show(step, R)
+
+    def _report(self) -> None:
+        """Publish the state of the goal, and log what keeps it from its end."""
+        self._topics.publish()
+        remark = self._run.remark
+        if remark and remark != self._logged:
+            self.get_logger().warning(remark)
+        self._logged = remark
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
-            self._check_active()
-            target = from_pose(message, (self._frame, ''))
-            self._check_way(target)
+            self._check_ready()
+            self._check_not_homing()
+            x, R = from_pose(message, (self._frame, ''))
+            stamp = to_nanoseconds(message.header.stamp)
+            check_age(stamp, self._stamp, self._settings.target_timeout)
+            self._model.check_reach(x)
+            goal = self._target_goal(x, R)
         except RedresError as error:
             self._refusals.refuse('target_pose', error)
             return
         self._refusals.accept('target_pose')
-        self._target = target
-        self._run.begin_anew()
-        self._topics.publish()
+        self._begin_goal(goal)
 
-    def _check_active(self) -> None:
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer('planner/start', response, self._start_task)
+
+    def _start_task(self) -> str:
+        """Begin the task; what will happen."""
+        if self._run.state is TaskState.MOVING or self._run.is_paused:
+            return 'is under way already; planner/stop ends it'
+        goal = self._task_goal()
+        self._begin_goal(goal)
+        seconds = f'{goal.duration:.3g} s'
+        home = self._announced_home()
+        if home:
+            return f'{home}, then begins; the task takes {seconds}'
+        return f'begins as soon as the robot takes commands; takes {seconds}'
+
+    def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer('planner/home', response, self._go_home)
+
+    def _go_home(self) -> str:
+        """Move the joints to the start of the task; what will happen."""
+        if self._run.state is TaskState.MOVING or self._run.is_paused:
+            raise GoalError('a task is under way; planner/stop ends it')
+        if not self._can_home:
+            raise GoalError('no controller listens to joint_velocity')
+        goal = Goal(self._path_home, patience=self._settings.resume_within)
+        self._begin_goal(goal)
+        return self._announced_home() or 'the joints are at its start already'
+
+    def _announced_home(self) -> str:
+        """What the way to the start of the task is; empty if there is none."""
+        path = None if self._q is None or not self._can_home else self._path_home(self._q)
+        if path is None:
+            return ''
+        return f'the joints go to its start first, which takes {path.duration:.3g} s'
+
+    def _answer(
+        self, service: str, response: Trigger.Response, begin: Callable[[], str]
+    ) -> Trigger.Response:
+        """Answer what will happen, or why nothing will."""
+        task = self._settings.task or 'the task'
+        try:
+            self._check_ready()
+            response.message = f'{task}: {begin()}'
+            response.success = True
+        except RedresError as error:
+            self._refusals.refuse(service, error)
+            response.message = f'{task}: {error}'
+            response.success = False
+        else:
+            self._refusals.accept(service)
+        return response
+
+    def _check_ready(self) -> None:
+        """Raise for a state of the nodes or of the robot in which nothing may begin."""
         if not self.active:
             raise LifeError(f'the planner is {self.life}; it moves the arm only while active')
+        if self._stop_reason:
+            raise GoalError(f'the robot has stopped: {self._stop_reason}; sim/reset lets it go on')
+        if self._mode == 'inactive':
+            raise GoalError('the controller is inactive; activate it first')
 
-    def _check_way(self, target: tuple[np.ndarray, np.ndarray]) -> None:
-        """Raise RangeError for a target that is too far away; every state would be refused then."""
-        if self._tip is not None:
-            way_to(self._task, *self._tip, *target, self._settings.target_speed)
+    def _check_not_homing(self) -> None:
+        if self._run.state is TaskState.HOMING:
+            raise GoalError('the joints are on their way to the start; planner/stop ends it')
+
+    def _begin_goal(self, goal: Goal) -> None:
+        self._run.begin(goal)
+        self._topics.publish()
 
     def _on_scaling(self, message: Float64) -> None:
         self._run.set_scaling(message.data)
 
+    def _on_mode(self, message: String) -> None:
+        self._mode = one_line(message.data)
+        self._run.set_mode(self._mode)
+
+    def _on_limits(self, message: String) -> None:
+        self._run.set_active_limits(one_line(message.data))
+
     def _on_stop_reason(self, message: String) -> None:
         stopped = one_line(message.data)
-        if stopped and not self._stop_reason and self._run.state is TaskState.MOVING:
+        self._run.set_stop_reason(stopped)
+        if stopped and not self._stop_reason and self._run.state in UNDER_WAY:
             self.get_logger().warning(f'the robot has stopped, the task waits: {stopped}')
         self._stop_reason = stopped
-
-    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        task = self._settings.task or 'the task'
-        response.success = False
-        if not self.active:
-            response.message = f'{task}: the planner is {self.life}'
-            return response
-        if self._stop_reason:
-            response.message = (
-                f'{task}: the robot has stopped: {self._stop_reason}; sim/reset lets it go on'
-            )
-            return response
-        response.success = True
-        if self._run.state is TaskState.MOVING:
-            response.message = f'{task}: is under way already; planner/stop ends it'
-        else:
-            self._target = None
-            self._run.start()
-            response.message = f'{task}: begins as soon as the robot takes commands'
-        self._topics.publish()
-        return response
+        self._report()
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        moved = self._run.state in (TaskState.WAITING, TaskState.MOVING)
+        moved = self._run.state in UNDER_WAY
         self._run.stop()
         self._topics.publish()
         response.success = True
@@ -235,7 +355,7 @@ class PlannerNode(ManagedNode):
 
     def _begin(self) -> None:
         if self._settings.autostart:
-            self._run.start()
+            self._run.begin(self._task_goal())
         self._topics.publish()
 
     def _end(self) -> None:
@@ -243,13 +363,14 @@ class PlannerNode(ManagedNode):
         self._topics.publish()
 
     def _forget(self) -> None:
-        self._target = None
-        self._tip = None
+        self._q = None
+        self._stamp = 0
 
     def _health(self) -> Health:
         figures = {
             'task': self._settings.task or 'that of the arm',
             'state': self._run.state.value,
+            'progress': self._run.progress,
             'begun at [ns]': self._run.start_stamp,
             'messages refused': self._refusals.count,
         }
@@ -261,6 +382,8 @@ class PlannerNode(ManagedNode):
             return Health(WARN, f'the robot has stopped: {self._stop_reason}', figures)
         if self._refusals.reasons:
             return Health(WARN, self._refusals.reasons, figures)
+        if self._run.remark:
+            return Health(WARN, self._run.remark, figures)
         return Health(OK, self._run.state.value, figures)
 
 

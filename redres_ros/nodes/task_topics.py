@@ -10,8 +10,7 @@ from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.planning.planner import Reference
-from redres_ros.planning.task_executor import TaskExecutor, TaskState
+from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
 
 TASK_STATE = 'planner/state'
 TASK_BEGUN = 'planner/begun'
@@ -31,8 +30,8 @@ class TaskTopics:
         self._run = run
         self._state_publisher = node.create_publisher(String, TASK_STATE, LATCHED)
         self._begun_publisher = node.create_publisher(Time, TASK_BEGUN, LATCHED)
-        kinds = {'desired_pose': PoseStamped, 'task_error': Float64, 'segment': Int32}
-        self._telemetry = Telemetry(node, kinds)
+        figures = {'task_error': Float64, 'segment': Int32, 'progress': Float64}
+        self._telemetry = Telemetry(node, {'desired_pose': PoseStamped, **figures})
         self._published_state: TaskState | None = None
         self._published_start = 0
         self.publish()
@@ -46,18 +45,21 @@ class TaskTopics:
             self._published_state = self._run.state
             self._state_publisher.publish(String(data=self._published_state.value))
 
-    def show(self, stamp: int, reference: Reference, R: np.ndarray) -> None:
+    def show(self, step: Step, R: np.ndarray) -> None:
         """Publish where the task is, to those who listen.
 
         Args:
-            stamp: Of the state [ns].
-            reference: What the task asks for there.
+            step: What the task asks for.
             R: Orientation of the tip, (3, 3), which a task of positions leaves as it is.
         """
         if not self._telemetry.has_subscribers:
             return
         publish = self._telemetry.publish
+        publish('progress', lambda: self._run.progress)
+        reference = step.reference
+        if reference is None:
+            return
         R_d = R if reference.R_d is None else reference.R_d
-        publish('desired_pose', lambda: to_pose(stamp, self._frame, reference.x_d, R_d))
+        publish('desired_pose', lambda: to_pose(step.stamp, self._frame, reference.x_d, R_d))
         publish('task_error', lambda: float(np.linalg.norm(reference.error)))
         publish('segment', lambda: reference.segment)

@@ -138,6 +138,28 @@ class Planner:
         """Whether the segment under way should be over at a time t of the task [s]."""
         return t - self._t_segment >= self._T_AB - 1e-9
 
+    def time_left(self, t: float) -> float:
+        """Time of the segment under way that is left at a time t of the task [s]."""
+        return 0.0 if self.is_due(t) else self._t_segment + self._T_AB - t
+
+    @property
+    def duration(self) -> float:
+        """How long all segments take on a path that is followed exactly [s]."""
+        return self._time_before(len(self._points) - 1)
+
+    def elapsed(self, t: float) -> float:
+        """How much of the duration is over at a time t of the task [s]."""
+        if self._finished:
+            return self.duration
+        return self._time_before(self._index + 1) - self.time_left(t)
+
+    def _time_before(self, index: int) -> float:
+        """How long the segments before a point take [s]."""
+        if index == 0:
+            return 0.0
+        first = self._approach_time if self._first_segment == 0 else self._task.segment_time
+        return first + (index - 1) * self._task.segment_time
+
     @property
     def _T_AB(self) -> float:
         """How long the segment under way takes [s]."""

@@ -31,6 +31,11 @@ class TaskClock:
         """Whether the controller follows."""
         return self._standing < self._limit
 
+    @property
+    def is_receiving(self) -> bool:
+        """Whether a scaling factor came lately."""
+        return self._unheard <= self._limit
+
     def set_scaling(self, scaling: float) -> None:
         """Take in what share of the task velocity is carried out."""
         self._scaling = min(max(scaling, 0.0), 1.0) if scaling == scaling else 0.0

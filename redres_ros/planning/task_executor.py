@@ -1,20 +1,27 @@
-"""A task from its first state to its last point, through holds, stops and new robots."""
+"""A goal from its first state to its end, through holds, stops and new robots."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
+from redres_ros.errors import RedresError
 from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
+from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.waypoints import WaypointTask
 
 _SHORTEST = 0.5  # [s] that a way takes at least
 _ASTRAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
+_HELD = 0.2  # [s] for which a controller that could move holds, until that counts as asked for
+_HOLDING = 'holding'  # modes of the controller
+_MOVING = 'moving'
+_LEVER = 0.1  # [m] on which a turn is compared with a length
 
 
 class TaskState(Enum):
@@ -22,22 +29,76 @@ class TaskState(Enum):
 
     IDLE = 'idle'
     WAITING = 'waiting'  # for a robot that takes commands and a controller that follows
+    HOMING = 'homing'  # in joint space
     MOVING = 'moving'
     FINISHED = 'finished'
+    STUCK = 'stuck'  # given up
+
+
+UNDER_WAY = (TaskState.WAITING, TaskState.HOMING, TaskState.MOVING)
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What the arm is to do: its joints go to their places, then its tip follows a path.
+
+    Attributes:
+        make_path: A joint-space motion from q (n,) [rad]; gives None if the arm is there already.
+            None: no such motion.
+        make_planner: A planner for a tip at (3,) with orientation (3, 3); None: no path of the tip.
+        duration: How long that path takes [s].
+        goes_on: Whether it goes on after a hold or a stop; if not, it ends with the first
+            interruption.
+        patience: How long it waits, to begin or to go on [s]; None: for ever.
+    """
+
+    make_path: Callable[[np.ndarray], JointPath | None] | None = None
+    make_planner: Callable[[np.ndarray, np.ndarray], Planner] | None = None
+    duration: float = 0.0
+    goes_on: bool = False
+    patience: float | None = 2.0
+
+
+class GoalError(RedresError):
+    """A goal that cannot be taken at present."""
+
+
+def check_age(stamp: int, now: int, timeout: float) -> None:
+    """Refuse a goal of long ago.
+
+    Args:
+        stamp: Of the goal [ns]; 0 means now.
+        now: By the robot's clock [ns]; 0 before its first state.
+        timeout: Largest age that is allowed [s]; a stamp may be ahead by as much.
+
+    Raises:
+        GoalError: The stamp is too far from now, or no state has come.
+    """
+    if not now:
+        raise GoalError('no joint_states have come yet; expected them before a goal')
+    age = (now - stamp) / NANOSECONDS
+    if stamp and not abs(age) <= timeout:
+        side = 'behind' if age > 0.0 else 'ahead of'
+        raise GoalError(
+            f"stamped {abs(age):.4g} s {side} the robot's clock; allowed: {timeout:g} "
+            '(parameter target_timeout; a zero stamp means now)'
+        )
 
 
 class Step(NamedTuple):
-    """What is asked for at a state.
+    """What is asked for at a state: a task velocity, or joint velocities.
 
     Attributes:
         stamp: Of the state [ns].
-        dx: Task velocity, (3,) [m/s], or (6,) with the angular part below [rad/s].
-        reference: Where it comes from; None while the run waits for a standstill to end.
+        dx: Task velocity, (3,) [m/s], or (6,) with the angular part below [rad/s]; else None.
+        dq: Joint velocity, (n,) [rad/s]; else None.
+        reference: Where dx comes from; None while nothing of the tip's path is asked for.
     """
 
     stamp: int
-    dx: np.ndarray
-    reference: Reference | None
+    dx: np.ndarray | None = None
+    dq: np.ndarray | None = None
+    reference: Reference | None = None
 
 
 def way_to(
@@ -47,6 +108,8 @@ def way_to(
     x_end: np.ndarray,
     R_end: np.ndarray,
     speed: float,
+    *,
+    turns: bool = True,
 ) -> WaypointTask:
     """A straight way from rest to rest.
 
@@ -57,85 +120,197 @@ def way_to(
         x_end: Where it ends, (3,) [m].
         R_end: Orientation there, (3, 3).
         speed: At most, of the tip [m/s], and of the turn ten times as many [rad/s].
+        turns: Whether the orientation is part of the task.
     """
     distance = float(np.linalg.norm(x_end - x))
-    angle = float(np.linalg.norm(rotation_error(R, R_end)))
+    angle = float(np.linalg.norm(rotation_error(R, R_end))) if turns else 0.0
     peak = 15.0 / 8.0  # of Eq. (36), over the mean
     return replace(
         task,
         waypoints=np.array((x, x_end)),
-        orientations=np.array((R, R_end)),
-        segment_time=max(peak * max(distance, angle / 10.0) / speed, _SHORTEST),
+        orientations=np.array((R, R_end)) if turns else None,
+        segment_time=max(peak * max(distance, _LEVER * angle) / speed, _SHORTEST),
     )
 
 
-class TaskExecutor:
-    """Decides at every state what is asked for, and when the task's time goes on.
+class _ArmState(NamedTuple):
+    """Of the arm: stamp [ns], q (n,) [rad], tip x (3,) [m] and R (3, 3), dx that was lost."""
 
-    The task begins when it is wanted and the controller follows. A stop or a hold interrupts it; it
-    goes on from there when the controller follows again, or begins anew if the arm is elsewhere by
-    then. A finished task is over with the first interruption: nothing moves again by itself. So is
-    one under way with a robot that was started again.
+    stamp: int
+    q: np.ndarray
+    x: np.ndarray
+    R: np.ndarray
+    unachieved: np.ndarray | None
+
+
+@dataclass
+class _Pursuit:
+    """A goal on its way.
+
+    Attributes:
+        goal: What is asked for.
+        path: Of the joints, which comes first; None before it is known, or if there is none.
+        planner: Of the tip's path; None before it begins.
+        has_begun: Whether anything of it was asked for.
+        at_home: Whether the tip's path may begin.
+        x_d: Of the tip's path, asked for last, (3,) [m].
+        waited: For the controller, without a break [s].
+        held: Of that in the controller's present mode [s].
+        distance: From what is asked for, in words.
+        limits: That acted last, in words.
+    """
+
+    goal: Goal
+    path: JointPath | None = None
+    planner: Planner | None = None
+    has_begun: bool = False
+    at_home: bool = False
+    x_d: np.ndarray | None = None
+    waited: float = 0.0
+    held: float = 0.0
+    distance: str = ''
+    limits: str = ''
+
+    @property
+    def reason(self) -> str:
+        """What keeps the goal from its end."""
+        return f'{self.limits}; {self.distance}' if self.limits else self.distance
+
+    def is_astray(self, x: np.ndarray) -> bool:
+        """Whether the tip at x (3,) [m] is far from what was asked for last."""
+        return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _ASTRAY)
+
+    def progress(self, t: float) -> float:
+        """The share of its duration that is over, 0 to 1.
+
+        Args:
+            t: Time of the part under way [s].
+        """
+        whole = self.goal.duration
+        done = 0.0
+        if self.planner is not None:
+            whole = self.planner.duration
+            done = self.planner.elapsed(t)
+        if self.path is not None:
+            whole += self.path.duration
+            done += self.path.duration if self.at_home else min(t, self.path.duration)
+        return done / whole if whole > 0.0 else 0.0
+
+
+class TaskExecutor:
+    """Decides at every state what is asked for, and when the time of the goal goes on.
+
+    A goal begins when the controller follows. Before that it ends with a stop of the robot, with a
+    hold that was asked for, and when its patience is over: nothing is carried out that was asked
+    for long ago. A task that is interrupted by a hold goes on when the hold ends; after any other
+    interruption it goes on within its patience. It begins anew if the arm is elsewhere by then. A
+    finished goal is over with the first interruption, and every goal with a robot that was started
+    again.
 
     Args:
         T: The robot's cycle [s].
-        make_planner: A new planner for a tip at (3,) [m] with orientation (3, 3).
-        task_clock: The task's time.
+        task_clock: The time of the goal.
+        monitor: Notices that it gets nowhere.
         task_space: 'position' or 'pose': what is asked for, 3-D or 6-D.
-        resume_within: A longer silence of the robot, or another clock, is a robot that was started
-            again [s]; None: the task goes on all the same.
     """
 
     def __init__(
         self,
         T: float,
-        make_planner: Callable[[np.ndarray, np.ndarray], Planner],
         task_clock: TaskClock,
+        monitor: ProgressMonitor,
         task_space: str = 'position',
-        resume_within: float | None = None,
     ) -> None:
         self.state = TaskState.IDLE
-        self.start_stamp = 0  # stamp of the state at which the task began [ns]
-        self._make_planner = make_planner
+        self.start_stamp = 0  # stamp of the state at which the tip's path began [ns]
+        self._T = T
         self._turns = task_space == 'pose'
         self._task_clock = task_clock
-        self._resume_within = resume_within
+        self._monitor = monitor
         self._cycles = CycleCounter(round(NANOSECONDS * T))
-        self._planner: Planner | None = None
-        self._x_d = np.zeros(3)  # asked for last [m]
-        self._asks = False
+        self._mode = ''  # of the controller; empty: unknown
+        self._stopped = ''  # why the robot has stopped
+        self._remark = ''  # why the goal gets nowhere, or was over before its end
+        self._pursuit: _Pursuit | None = None
         self._step: Step | None = None
+        self._seconds = 0.0  # from the last state to the newest
 
-    def start(self) -> None:
-        """Begin as soon as the controller follows; a run that is under way goes on."""
-        if self.state in (TaskState.IDLE, TaskState.FINISHED):
-            self.begin_anew()
+    def begin(self, goal: Goal) -> None:
+        """Begin as soon as the controller follows, from where the arm is; in place of another goal.
 
-    def begin_anew(self) -> None:
-        """Begin from where the arm is, also in the middle of a run."""
-        self._planner = None
-        self._asks = True
+        A joint path under way goes on: it leads to the same place.
+        """
+        before = self._pursuit
+        goes_on = self.state is TaskState.HOMING and goal.make_path is not None
+        self.stop()
+        self._pursuit = _Pursuit(goal)
         self.state = TaskState.WAITING
+        if before is not None and goes_on:
+            self._pursuit.path = before.path
+            self._pursuit.has_begun = True
+            self.state = TaskState.HOMING
 
     def stop(self) -> None:
         """Ask for nothing any more."""
-        self._planner = None
-        self._asks = False
+        self._pursuit = None
         self._step = None
+        self._remark = ''
+        self._monitor.begin()
         self.state = TaskState.IDLE
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in what share of the task velocity the controller carries out."""
+        """Take in what share of the velocity the controller carries out."""
         self._task_clock.set_scaling(scaling)
+
+    def set_mode(self, mode: str) -> None:
+        """Take in the mode of the controller."""
+        if self._pursuit is not None and mode != self._mode:
+            self._pursuit.held = 0.0
+        self._mode = mode
+
+    def set_active_limits(self, limits: str) -> None:
+        """Take in which joints are at which limits; empty for none."""
+        if self._pursuit is not None and limits:
+            self._pursuit.limits = limits
+
+    def set_stop_reason(self, reason: str) -> None:
+        """Take in why the robot has stopped; empty: it has not."""
+        self._stopped = reason
+        pursuit = self._pursuit
+        if pursuit is None or not reason or self.state not in UNDER_WAY:
+            return
+        waits = not pursuit.has_begun and pursuit.goal.patience is not None
+        if waits or not pursuit.goal.goes_on:
+            self._end(f'the robot has stopped: {reason}')
 
     @property
     def is_due(self) -> bool:
         """Whether the segment under way should be over: what is lost matters only then."""
-        return self._planner is not None and self._planner.is_due(self._task_clock.t)
+        planner = None if self._pursuit is None else self._pursuit.planner
+        return planner is not None and planner.is_due(self._task_clock.t)
+
+    @property
+    def progress(self) -> float:
+        """The share of the goal's duration that is over, 0 to 1."""
+        if self.state is TaskState.FINISHED:
+            return 1.0
+        return 0.0 if self._pursuit is None else self._pursuit.progress(self._task_clock.t)
+
+    @property
+    def remark(self) -> str:
+        """Why the goal gets nowhere, or was over before its end; empty while all is well."""
+        return self._remark
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether a goal that has begun waits for the controller to follow again."""
+        has_begun = self._pursuit is not None and self._pursuit.has_begun
+        return has_begun and self.state is TaskState.WAITING
 
     def enter_state(
         self,
         stamp: int,
+        q: np.ndarray,
         x: np.ndarray,
         R: np.ndarray,
         now: float,
@@ -145,6 +320,7 @@ class TaskExecutor:
 
         Args:
             stamp: Of the state [ns].
+            q: Joint positions, (n,) [rad].
             x: Tip position, (3,) [m].
             R: Tip orientation, (3, 3).
             now: Arrival of the state by a monotonic clock [s].
@@ -154,62 +330,178 @@ class TaskExecutor:
             ClockError: The stamp is not that of a new cycle.
         """
         is_new = not stamp or stamp != self._cycles.newest
+        self._seconds = 0.0
         if is_new:
             before = self._cycles.newest
             cycles = self._cycles.enter(stamp, now)
+            self._seconds = cycles * self._T
             if cycles == 0:
                 self._task_clock.interrupt()
-                self._give_up_after((stamp - before) / NANOSECONDS)
+            if cycles == 0 and before:
+                self._end_after((stamp - before) / NANOSECONDS)
             self._task_clock.advance(cycles)
         if is_new or self._step is None:
-            self._step = self._respond(stamp, x, R, unachieved)
+            self._step = self._respond(_ArmState(stamp, q, x, R, unachieved))
         return self._step
 
-    def _respond(
-        self, stamp: int, x: np.ndarray, R: np.ndarray, unachieved: np.ndarray | None
-    ) -> Step | None:
-        if not self._task_clock.follows:
-            self._interrupt()
-        if not self._asks:
+    def _respond(self, state: _ArmState) -> Step | None:
+        pursuit = self._pursuit
+        if pursuit is None:
             return None
-        if not self._task_clock.follows:
-            return Step(stamp, np.zeros(6 if self._turns else 3), None)
-        planner = self._planner_for(stamp, x, R)
-        turned = R if self._turns else None
-        reference = planner.reference(
-            x, self._task_clock.t, turned, unachieved=unachieved, rate=self._task_clock.rate
-        )
-        self._x_d = reference.x_d
-        self.state = TaskState.FINISHED if reference.finished else TaskState.MOVING
-        return Step(stamp, reference.dx, reference)
+        if self._is_interrupted:
+            return self._wait(pursuit, state)
+        if self.state is TaskState.WAITING and pursuit.is_astray(state.x):
+            pursuit.planner = None
+            pursuit.at_home = False
+        if not pursuit.at_home:
+            step = self._go_home(pursuit, state)
+            if not pursuit.at_home:
+                return step
+        make_planner = pursuit.goal.make_planner
+        if make_planner is not None:
+            return self._follow_path(pursuit, make_planner, state)
+        self._pursuit = None
+        self.state = TaskState.FINISHED
+        return None
 
-    def _give_up_after(self, silence: float) -> None:
-        """Stop a task that was begun with another robot, or long ago: somebody may be near the arm.
+    @property
+    def _is_interrupted(self) -> bool:
+        """Whether the controller does not follow; at a limit it follows, but at no speed."""
+        may_be_at_limit = self.state in (TaskState.HOMING, TaskState.MOVING)
+        is_at_limit = may_be_at_limit and self._mode == _MOVING and self._task_clock.is_receiving
+        return not (self._task_clock.follows or is_at_limit)
+
+    def _wait(self, pursuit: _Pursuit, state: _ArmState) -> Step | None:
+        """Ask for no velocity: the controller says whether it would follow one."""
+        if self.state is TaskState.FINISHED:
+            self._pursuit = None
+            return None
+        if self.state is not TaskState.WAITING:
+            self.state = TaskState.WAITING
+            pursuit.waited = 0.0
+            pursuit.held = 0.0
+        pursuit.waited += self._seconds
+        pursuit.held += self._seconds
+        over = self._why_over(pursuit)
+        if over:
+            self._end(over)
+            return None
+        if pursuit.path is not None and not pursuit.at_home:
+            return Step(state.stamp, dq=np.zeros(len(state.q)))
+        return Step(state.stamp, dx=np.zeros(6 if self._turns else 3))
+
+    def _why_over(self, pursuit: _Pursuit) -> str:
+        """Why a goal that waits is to be given up; empty if it is not."""
+        goal = pursuit.goal
+        if pursuit.has_begun and not goal.goes_on:
+            return 'the motion was interrupted'
+        is_held = self._mode == _HOLDING and pursuit.held > _HELD
+        if is_held and not pursuit.has_begun:
+            return 'the controller holds (controller/hold)'
+        pauses = pursuit.has_begun and self._mode in ('', _HOLDING) and not self._stopped
+        if pauses or goal.patience is None or pursuit.waited <= goal.patience:
+            return ''
+        return f'the controller has not followed for {goal.patience:g} s (resume_within)'
+
+    def _go_home(self, pursuit: _Pursuit, state: _ArmState) -> Step | None:
+        """The joint velocity towards where the tip's path begins."""
+        make_path = pursuit.goal.make_path
+        if self.state is TaskState.WAITING:
+            pursuit.path = make_path(state.q) if make_path else None
+            self._task_clock.begin()
+            self._monitor.begin()
+        pursuit.has_begun = True
+        path = pursuit.path
+        if path is None:
+            pursuit.at_home = True
+            return None
+        t = self._task_clock.t
+        reference = path.reference(state.q, t, self._task_clock.rate)
+        if reference.finished:
+            pursuit.at_home = True
+            return None
+        self.state = TaskState.HOMING
+        error = float(np.abs(reference.error).max())
+        pursuit.distance = f'a joint is {error:.3g} rad from where it should be'
+        self._watch(pursuit, 0, max(path.duration - t, 0.0), error)
+        return Step(state.stamp, dq=reference.dq) if self._pursuit else None
+
+    def _follow_path(
+        self,
+        pursuit: _Pursuit,
+        make_planner: Callable[[np.ndarray, np.ndarray], Planner],
+        state: _ArmState,
+    ) -> Step | None:
+        """The task velocity along the tip's path."""
+        if pursuit.planner is None:
+            pursuit.planner = make_planner(state.x, state.R)
+            self._task_clock.begin()
+            self._monitor.begin()
+            self.start_stamp = state.stamp
+        elif self.state is TaskState.WAITING:
+            self._task_clock.resume()
+        t = self._task_clock.t
+        planner = pursuit.planner
+        reference = planner.reference(
+            state.x,
+            t,
+            state.R if self._turns else None,
+            unachieved=state.unachieved,
+            rate=self._task_clock.rate,
+        )
+        pursuit.x_d = reference.x_d
+        if reference.finished:
+            self.state = TaskState.FINISHED
+            return Step(state.stamp, reference.dx, None, reference)
+        self.state = TaskState.MOVING
+        error = float(np.linalg.norm(reference.error))
+        pursuit.distance = f'the tip is {error:.3g} m from where it should be'
+        if reference.orientation_error is not None:
+            turn = float(np.linalg.norm(reference.orientation_error))
+            pursuit.distance += f', and turned by {turn:.3g} rad'
+            error = max(error, _LEVER * turn)
+        self._watch(pursuit, reference.segment, planner.time_left(t), error)
+        return Step(state.stamp, reference.dx, None, reference) if self._pursuit else None
+
+    def _watch(self, pursuit: _Pursuit, segment: int, left: float, error: float) -> None:
+        """Give a goal up that gets nowhere.
+
+        Args:
+            pursuit: Of the goal.
+            segment: Number of the one under way.
+            left: Of its time [s].
+            error: Of the position.
+        """
+        monitor = self._monitor
+        monitor.enter(self._seconds, segment, left, error)
+        if not monitor.is_stuck:
+            self._remark = ''
+        elif not self._remark:
+            self._remark = f'no progress for {monitor.stuck_after:g} s: {pursuit.reason}'
+        if monitor.idle == 0.0:
+            pursuit.limits = ''
+        if monitor.is_hopeless:
+            self._end(f'no progress for {monitor.give_up_after:g} s: {pursuit.reason}')
+            self.state = TaskState.STUCK
+
+    def _end_after(self, silence: float) -> None:
+        """End what was asked for before another robot, or long ago: somebody may be near the arm.
 
         Args:
             silence: From the last stamp to this one [s]; negative for another clock.
         """
-        if self._resume_within is None or 0.0 < silence <= self._resume_within:
+        patience = self._pursuit.goal.patience if self._pursuit else None
+        if patience is None or 0.0 < silence <= patience:
             return
-        begun = self._planner is not None
-        if begun and self.state in (TaskState.WAITING, TaskState.MOVING):
-            self.stop()
+        if self.state in UNDER_WAY:
+            self._end(
+                'the robot was started again, or silent for more than '
+                f'{patience:g} s (resume_within)'
+            )
 
-    def _interrupt(self) -> None:
-        if self.state is TaskState.FINISHED:
-            self._asks = False
-        elif self.state is TaskState.MOVING:
-            self.state = TaskState.WAITING
-
-    def _planner_for(self, stamp: int, x: np.ndarray, R: np.ndarray) -> Planner:
-        """The one at work, or a new one where the task begins or begins anew."""
-        resumes = self._planner is not None and self.state is TaskState.WAITING
-        if resumes and np.linalg.norm(x - self._x_d) > _ASTRAY:
-            self._planner = None
-        if self._planner is None:
-            self._planner = self._make_planner(x, R)
-            self._task_clock.begin()
-            self.start_stamp = stamp
-        elif resumes:
-            self._task_clock.resume()
-        return self._planner
+    def _end(self, reason: str) -> None:
+        """Give the goal up."""
+        is_task = self._pursuit is not None and self._pursuit.goal.goes_on
+        self.stop()
+        what = 'the task is over; planner/start begins it anew' if is_task else 'the goal is over'
+        self._remark = f'{reason}: {what}'

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.errors import FileError, UnknownNameError, quoted
+from redres_ros.errors import ArrayError, FileError, UnknownNameError, quoted
 from redres_ros.files.share import share_path
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
@@ -64,6 +64,13 @@ class WaypointTask:
     def segments(self) -> int:
         """Number of segments, one less than the waypoints."""
         return len(self.waypoints) - 1
+
+    def check_joints(self, n: int) -> None:
+        """Refuse a task of an arm with another number of joints than n. Raises ArrayError."""
+        if len(self.start) != n:
+            raise ArrayError(
+                f'start of a task of {self.robot} has {len(self.start)} joints; expected {n}'
+            )
 
     def aside(self, x: np.ndarray, segment: np.ndarray) -> np.ndarray:
         """Distances of positions from the straight lines of their segments, (N,) [m].

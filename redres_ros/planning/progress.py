@@ -1,0 +1,57 @@
+"""Whether a motion gets anywhere, by the time that is left of its segment and by its error."""
+
+_STEP = 0.05  # [s] of the segment's time that count as progress
+_SHARE = 0.9  # of the error at the end of a segment's time, below which it has become smaller
+
+
+class ProgressMonitor:
+    """Counts the time for which a motion has not got any further.
+
+    While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
+    error that becomes smaller.
+
+    Args:
+        stuck_after: Time without progress after which the motion is stuck [s].
+        give_up_after: The same, after which it is given up [s].
+    """
+
+    def __init__(self, stuck_after: float, give_up_after: float) -> None:
+        self.stuck_after = stuck_after
+        self.give_up_after = give_up_after
+        self.begin()
+
+    def begin(self) -> None:
+        """A motion begins."""
+        self.idle = 0.0  # [s] without progress
+        self._segment = -1
+        self._left = 0.0
+        self._error = 0.0
+
+    def enter(self, seconds: float, segment: int, left: float, error: float) -> None:
+        """Take in how far the motion is.
+
+        Args:
+            seconds: Since the last call [s].
+            segment: Number of the one under way.
+            left: Of its time [s]; 0 once it should be over.
+            error: Of the position, in any unit.
+        """
+        goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
+        comes_nearer = left <= 0.0 and error < _SHARE * self._error
+        if segment != self._segment or goes_on or comes_nearer:
+            self._segment = segment
+            self._left = left
+            self._error = error
+            self.idle = 0.0
+        else:
+            self.idle += seconds
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether it got nowhere for stuck_after."""
+        return self.idle >= self.stuck_after
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether it got nowhere for give_up_after."""
+        return self.idle >= self.give_up_after

@@ -1,0 +1,111 @@
+"""JointPath: a joint-space motion from rest to rest, within velocities and accelerations."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from redres_ros import RobotModel
+from redres_ros.planning.joint_path import JointPath, path_to
+
+T = 0.001  # [s]
+V = np.array((1.0, 2.0, 0.5))  # [rad/s]
+A = np.array((4.0, 3.0, 5.0))  # [rad/s^2]
+START = np.array((0.3, -1.0, 2.0))
+TURN = 2.0 * np.pi
+
+
+def random_paths() -> list[tuple[np.ndarray, np.ndarray, JointPath]]:
+    chance = np.random.default_rng(4)
+    ends = START + chance.normal(0.0, 1.5, (50, 3)) * chance.choice((0.01, 1.0), (50, 1))
+    return [(START, end, JointPath(START, end, V, A)) for end in ends]
+
+
+def positions(path: JointPath) -> np.ndarray:
+    """q_d at every T until the end, (N, n)."""
+    times = np.arange(0.0, path.duration + T, T)
+    return np.array([path.reference(START, t).q_d for t in times])
+
+
+def test_it_goes_from_the_start_to_the_end() -> None:
+    for start, end, path in random_paths():
+        assert path.reference(start, 0.0).q_d == pytest.approx(start, abs=1e-12)
+        assert path.reference(end, path.duration).q_d == pytest.approx(end, abs=1e-12)
+
+
+def test_no_joint_is_faster_than_it_may_be_and_one_is_as_fast_if_that_takes_longest() -> None:
+    for _, _, path in random_paths():
+        q = positions(path)
+        speed = np.abs(np.diff(q, axis=0) / T).max(axis=0) / V
+        acceleration = np.abs(np.diff(q, 2, axis=0) / T**2).max(axis=0) / A
+        share = max(speed.max(), acceleration.max())
+        assert share < 1.0 + 1e-6
+        assert share > 0.99 or path.duration == pytest.approx(0.5)  # T cuts the peaks off
+
+
+def test_all_joints_arrive_together() -> None:
+    _, _, path = random_paths()[0]
+    q = positions(path)
+    share = (q - q[0]) / (q[-1] - q[0])
+    assert share == pytest.approx(np.tile(share[:, :1], 3), abs=1e-9)
+
+
+def follow(path: JointPath, q: np.ndarray, seen: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Where joints are at the end that go as they are told; `seen` is what their driver reports."""
+    t = 0.0
+    while not (reference := path.reference(seen(q), t)).finished:
+        assert t < path.duration + 5.0
+        q = q + T * reference.dq
+        t += T
+    return q
+
+
+def test_feedback_brings_a_joint_that_is_elsewhere_to_the_end() -> None:
+    _, end, path = random_paths()[1]
+    reached = follow(path, START + 0.2, lambda q: q)
+    assert reached == pytest.approx(end, abs=0.005)
+
+
+def test_feedback_keeps_to_the_velocities() -> None:
+    _, _, path = random_paths()[1]
+    reference = path.reference(START + np.array((1.0, -2.0, 0.1)), 0.0)
+    assert np.abs(reference.dq / V).max() == pytest.approx(1.0)
+
+
+def test_a_driver_of_one_turn_does_not_disturb_a_joint_of_several() -> None:
+    turning = np.array((False, True, False))
+    end = START + np.array((0.1, -3.0, 0.1))  # passes -pi
+    path = JointPath(START, end, V, A, turning=turning)
+
+    def of_one_turn(q: np.ndarray) -> np.ndarray:
+        return np.where(turning, np.remainder(q + np.pi, TURN) - np.pi, q)
+
+    assert follow(path, START, of_one_turn) == pytest.approx(end, abs=0.005)
+
+
+def test_an_arm_that_is_there_needs_no_path() -> None:
+    model = RobotModel.named('lwr4_paper')
+    q = np.array(model.arm.start)
+    assert path_to(model, q + 0.019, q, 0.5, 0.02) is None
+    assert path_to(model, q + 0.021, q, 0.5, 0.02) is not None
+
+
+def test_the_share_of_the_limits_sets_how_long_it_takes() -> None:
+    model = RobotModel.named('lwr4_paper')
+    q = np.array(model.arm.start)
+    whole = path_to(model, q + 2.0, q, 1.0, 0.02)
+    half = path_to(model, q + 2.0, q, 0.5, 0.02)
+    assert whole is not None and half is not None
+    assert half.duration == pytest.approx(2.0 * whole.duration)  # velocity decides
+
+
+def test_a_joint_of_several_turns_goes_the_shortest_way_within_its_range() -> None:
+    model = RobotModel.named('gen3')  # joints 1, 3, 5, 7 turn once to each side
+    home = np.array(model.arm.start)
+    q = home.copy()
+    q[0] = home[0] + TURN - 0.5
+    path = path_to(model, q, home, 1.0, 0.02)
+    assert path is not None
+    end = path.reference(q, path.duration).q_d
+    assert end[0] == pytest.approx(home[0] + TURN, abs=1e-9)
+    assert (end >= model.q_min).all() and (end <= model.q_max).all()
