@@ -20,10 +20,9 @@ from typing import NamedTuple
 from redres_ros.bench.loop import PARAMETERS
 from redres_ros.demo.processes import NodeProcess, own_domain
 from redres_ros.demo.recorded import ALL
-from redres_ros.graph.client import read_parameters
 from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.graph.recorder import GraphRecorder
-from redres_ros.nodes.runtime import spun
+from redres_ros.nodes.runtime import OwnThread, spun
 
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way
 LATE = 500_000_000  # [ns] from what a node said to its publication, at most
@@ -88,7 +87,7 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
         McapFile(out / 'run.mcap') as file,
         spun(lambda: GraphRecorder(file, wanted)) as recorder,
     ):
-        read_parameters(recorder, 'controller')  # so it is there
+        recorder.client.await_nodes(stopped, OwnThread())
         thread = threading.Thread(target=recorder.run, args=(stopped,))
         thread.start()
         time.sleep(JOINING)
@@ -100,7 +99,6 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
         time.sleep(JOINING)
         stopped.set()
         thread.join()
-        recorder.close()
     return Span(begin, end, share)
 
 

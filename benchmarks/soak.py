@@ -31,7 +31,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.graph.client import CallError, call, set_parameters
+from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.laws import LAWS
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
@@ -148,6 +148,7 @@ class Soak:
 
     def __init__(self, judge: Judge, chance: random.Random, folder: Path) -> None:
         self._judge = judge
+        self._client = GraphClient(judge)
         self._chance = chance
         self._folder = folder
         self._started: Counter[str] = Counter()
@@ -214,10 +215,10 @@ class Soak:
             self._judge.books.events[f'no answer: {str(error)[:60]}'] += 1
 
     def _call(self, kind: type, service: str, **request: Any) -> None:
-        call(self._judge, kind, service, kind.Request(**request))  # type: ignore[attr-defined]
+        self._client.call(kind, service, kind.Request(**request))  # type: ignore[attr-defined]
 
     def _set(self, node: str, **values: Any) -> None:
-        set_parameters(self._judge, node, values)
+        self._client.set_parameters(node, values)
 
     def _start(self, name: str) -> NodeProcess:
         self._started[name] += 1

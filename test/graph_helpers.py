@@ -5,11 +5,11 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
@@ -23,7 +23,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess, own_domain
-from redres_ros.graph import client
+from redres_ros.graph.client import GraphClient
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
@@ -47,10 +47,29 @@ SLOW = 1e-3  # [rad/s] of an arm at rest
 LATE = 500_000_000  # [ns] at most by which a listener hears one topic later than another
 PATIENCE = 60.0  # [s] for what must happen, where a process may take 20 s to start
 
-# As the package has them, with the patience of tests: the node may not be there yet.
-call = partial(client.call, timeout=PATIENCE)
-set_parameters = partial(client.set_parameters, timeout=PATIENCE)
-read_parameters = partial(client.read_parameters, timeout=PATIENCE)
+_clients: WeakKeyDictionary[Node, GraphClient] = WeakKeyDictionary()
+
+
+def client_of(node: Node) -> GraphClient:
+    """A node's client, with the patience of tests: who is asked may not be there yet."""
+    if node not in _clients:
+        _clients[node] = GraphClient(node, PATIENCE)
+    return _clients[node]
+
+
+def call(node: Node, kind: type, service: str, request: Any) -> Any:
+    """The response of a service, asked for by a node."""
+    return client_of(node).call(kind, service, request)
+
+
+def set_parameters(node: Node, of: str, values: dict[str, Any]) -> None:
+    """Set parameters of another node."""
+    client_of(node).set_parameters(of, values)
+
+
+def read_parameters(node: Node, of: str) -> dict[str, Any]:
+    """All parameters of another node."""
+    return client_of(node).parameters(of)
 
 
 class Probe(Node):
@@ -70,7 +89,6 @@ class Probe(Node):
         self.create_subscription(
             JointState, 'joint_command', self._on_answer, QoSProfile(depth=1000)
         )
-        self._asker = self.create_client(GetParameters, 'controller/get_parameters')
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
         """A list that grows by every message on a topic."""
@@ -110,7 +128,7 @@ class Probe(Node):
 
     def settle(self) -> None:
         """Wait until the controller has heard all that was published: it answers in order."""
-        client.ask(self._asker, GetParameters.Request(), PATIENCE)
+        call(self, GetParameters, 'controller/get_parameters', GetParameters.Request())
 
     def is_answered(self, message: JointState) -> bool:
         """Send the newest state; whether the controller, once it has heard it, answers."""

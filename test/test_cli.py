@@ -355,7 +355,7 @@ def test_the_list_of_laws_keeps_to_the_width_of_a_terminal_and_to_a_line_elsewhe
     assert wrapped.split() == lines.split()
 
 
-COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'bench', 'laws', 'law', 'watch')
+COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'bench', 'laws', 'watch')
 MOTIONS = ('simulate', 'compare', 'demo')
 
 

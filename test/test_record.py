@@ -205,7 +205,6 @@ def recording(tmp_path: Path) -> Path:
         await_that(lambda: recorder.messages == 2021, 'the messages')
         stopped.set()
         thread.join()
-        recorder.close()
     return path
 
 

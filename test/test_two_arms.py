@@ -57,7 +57,10 @@ def robot(namespace: str, arm: str, log: Path) -> Iterator[None]:
 def law_of_left(name: str) -> subprocess.CompletedProcess[str]:
     """Switch the law of one arm, as users do."""
     return subprocess.run(
-        [sys.executable, '-m', 'redres_ros.cli', 'law', name, '--namespace', 'left'],
+        [
+            *(sys.executable, '-m', 'redres_ros.cli', 'watch', '--namespace', 'left'),
+            *('--duration', '0', '--set', f'law={name}', 'limit_scale=1'),
+        ],
         capture_output=True,
         text=True,
         timeout=PATIENCE,

@@ -25,12 +25,11 @@ from std_msgs.msg import Float64MultiArray, Int32
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
-from redres_ros.demo.listener import DemoListener
 from redres_ros.errors import ArrayError
 from redres_ros.graph import live_arm
 from redres_ros.graph.active_limits import ActiveLimits
 from redres_ros.graph.client import CallError
-from redres_ros.graph.graph_monitor import WORDS
+from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.sampling import Sampler
 from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.limits import limit_name, make_limits
@@ -270,7 +269,8 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
 ) -> None:
     monkeypatch.setattr(live_arm, '_SILENCE', 0.2)
     with graph(ControllerNode) as (node, _):
-        arm = live_arm.LiveArm(node, values_of(node))
+        monitor = GraphMonitor('test')
+        arm = live_arm.LiveArm(monitor, values_of(node))
         states = node.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
         snapshots = node.create_publisher(
             Float64MultiArray, controller_snapshot.TOPIC, QoSProfile(depth=1)
@@ -287,8 +287,7 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
         command = motion.commands[0]
         told = to_message(ControllerSnapshot.of(5, command, speed=0.0, acceleration=0.0))
         await_that(lambda: arrived(snapshots, told, command.state.q), 'the snapshot')
-        assert arm._states is None
-        arm.close()
+        monitor.destroy_node()
 
 
 def test_changes_that_cannot_be_are_passed_over() -> None:
@@ -304,7 +303,7 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
         raise CallError(f'{of} refused')
 
     controls = Controls.__new__(Controls)
-    controls._remote = SimpleNamespace(set_parameters=refuse)
+    controls._client = SimpleNamespace(set_parameters=refuse)
     controls._values = {'controller': {'law': 'minimum_torque'}}
     shown: list[str] = []
     controls._shows = {'controller': {'law': shown.append}}
@@ -362,7 +361,7 @@ def chromium() -> Iterator[Any]:
 def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_path: Path) -> None:
     asked: list[str] = []
     chromium.on('request', lambda request: asked.append(request.url))
-    with graph(DemoListener) as (node, start):
+    with graph(lambda: GraphMonitor('test')) as (node, start):
         # What the browser draws may hold up the controller; the robot waits for it.
         start('sim', tmp_path / 'sim.log', patience=PATIENCE)
         for name in ('controller', 'planner'):

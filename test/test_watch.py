@@ -7,7 +7,7 @@ import sys
 import pytest
 from rich.console import Console
 
-from redres_ros.graph.last_value import STALE, LastValue, NodeHealth
+from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
 from redres_ros.graph.watch_page import JointBar, line, page
 
 FULL = {

@@ -1,4 +1,4 @@
-"""`redres laws`, which lists them, and `redres law`, which switches a running controller to one."""
+"""`redres laws`: the laws, and what can be combined with them."""
 
 import argparse
 import inspect
@@ -7,7 +7,6 @@ import sys
 import textwrap
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_domain, add_namespace
 from redres_ros.cli.parser import add_command
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ _HEADS = {
 
 
 def add(commands: Any) -> None:
-    """Declare the subcommands."""
+    """Declare the subcommand."""
     laws = add_command(
         commands,
         'laws',
@@ -35,19 +34,6 @@ def add(commands: Any) -> None:
         '--plugin my_laws.py  # and yours',
     )
     laws.set_defaults(run=_laws)
-    law = add_command(
-        commands,
-        'law',
-        'switch the law of a running controller',
-        'minimum_weighted_torque --damping 5 --domain 42',
-    )
-    law.add_argument('name', metavar='NAME', help='see `redres laws`')
-    law.add_argument(
-        '--damping', type=float, metavar='K_D', help='null-space damping [1/s]; default: as it is'
-    )
-    add_domain(law)
-    add_namespace(law)
-    law.set_defaults(run=_law)
 
 
 def _laws(options: argparse.Namespace) -> int:
@@ -85,26 +71,3 @@ def _describes(arm: 'Arm') -> str:
     if arm.base_offset or arm.tool_offset:
         moved = f', base {arm.base_offset:g} m higher, tool of {arm.tool_offset:g} m'
     return f'{len(arm.start)} joints, task {arm.task}{moved}'
-
-
-def _law(options: argparse.Namespace) -> int:
-    from rclpy.node import Node
-
-    from redres_ros.graph.client import set_parameters
-    from redres_ros.laws import make_law
-    from redres_ros.nodes.discovery import joined_domain
-    from redres_ros.nodes.runtime import spun
-
-    gains = {} if options.damping is None else {'damping': options.damping}
-    make_law(options.name, **gains)
-
-    def make() -> Node:
-        return Node('redres_law', namespace=options.namespace or None)
-
-    with joined_domain(options.domain), spun(make) as node:
-        set_parameters(node, 'controller', {'law': options.name, **gains})
-    print(
-        f'controller: {options.name}'
-        + ''.join(f', {gain} {value:g} 1/s' for gain, value in gains.items())
-    )
-    return 0

@@ -68,6 +68,5 @@ def _record(options: argparse.Namespace) -> int:
         spun(lambda: GraphRecorder(file, options.topics)) as recorder,
     ):
         recorder.run(stopped, options.duration)
-        recorder.close()
     print(f'{recorder.messages} messages of {recorder.topics} topics in {options.file}')
     return 0 if recorder.messages else 1

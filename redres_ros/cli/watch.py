@@ -1,10 +1,16 @@
-"""`redres watch`: the live state of running nodes."""
+"""`redres watch`: the live state of running nodes, and their controller's parameters."""
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain, add_namespace, add_watching_time, check_duration
-from redres_ros.cli.parser import add_command
+from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from redres_ros.graph.client import GraphClient
+
+_PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to answer
 
 
 def add(commands: Any) -> None:
@@ -12,9 +18,18 @@ def add(commands: Any) -> None:
     watch = add_command(
         commands,
         'watch',
-        'the live state of running nodes',
+        'the live state of running nodes; switches their law',
         '--domain 42',
+        '--set law=minimum_velocity  # another law, and what comes of it',
+        '--set limit_scale=0.5 --duration 0  # sets it, and ends',
         '--duration 10 > watch.txt  # a line a second where no terminal is',
+    )
+    watch.add_argument(
+        '--set',
+        nargs='+',
+        action='extend',
+        metavar='NAME=VALUE',
+        help='parameters of the controller that are set first, all of them or none',
     )
     add_watching_time(watch)
     add_domain(watch)
@@ -25,14 +40,64 @@ def add(commands: Any) -> None:
 def _watch(options: argparse.Namespace) -> int:
     import threading
 
+    from redres_ros.graph.client import GraphClient
     from redres_ros.graph.watch import Watch, watch
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
     check_duration(options.duration)
+    settings = options.set or []
+    texts = _texts(settings)
     with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
+        if texts:
+            client = GraphClient(node, _PATIENCE)
+            client.set_parameters('controller', _values(client, texts))
+            print(f'controller: {", ".join(settings)}', flush=True)
+            if options.duration == 0.0:
+                return 0
+        watch(node, threading.Event(), options.duration)
+        return 0 if node.values else 1
+
+
+def _texts(settings: list[str]) -> dict[str, str]:
+    """The text of each value, by the name of its parameter. Raises OptionError."""
+    texts = {}
+    for setting in settings:
+        name, equals, text = setting.partition('=')
+        if not (name and equals):
+            raise OptionError(f'--set {setting}; expected NAME=VALUE, as law=minimum_velocity')
+        texts[name] = text
+    return texts
+
+
+def _values(client: 'GraphClient', texts: dict[str, str]) -> dict[str, Any]:
+    """Values of the types that the controller's parameters have.
+
+    Args:
+        client: Asks the controller.
+        texts: Of the values, by the names of the parameters.
+
+    Raises:
+        UnknownNameError: The controller has no such parameter.
+        OptionError: A text that is no value of its type.
+        CallError: The controller does not answer.
+    """
+    import yaml
+
+    present = client.parameters('controller')
+    values = {}
+    for name, text in texts.items():
+        if name not in present:
+            raise UnknownNameError('parameter of the controller', name, present)
         try:
-            watch(node, threading.Event(), options.duration)
-        finally:
-            node.close()
-        return 0 if node.heard else 1
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            value = None
+        if not isinstance(value, (bool, int, float, str, list)):
+            raise OptionError(
+                f'--set {name}={text}; expected a value, as 0.5 or [position, torque]'
+            )
+        if isinstance(present[name], float) and type(value) is int:
+            value = float(value)  # a node refuses 5 where it expects 5.0
+        values[name] = value
+    return values

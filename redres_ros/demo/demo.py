@@ -8,23 +8,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from std_srvs.srv import Trigger
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
 
 from redres_ros.demo.cycles import count_cycles
-from redres_ros.demo.listener import DemoListener
 from redres_ros.demo.log import FINISHED, read_log
 from redres_ros.demo.node_group import NODES, NodeGroup
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
 from redres_ros.demo.replay import replay
-from redres_ros.graph.client import call, read_parameters, set_parameters
+from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.mcap_file import McapFile, merge, read_messages
 from redres_ros.laws import Law
 from redres_ros.loop.session import COMMANDING
 from redres_ros.nodes.controller import ControllerParameters
+from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.session_topics import REASON, SESSION
-from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.nodes.task_topics import TASK_BEGUN, TASK_STATE
+from redres_ros.nodes.wire import stamp_of
 from redres_ros.parameter import check_parameters
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
@@ -36,8 +39,41 @@ START_PATIENCE = 120.0
 SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
+_STATES = 'joint_states'
 _LOOK = 0.02  # [s] between looks at the state of things
 _ANSWER = 30.0  # [s] for the answer of a node that is there, and may stall
+
+
+class DemoMonitor(GraphMonitor):
+    """Observes a demo's nodes: what they report, and how far the robot's clock is.
+
+    Attributes:
+        newest: Stamp of the newest state [ns]; 0 before the first.
+        heard_at: When it came [s].
+        began: Stamp at which a task began last [ns]; 0 before the first.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('demo', patience=_ANSWER)
+        self.newest = 0
+        self.heard_at = time.monotonic()
+        self.began = 0
+        self.samples.add(_STATES, JointState, NEWEST)
+        self.create_subscription(Time, TASK_BEGUN, self._on_begun, LATCHED)
+
+    def look(self) -> None:
+        """Take in the newest state; of each only the stamp is read."""
+        for sample in self.samples.take(_STATES):
+            self.newest = stamp_of(sample.data)
+            self.heard_at = time.monotonic()
+
+    def has_finished(self, since: float) -> bool:
+        """Whether a task has been finished since an instant [s]."""
+        last = self.values.get(TASK_STATE)
+        return last is not None and last.at > since and last.value == FINISHED
+
+    def _on_begun(self, message: Time) -> None:
+        self.began = to_nanoseconds(message)
 
 
 class Demo:
@@ -72,6 +108,7 @@ class Demo:
         for name in (options.law, *(name for name, _ in options.switches)):
             law(name).check_damping(self._T)
         self._node_group = NodeGroup(options, task, law(options.law), out)
+        self._first_began = 0  # stamp at which the first task began [ns]
         self._node_parameters: dict[str, dict[str, Any]] = {}  # as the nodes have them, by name
 
     @property
@@ -99,18 +136,19 @@ class Demo:
         endurance = None
         last = math.inf
         try:
-            with spun(DemoListener) as listener, self._node_group.running():
-                self._await_robot(listener)
+            with spun(DemoMonitor) as monitor, self._node_group.running():
+                self._await_robot(monitor)
                 if self.options.mcap:
                     self._node_parameters = {
-                        f'/{name}': read_parameters(listener, name, _ANSWER) for name in NODES
+                        f'/{name}': monitor.client.parameters(name) for name in NODES
                     }
-                self._run_task(listener, progress)
+                self._run_task(monitor, progress)
+                self._first_began = monitor.began
                 if self.options.duration:
-                    endurance = self._repeat(listener, progress)
+                    endurance = self._repeat(monitor, progress)
                 if self.options.views:
-                    last = listener.newest
-                    self._stay(listener)
+                    last = monitor.newest
+                    self._stay(monitor)
         except KeyboardInterrupt:
             interrupted = True
         except BaseException:
@@ -118,86 +156,88 @@ class Demo:
             raise
         return Ending(endurance, interrupted, last)
 
-    def _await_robot(self, listener: DemoListener) -> None:
+    def _await_robot(self, monitor: DemoMonitor) -> None:
         until = time.monotonic() + START_PATIENCE
-        while not self._ready(listener):
-            self._check(listener)
+        while not self._ready(monitor):
+            self._check(monitor)
             if time.monotonic() > until:
                 raise DemoError(
                     f'the robot took no commands within {START_PATIENCE:g} s; see {self._out}/*.log'
                 )
             time.sleep(_LOOK)
 
-    def _ready(self, listener: DemoListener) -> bool:
+    def _ready(self, monitor: DemoMonitor) -> bool:
         """Whether the task may begin: the planner is there and the robot in command mode, or, in
         lock-step, waits for its first answer.
         """
-        if not listener.count_services('planner/start'):
+        if not monitor.count_services('planner/start'):
             return False
         if self.options.lockstep:
             topics = ('joint_command', 'cartesian_velocity')
-            return bool(listener.newest) and all(map(listener.count_publishers, topics))
-        return listener.word(SESSION) in COMMANDING
+            return bool(monitor.newest) and all(map(monitor.count_publishers, topics))
+        return monitor.word(SESSION) in COMMANDING
 
-    def _run_task(self, listener: DemoListener, progress: Callable[[float], None]) -> None:
+    def _run_task(self, monitor: DemoMonitor, progress: Callable[[float], None]) -> None:
         """Run the task until it is finished, the robot is stopped, or it took far too long."""
-        self._start_task(listener)
+        called = time.monotonic()
+        self._start_task(monitor)
         switches = sorted(self.options.switches, key=lambda pair: pair[1])
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
-        while t < PATIENCE * nominal and listener.word(TASK_STATE) != FINISHED:
-            self._check(listener)
-            if listener.word(REASON):
+        while t < PATIENCE * nominal and not monitor.has_finished(called):
+            self._check(monitor)
+            if monitor.word(REASON):
                 return
-            t = (listener.newest - listener.began) / 1e9
+            t = (monitor.newest - monitor.began) / 1e9
             while switches and t >= switches[0][1]:
                 law, _ = switches.pop(0)
-                set_parameters(listener, 'controller', {'law': law}, _ANSWER)
+                monitor.client.set_parameters('controller', {'law': law})
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
         time.sleep(SETTLING)
 
-    def _start_task(self, listener: DemoListener) -> None:
+    def _start_task(self, monitor: DemoMonitor) -> None:
         """Wait until the planner has begun, or the robot is stopped."""
-        before = listener.began
+        before = monitor.began
         until = time.monotonic() + START_PATIENCE
-        call(listener, Trigger, 'planner/start', Trigger.Request(), _ANSWER)
-        while listener.began == before and not listener.word(REASON):
-            self._check(listener)
+        monitor.client.trigger('planner/start')
+        while monitor.began == before and not monitor.word(REASON):
+            self._check(monitor)
             if time.monotonic() > until:
                 raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s')
             time.sleep(_LOOK)
 
-    def _repeat(self, listener: DemoListener, progress: Callable[[float], None]) -> Endurance:
+    def _repeat(self, monitor: DemoMonitor, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""
         before = {node.name: node.memory for node in self._node_group.nodes}
         duration = self.options.duration
-        begun = listener.first_began
+        begun = self._first_began
 
         def seconds() -> float:
-            return (listener.newest - begun) / 1e9
+            return (monitor.newest - begun) / 1e9
 
         rounds = 1
-        while not listener.word(REASON) and seconds() < duration:
-            self._run_task(listener, lambda _: progress(min(seconds() / duration, 1.0)))
+        while not monitor.word(REASON) and seconds() < duration:
+            self._run_task(monitor, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
         memory = {node.name: (before[node.name], node.memory) for node in self._node_group.nodes}
         return Endurance(rounds, seconds(), memory)
 
-    def _stay(self, listener: DemoListener) -> None:
+    def _stay(self, monitor: DemoMonitor) -> None:
         """Keep the nodes as long as somebody looks, or until Ctrl-C, an ordinary end here."""
         try:
             # Loads what draws, so that nobody waits for that after Ctrl-C.
             import_module('redres_ros.simulation.plots')
             while self._node_group.is_watched:
-                self._check(listener)
+                self._check(monitor)
                 time.sleep(_LOOK)
         except KeyboardInterrupt:
             return
 
-    def _check(self, listener: DemoListener) -> None:
+    def _check(self, monitor: DemoMonitor) -> None:
         self._node_group.check()
-        if listener.newest and time.monotonic() - listener.heard_at > SILENCE:
+        monitor.look()
+        if monitor.newest and time.monotonic() - monitor.heard_at > SILENCE:
             raise DemoError(
                 f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
             )

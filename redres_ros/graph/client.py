@@ -1,8 +1,8 @@
 """Calls to the nodes' services, for those who have no ros2 command line."""
 
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
@@ -11,8 +11,10 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.errors import RedresError
+from redres_ros.nodes.runtime import Waiting
 
 
 class CallError(RedresError):
@@ -23,59 +25,158 @@ PATIENCE = 5.0  # [s] for a service to be found, and for its answer
 _ASK_AGAIN = 1.0  # [s]
 _LOOK = 0.001  # [s] between looks at whether an answer has come
 
-
-def call(node: Node, kind: type, service: str, request: Any, timeout: float = PATIENCE) -> Any:
-    """The response of a service.
-
-    A server drops the answer to a client that it has not discovered yet, so the request is made
-    again after a second; the services of this package bear that.
-
-    Args:
-        node: Asks; must be spun by somebody else.
-        kind: Type of the service.
-        service: Its name.
-        request: What is asked.
-        timeout: How long to wait for the service, and for its answer [s].
-
-    Raises:
-        CallError: Nobody offers the service, or it does not answer.
-    """
-    client = node.create_client(kind, service)
-    try:
-        return ask(client, request, timeout)
-    finally:
-        node.destroy_client(client)
+_START_PATIENCE = 120.0  # [s] for a graph to appear, which may have to be compiled first
+_GRAPH_LOOK = 0.1  # [s] between looks at whether it is there
+_SETTLING = 0.5  # [s] for the rest of it to be discovered
+_NEEDED = ('controller', 'planner')
+# Clients of these are made while the graph is awaited: a server must have found them before it can
+# answer.
+_STEERED = {
+    'planner/start': Trigger,
+    'planner/stop': Trigger,
+    'sim/reset': Trigger,
+    'controller/hold': SetBool,
+    'controller/set_parameters_atomically': SetParametersAtomically,
+    'sim/set_parameters_atomically': SetParametersAtomically,
+    'sim/get_parameters': GetParameters,
+}
 
 
-def ask(client: Client, request: Any, timeout: float = PATIENCE) -> Any:
-    """The response to a client that stays, as with `call`.
+class GraphClient:
+    """Calls what the nodes offer, from any thread, by clients that stay: the second call of a
+    service is on its way at once.
 
     Args:
-        client: Its node must be spun by somebody else.
-        request: What is asked.
-        timeout: How long to wait for the service, and for its answer [s].
-
-    Raises:
-        CallError: Nobody offers the service, or it does not answer.
+        node: Has the clients; is spun by somebody else.
+        patience: How long to wait for a service, and for its answer [s].
     """
-    service = client.srv_name
-    if not client.wait_for_service(timeout_sec=timeout):
-        domain = client.context.get_domain_id()
-        raise CallError(
-            f'nobody offers the service {service}; is its node running in ROS domain {domain}?'
-        )
-    until = time.monotonic() + timeout
-    futures: list[Future] = []
-    try:
-        while time.monotonic() < until and rclpy.ok():
-            futures.append(client.call_async(request))
-            response = _first(futures, min(until, time.monotonic() + _ASK_AGAIN))
-            if response is not None:
-                return response
-    finally:
-        for future in futures:
-            client.remove_pending_request(future)
-    raise CallError(f'{service} did not answer within {timeout:g} s')
+
+    def __init__(self, node: Node, patience: float = PATIENCE) -> None:
+        self._node = node
+        self._patience = patience
+        self._clients: dict[str, Client] = {}
+        self._lock = threading.Lock()  # of the clients
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """The response of a service.
+
+        A server drops the answer to a client that it has not discovered yet, so the request is made
+        again after a second; the services of this package bear that.
+
+        Args:
+            kind: Type of the service.
+            service: Its name.
+            request: What is asked.
+
+        Raises:
+            CallError: Nobody offers the service, or it does not answer.
+        """
+        client = self._client(kind, service)
+        if not client.wait_for_service(timeout_sec=self._patience):
+            domain = self._node.context.get_domain_id()
+            raise CallError(
+                f'nobody offers the service {client.srv_name}; '
+                f'is its node running in ROS domain {domain}?'
+            )
+        until = time.monotonic() + self._patience
+        futures: list[Future] = []
+        try:
+            while time.monotonic() < until and rclpy.ok():
+                futures.append(client.call_async(request))
+                response = _first(futures, min(until, time.monotonic() + _ASK_AGAIN))
+                if response is not None:
+                    return response
+        finally:
+            for future in futures:
+                client.remove_pending_request(future)
+        raise CallError(f'{client.srv_name} did not answer within {self._patience:g} s')
+
+    def trigger(self, service: str) -> str:
+        """What the node says to a call of a Trigger service. Raises CallError."""
+        return _message(service, self.call(Trigger, service, Trigger.Request()))
+
+    def hold(self, held: bool) -> str:
+        """What the controller says to holding the arm, or following again. Raises CallError."""
+        service = 'controller/hold'
+        return _message(service, self.call(SetBool, service, SetBool.Request(data=held)))
+
+    def set_parameters(self, of: str, values: Mapping[str, Any]) -> None:
+        """Set all of these parameters of another node or none.
+
+        Args:
+            of: Name of the other node.
+            values: By the names of the parameters.
+
+        Raises:
+            CallError: The node does not answer, or refuses, with its reason.
+        """
+        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=wanted)
+        response = self.call(SetParametersAtomically, f'{of}/set_parameters_atomically', request)
+        if not response.result.successful:
+            raise CallError(f'{of} refused: {response.result.reason}')
+
+    def parameters(self, of: str, names: Sequence[str] = ()) -> dict[str, Any]:
+        """Parameters of another node, arrays as lists.
+
+        Args:
+            of: Name of the other node.
+            names: Those that are wanted; none: all that have a value.
+
+        Raises:
+            CallError: The node does not answer.
+        """
+        wanted = list(names)
+        if not wanted:
+            request = ListParameters.Request()
+            listed = self.call(ListParameters, f'{of}/list_parameters', request)
+            wanted = listed.result.names
+        request = GetParameters.Request(names=wanted)
+        response = self.call(GetParameters, f'{of}/get_parameters', request)
+        values = map(parameter_value_to_python, response.values)
+        read = {name: _plain(value) for name, value in zip(wanted, values, strict=True)}
+        return {name: value for name, value in read.items() if names or value is not None}
+
+    def offers(self, of: str) -> bool:
+        """Whether a node is there, as far as is known by now."""
+        client = self._client(GetParameters, f'{of}/get_parameters')
+        return bool(client.service_is_ready())
+
+    def await_nodes(
+        self, stopped: threading.Event, waiting: Waiting, patience: float = _START_PATIENCE
+    ) -> bool:
+        """Whether the graph is there; False where it need not be any more.
+
+        Args:
+            stopped: Ends the waiting.
+            waiting: How to wait.
+            patience: How long [s].
+
+        Raises:
+            CallError: It has not appeared.
+        """
+        for service, kind in _STEERED.items():
+            self._client(kind, service)
+        until = time.monotonic() + patience
+        while not all(map(self.offers, _NEEDED)):
+            if stopped.is_set():
+                return False
+            if time.monotonic() > until:
+                domain = self._node.context.get_domain_id()
+                raise CallError(
+                    f'no {" and no ".join(_NEEDED)} in ROS domain {domain}; '
+                    'start them, as with `redres demo`, which prints its domain, '
+                    'or name another with --domain'
+                )
+            waiting.sleep(_GRAPH_LOOK)
+        waiting.sleep(_SETTLING)
+        return not stopped.is_set()
+
+    def _client(self, kind: type, service: str) -> Client:
+        with self._lock:
+            if service not in self._clients:
+                self._clients[service] = self._node.create_client(kind, service)
+            return self._clients[service]
 
 
 def _first(futures: Sequence[Future], until: float) -> Any:
@@ -88,74 +189,12 @@ def _first(futures: Sequence[Future], until: float) -> Any:
     return None
 
 
-def set_parameters(
-    node: Node, of: str, values: Mapping[str, Any], timeout: float = PATIENCE
-) -> None:
-    """Set all parameters of another node or none.
-
-    Args:
-        node: Asks; must be spun by somebody else.
-        of: Name of the other node.
-        values: By the names of the parameters.
-        timeout: How long to wait for the node, and for its answer [s].
-
-    Raises:
-        CallError: The node does not answer, or refuses, with its reason.
-    """
-    service = f'{of}/set_parameters_atomically'
-    check_set(of, call(node, SetParametersAtomically, service, setting(values), timeout))
-
-
-def setting(values: Mapping[str, Any]) -> SetParametersAtomically.Request:
-    """The request to set parameters to these values, by their names."""
-    wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-    return SetParametersAtomically.Request(parameters=wanted)
-
-
-def check_set(of: str, response: SetParametersAtomically.Response) -> None:
-    """Raise CallError where a node did not set what it was to.
-
-    Args:
-        of: Name of the node.
-        response: What it said.
-    """
-    if not response.result.successful:
-        raise CallError(f'{of} refused: {response.result.reason}')
-
-
-def read_parameters(node: Node, of: str, timeout: float = PATIENCE) -> dict[str, Any]:
-    """All parameters of another node that have a value.
-
-    Args:
-        node: Asks; must be spun by somebody else.
-        of: Name of the other node.
-        timeout: How long to wait for the node, and for each answer [s].
-
-    Raises:
-        CallError: The node does not answer.
-    """
-    read = parameters_of(of, partial(call, node, timeout=timeout))
-    return {name: _plain(value) for name, value in read.items()}
-
-
-def parameters_of(of: str, ask_for: Callable[[type, str, Any], Any]) -> dict[str, Any]:
-    """All parameters of another node that have a value.
-
-    Args:
-        of: Name of the other node.
-        ask_for: Gives the response to type of a service, its name and a request.
-
-    Raises:
-        CallError: The node does not answer.
-    """
-    listed = ask_for(ListParameters, f'{of}/list_parameters', ListParameters.Request())
-    names = listed.result.names
-    request = GetParameters.Request(names=names)
-    values = ask_for(GetParameters, f'{of}/get_parameters', request).values
-    read = zip(names, map(parameter_value_to_python, values), strict=True)
-    return {name: value for name, value in read if value is not None}
+def _message(service: str, response: Any) -> str:
+    if not response.success:
+        raise CallError(f'{service}: {response.message}')
+    return str(response.message)
 
 
 def _plain(value: Any) -> Any:
     """Arrays as lists, which YAML can hold."""
-    return value if isinstance(value, (bool, int, float, str)) else list(value)
+    return value if value is None or isinstance(value, (bool, int, float, str)) else list(value)

@@ -1,9 +1,12 @@
-"""What a spectator knows of a running graph: its newest words, its health and its parameters."""
+"""A running graph from outside: the newest words of its nodes, their health and parameters, samples
+of fast topics, and calls to its services.
+"""
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterEvent
@@ -12,7 +15,8 @@ from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import String
 
 from redres_ros.errors import one_line
-from redres_ros.graph.last_value import STALE, LastValue, NodeHealth
+from redres_ros.graph.client import PATIENCE, GraphClient
+from redres_ros.graph.sampling import Sampler
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
@@ -20,58 +24,83 @@ from redres_ros.nodes.task_topics import TASK_STATE
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE)
 NODES = ('sim', 'planner', 'controller')
 
-NICENESS = 10  # who looks on must wait for those who work, where processors are few
+STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
+NICENESS = 10  # who observes must wait for those who work, where processors are few
+
+
+@dataclass(frozen=True)
+class LastValue:
+    """A value, and the instant [s] at which it came."""
+
+    value: object
+    at: float
+
+
+class NodeHealth(NamedTuple):
+    """What a node reports of itself, and whether all is well."""
+
+    text: str
+    is_well: bool
 
 
 class GraphMonitor(Node):
-    """Listens to what the nodes tell anyway, so that looking on costs them next to nothing.
+    """Receives what the nodes publish anyway, so that observing costs them next to nothing.
 
-    `heard` has the newest of each topic, and the NodeHealth of a node under the node's name.
-    `on_parameters` is called with node and changed values whenever a node's parameters change.
+    Attributes:
+        values: The newest of each topic, and the NodeHealth of a node under the node's name.
+        samples: Messages of fast topics, which wait until they are taken.
+        client: Calls the nodes' services.
+        on_parameters: Called with node and changed values whenever a node's parameters change.
 
     Args:
         name: Of this node.
         namespace: Of the arm's nodes; empty: none.
+        patience: How long to wait for a service, and for its answer [s].
     """
 
-    def __init__(self, name: str, namespace: str = '') -> None:
+    def __init__(self, name: str, namespace: str = '', patience: float = PATIENCE) -> None:
         super().__init__(name, namespace=namespace or None)
-        self.heard: dict[str, LastValue] = {}
+        self.values: dict[str, LastValue] = {}
+        self.samples = Sampler(self)
+        self.client = GraphClient(self, patience)
         self.on_parameters: Callable[[str, dict[str, Any]], None] = lambda node, values: None
         for topic in WORDS:
             self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
 
-    @property
-    def words(self) -> dict[str, str]:
-        """What was said last on each of WORDS; empty before anything was."""
-        nothing = LastValue('', 0.0)
-        return {topic: str(self.heard.get(topic, nothing).value) for topic in WORDS}
+    def word(self, topic: str) -> str:
+        """What was published last on one of WORDS; empty before anything was."""
+        return str(self.values[topic].value) if topic in self.values else ''
 
     def health(self) -> dict[str, str]:
-        """What each node said of itself last, or for how long it has been silent."""
+        """What each node reported of itself last, or for how long it has been silent."""
         now = time.monotonic()
         health = {}
         for node in NODES:
-            said = self.heard.get(node)
-            if said is not None and isinstance(said.value, NodeHealth):
-                silence = now - said.at
+            last = self.values.get(node)
+            if last is not None and isinstance(last.value, NodeHealth):
+                silence = now - last.at
                 health[node] = f'silent for {silence:.0f} s'
                 if silence < STALE:
-                    health[node] = said.value.text
+                    health[node] = last.value.text
         return health
 
     def keep(self, source: str, value: object) -> None:
-        """Note what was heard now.
+        """Note what came now.
 
         Args:
             source: A topic, or the name of a node.
-            value: What it said.
+            value: What it published.
         """
         if isinstance(value, str):
-            value = one_line(value)  # anyone may have said it
-        self.heard[source] = LastValue(value, time.monotonic())
+            value = one_line(value)  # anyone may have published it
+        self.values[source] = LastValue(value, time.monotonic())
+
+    def destroy_node(self) -> None:
+        """Release this node, and that of the samples."""
+        self.samples.close()
+        super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _on_word(self, topic: str, message: String) -> None:
         self.keep(topic, message.data)

@@ -1,25 +1,24 @@
 """A running arm, looked at now and then: where it is, what was commanded, which limits act."""
 
 import time
-from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from redres_ros.errors import RedresError
-from redres_ros.graph.sampling import Sampler
+from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.nodes import controller_snapshot
 from redres_ros.nodes.controller_snapshot import ControllerSnapshot, Figures
 from redres_ros.nodes.conversions import JointMapper
 from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.nodes.wire import deserialised
 
 _STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
@@ -27,7 +26,7 @@ _LOOK = 0.02  # [s] between looks at whether it has come
 _SILENCE = 1.0  # [s] without a glance after which the arm's own states are looked at
 _LIVE = {'limits', 'limit_scale', 'torque_scale'}  # and gains, as velocity.margin
 _SHOWN = 0.5  # [s] for which a limit counts as acting after it did
-# Best effort: an onlooker must hold up nobody. Deep enough for one that was held up itself.
+# Best effort: an observer must hold up nobody. Deep enough for one that was held up itself.
 _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -37,15 +36,15 @@ class LiveArm:
     While the controller is silent the arm is where its own states say.
 
     Args:
-        node: In whose graph and namespace it is; is spun by somebody else.
+        monitor: In whose graph and namespace it is; is spun by somebody else.
         values: The controller's parameters.
 
     Raises:
         RedresError: The controller has an arm or a limit that is not known here.
     """
 
-    def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
-        self._node = node
+    def __init__(self, monitor: GraphMonitor, values: Mapping[str, Any]) -> None:
+        self._samples = monitor.samples
         self.model = model_of(values, self._description(values))
         self.q = np.zeros(self.model.n)  # as measured [rad]
         self._values = dict(values)
@@ -53,12 +52,9 @@ class LiveArm:
         self._joints = JointMapper(self.model.joint_names)
         self._acted: dict[tuple[str, str], float] = {}  # limit and place: when it did [s]
         self._now = 0.0  # [s] of the newest glance
-        self._waiting: deque[ControllerSnapshot] = deque(maxlen=_QUALITY.depth)
         self._heard_at = time.monotonic()  # [s] when a glance came last
-        self._states: Sampler | None = None  # while there are none
-        self._subscription = node.create_subscription(
-            Float64MultiArray, controller_snapshot.TOPIC, self._on_glance, _QUALITY
-        )
+        self._is_silent = False  # then the states are looked at
+        self._samples.add(controller_snapshot.TOPIC, Float64MultiArray, _QUALITY)
 
     def apply(self, changes: Mapping[str, Any]) -> None:
         """Take in changes of what the controller's parameters say of limits.
@@ -79,17 +75,13 @@ class LiveArm:
             Its figures, in their order.
         """
         figures = []
-        while self._waiting:
-            seen = self._waiting.popleft()
-            self.q = seen.q
-            self._now = seen.figures.time
-            self._acted.update(dict.fromkeys(self._judge.acting(seen), self._now))
-            figures.append(seen.figures)
-        if time.monotonic() - self._heard_at > _SILENCE:
-            self._look_at_states()
-        elif self._states is not None:
-            self._states.close()
-            self._states = None
+        for sample in self._samples.take(controller_snapshot.TOPIC):
+            with suppress(RedresError):  # one that no controller would send
+                message = deserialised(sample.data, Float64MultiArray)
+                seen = controller_snapshot.from_message(message, self.model.n)
+                self._enter(seen)
+                figures.append(seen.figures)
+        self._look_at_states()
         return figures
 
     @property
@@ -108,22 +100,21 @@ class LiveArm:
                 acting.setdefault(place, set()).add(limit)
         return acting
 
-    def close(self) -> None:
-        """Release the subscriptions."""
-        self._node.destroy_subscription(self._subscription)
-        if self._states is not None:
-            self._states.close()
-
-    def _on_glance(self, message: Float64MultiArray) -> None:
-        with suppress(RedresError):  # one that no controller would send
-            self._waiting.append(controller_snapshot.from_message(message, self.model.n))
-            self._heard_at = time.monotonic()
+    def _enter(self, seen: ControllerSnapshot) -> None:
+        self.q = seen.q
+        self._now = seen.figures.time
+        self._heard_at = time.monotonic()
+        self._acted.update(dict.fromkeys(self._judge.acting(seen), self._now))
 
     def _look_at_states(self) -> None:
-        if self._states is None:
-            self._states = Sampler(self._node)
-            self._states.add(_STATES, JointState, NEWEST)
-        state = self._states.newest(_STATES)
+        """While the controller is silent; states at every tick would cost the robot a message."""
+        was_silent = self._is_silent
+        self._is_silent = time.monotonic() - self._heard_at > _SILENCE
+        if self._is_silent and not was_silent:
+            self._samples.add(_STATES, JointState, NEWEST)
+        elif was_silent and not self._is_silent:
+            self._samples.remove(_STATES)
+        state = self._samples.newest(_STATES) if self._is_silent else None
         if state is not None and self._joints.concerns(state):
             with suppress(RedresError):  # one that no robot would send
                 self.q = self._joints.positions(state)
@@ -132,15 +123,14 @@ class LiveArm:
         """The URDF on the topic, where the controller has it from there; empty if none comes."""
         if values['robot'] != TOPIC:
             return ''
-        samples = Sampler(self._node)
-        samples.add(DESCRIPTION, String, LATCHED)
+        self._samples.add(DESCRIPTION, String, LATCHED)
         until = time.monotonic() + _PATIENCE
         try:
             while time.monotonic() < until:
-                message = samples.newest(DESCRIPTION)
+                message = self._samples.newest(DESCRIPTION)
                 if message is not None:
                     return str(message.data)
                 time.sleep(_LOOK)
             return ''
         finally:
-            samples.close()
+            self._samples.remove(DESCRIPTION)

@@ -4,15 +4,14 @@ import threading
 import time
 from collections.abc import Collection
 
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from redres_ros.graph.client import CallError, read_parameters
+from redres_ros.graph.client import CallError
+from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.mcap_file import McapFile
 from redres_ros.graph.message_text import TypeTextError, find_type
-from redres_ros.graph.sampling import Sampler
 
 _PERIOD = 0.2  # [s] from one look at what has come to the next: to look costs more than to wait
 _SEARCH = 1.0  # [s] from one search for new topics to the next
@@ -26,7 +25,7 @@ _QUALITY = QoSProfile(depth=_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 _KEPT = QoSProfile(depth=_WAITING, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class GraphRecorder(Node):
+class GraphRecorder(GraphMonitor):
     """Finds the topics of a graph and writes their messages.
 
     Args:
@@ -39,7 +38,6 @@ class GraphRecorder(Node):
         self.messages = 0  # written so far
         self._file = file
         self._wanted = {self.resolve_topic_name(name) for name in wanted}
-        self._sampler = Sampler(self)
         self._channels: dict[str, int] = {}  # by topic
         self._refused: set[str] = set()
         self._description = ''
@@ -60,10 +58,6 @@ class GraphRecorder(Node):
             self._write()
         self._write()
         self._attach()
-
-    def close(self) -> None:
-        """Release the subscriptions."""
-        self._sampler.close()
 
     @property
     def topics(self) -> int:
@@ -88,14 +82,14 @@ class GraphRecorder(Node):
                 publisher.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
                 for publisher in publishers
             )
-            self._sampler.add(topic, kind, _KEPT if latched else _QUALITY)
+            self.samples.add(topic, kind, _KEPT if latched else _QUALITY)
             self._channels[topic] = self._file.add_topic(topic, kind)
 
     def _write(self) -> None:
         """What has come since the last time."""
         write = self._file.write
         for topic, channel in self._channels.items():
-            for data, sent, received in self._sampler.take(topic):
+            for data, sent, received in self.samples.take(topic):
                 write(channel, data, sent, received)
                 self.messages += 1
                 if topic.endswith(_DESCRIPTION):
@@ -112,7 +106,7 @@ class GraphRecorder(Node):
             if node == service or node == self.get_fully_qualified_name():
                 continue
             try:
-                nodes[node] = read_parameters(self, node)
+                nodes[node] = self.client.parameters(node)
             except CallError:
                 continue  # it has gone
         if nodes:

@@ -48,6 +48,10 @@ class Sampler:
             kind, topic, _never, quality, raw=True
         )
 
+    def remove(self, topic: str) -> None:
+        """Stop listening to a topic."""
+        self._node.destroy_subscription(self._subscriptions.pop(topic))
+
     def take(self, topic: str) -> list[Sample]:
         """What came on a topic since it was asked last, the oldest first."""
         subscription = self._subscriptions[topic]

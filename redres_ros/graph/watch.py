@@ -2,7 +2,6 @@
 
 import threading
 import time
-from functools import partial
 from typing import Any, Self
 
 import rclpy
@@ -14,7 +13,6 @@ from std_msgs.msg import Float64, Int32, String
 from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
-from redres_ros.graph.remote import Remote
 from redres_ros.graph.watch_page import NODES, JointBar, line, page
 from redres_ros.nodes.qos import NEWEST
 
@@ -50,8 +48,8 @@ class Watch(GraphMonitor):
 
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)
-        self._remote = Remote(self)
         self._arm: LiveArm | None = None
+        self._sampled: list[str] = []  # topics whose newest message is looked at
         self._is_known = True  # whether the arm is, as far as one knows
         self.on_parameters = self._on_parameters
         self._listen('planner')
@@ -59,29 +57,25 @@ class Watch(GraphMonitor):
     def page(self) -> RenderableType:
         """The page as it is now."""
         domain = self.context.get_domain_id()
-        return page(dict(self.heard), time.monotonic(), domain, self._joints())
+        return page(dict(self.values), time.monotonic(), domain, self._joints())
 
     def line(self) -> str:
         """What matters most, in a line."""
-        return line(dict(self.heard), time.monotonic(), self.context.get_domain_id())
+        return line(dict(self.values), time.monotonic(), self.context.get_domain_id())
 
     def look(self) -> None:
         """Take in what the arm does; find out which one it is, once its controller is there."""
+        self._look_at_samples()
         if self._arm is not None:
             self._look_at(self._arm)
-        elif self._is_known and self._remote.offers('controller'):
+        elif self._is_known and self.client.offers('controller'):
             try:
-                values = self._remote.parameters('controller')
+                values = self.client.parameters('controller')
                 self._arm = LiveArm(self, values)
                 self.keep(_LAW, values['law'])
             except RedresError:
                 self._is_known = False  # the rest of the page goes without it
                 self._listen('controller')
-
-    def close(self) -> None:
-        """Release the subscriptions."""
-        if self._arm is not None:
-            self._arm.close()
 
     def _look_at(self, arm: LiveArm) -> None:
         seen = arm.look()
@@ -111,15 +105,19 @@ class Watch(GraphMonitor):
         for row in NODES[node]:
             topic = row.topic
             if topic not in WORDS:
-                keep = partial(self._on_message, topic)
-                self.create_subscription(_TYPES.get(topic, Float64), topic, keep, NEWEST)
+                self._sampled.append(topic)
+                self.samples.add(topic, _TYPES.get(topic, Float64), NEWEST)
 
-    def _on_message(self, topic: str, message: Any) -> None:
-        if topic == _TIP:
-            position = message.pose.position
-            self.keep(topic, (position.x, position.y, position.z))
-        else:
-            self.keep(topic, message.data)
+    def _look_at_samples(self) -> None:
+        for topic in self._sampled:
+            message = self.samples.newest(topic)
+            if message is None:
+                continue
+            if topic == _TIP:
+                position = message.pose.position
+                self.keep(topic, (position.x, position.y, position.z))
+            else:
+                self.keep(topic, message.data)
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         """Limits may have come or gone, and the law may be another."""

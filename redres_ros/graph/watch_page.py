@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from redres_ros.graph.last_value import STALE, LastValue, NodeHealth
+from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 

@@ -2,24 +2,23 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import TwistStamped
-from rcl_interfaces.srv import GetParameters
-from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from redres_ros.graph.client import CallError, call
+from redres_ros.graph.client import CallError
+from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION
 from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.nodes.wire import EncodingError, deserialised
 
 STATES = 'joint_states'
 TWISTS = 'cartesian_velocity'
@@ -28,6 +27,7 @@ FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
 
 _FORWARDING = 'forward_position_controller'
+_LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
 
 _ASKED = (  # of the controller
@@ -78,8 +78,8 @@ class GraphSnapshot:
     forward_joints: tuple[str, ...] = ()
 
 
-class SnapshotNode(Node):
-    """Listens, and asks controllers for their parameters; publishes nothing.
+class SnapshotNode(GraphMonitor):
+    """Observes, and asks controllers for their parameters; publishes nothing.
 
     Args:
         namespace: Of the arm's nodes; empty: none.
@@ -87,15 +87,14 @@ class SnapshotNode(Node):
     """
 
     def __init__(self, namespace: str = '', states: str = STATES) -> None:
-        super().__init__('redres_check', namespace=namespace or None)
+        super().__init__('redres_check', namespace)
         self._states_topic = states
         self._states: list[StateSeen] = []
         self._frames: set[str] = set()
-        self._words: dict[str, str] = {}
-        self.create_subscription(JointState, states, self._on_state, _MANY)
-        self.create_subscription(TwistStamped, TWISTS, self._on_twist, _MANY)
-        for topic in (DESCRIPTION, SESSION, REASON):
-            self.create_subscription(String, topic, partial(self._on_word, topic), LATCHED)
+        self._description = ''
+        self.samples.add(states, JointState, _MANY)
+        self.samples.add(TWISTS, TwistStamped, _MANY)
+        self.samples.add(DESCRIPTION, String, LATCHED)
 
     def look(self, seconds: float) -> GraphSnapshot:
         """What is seen in that time, or in a little more while states or a controller are missing.
@@ -103,9 +102,9 @@ class SnapshotNode(Node):
         Args:
             seconds: How long to look at least; the node must be spun by somebody else.
         """
-        time.sleep(seconds)
+        self._collect(seconds)
         if not (self._states and self._count(CONTROLLER)):
-            time.sleep(max(_DISCOVERY - seconds, 0.0))
+            self._collect(max(_DISCOVERY - seconds, 0.0))
         topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD)}
         topics[STATES] = self._states_topic
         return GraphSnapshot(
@@ -113,12 +112,30 @@ class SnapshotNode(Node):
             publishers=self._nodes(topics, self.get_publishers_info_by_topic),
             subscribers=self._nodes(topics, self.get_subscriptions_info_by_topic),
             twist_frames=frozenset(self._frames),
-            words={topic: word for topic, word in self._words.items() if topic != DESCRIPTION},
-            description=self._words.get(DESCRIPTION, ''),
+            words={topic: self.word(topic) for topic in (SESSION, REASON) if topic in self.values},
+            description=self._description,
             controller=self._ask(CONTROLLER, _ASKED),
             controllers=self._count(CONTROLLER),
             forward_joints=self._forward_joints(),
         )
+
+    def _collect(self, seconds: float) -> None:
+        """Take in what comes in that time [s]."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0:
+            time.sleep(min(left, _LOOK))
+            for sample in self.samples.take(self._states_topic):
+                with suppress(EncodingError):
+                    message = deserialised(sample.data, JointState)
+                    stamp = to_nanoseconds(message.header.stamp)
+                    positions = dict(zip(message.name, message.position, strict=False))
+                    self._states.append(StateSeen(stamp, sample.received, positions))
+            for sample in self.samples.take(TWISTS):
+                with suppress(EncodingError):
+                    self._frames.add(deserialised(sample.data, TwistStamped).header.frame_id)
+            description = self.samples.newest(DESCRIPTION)
+            if description is not None:
+                self._description = description.data
 
     def _nodes(
         self, topics: Mapping[str, str], infos: Callable[[str], Sequence[TopicEndpointInfo]]
@@ -129,7 +146,7 @@ class SnapshotNode(Node):
         for topic, name in topics.items():
             ends = infos(self.resolve_topic_name(name))
             nodes = {f'{end.node_namespace.rstrip("/")}/{end.node_name}' for end in ends}
-            found[topic] = tuple(sorted(nodes - {own}))
+            found[topic] = tuple(sorted(node for node in nodes if not node.startswith(own)))
         return found
 
     def _count(self, name: str) -> int:
@@ -144,20 +161,7 @@ class SnapshotNode(Node):
         """Parameters of a node; None if it is not there, or does not answer."""
         if not self._count(node):
             return None
-        request = GetParameters.Request(names=list(names))
         try:
-            answer = call(self, GetParameters, f'{node}/get_parameters', request)
+            return self.client.parameters(node, names)
         except CallError:
             return None
-        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
-
-    def _on_state(self, message: JointState) -> None:
-        stamp = to_nanoseconds(message.header.stamp)
-        positions = dict(zip(message.name, message.position, strict=False))
-        self._states.append(StateSeen(stamp, time.time_ns(), positions))
-
-    def _on_twist(self, message: TwistStamped) -> None:
-        self._frames.add(message.header.frame_id)
-
-    def _on_word(self, topic: str, message: String) -> None:
-        self._words[topic] = message.data

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import viser
 
 from redres_ros.fake_robot.faults import Faults
-from redres_ros.graph.client import CallError
-from redres_ros.graph.remote import Remote
+from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.graph.settings import credible
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
@@ -47,15 +46,18 @@ class Controls:
 
     Args:
         server: Of the page.
-        remote: Gives the orders.
+        client: Gives the orders.
         values: The parameters of 'controller' and 'sim' at present.
     """
 
     def __init__(
-        self, server: viser.ViserServer, remote: Remote, values: Mapping[str, Mapping[str, Any]]
+        self,
+        server: viser.ViserServer,
+        client: GraphClient,
+        values: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self._server = server
-        self._remote = remote
+        self._client = client
         self._values = {node: dict(has) for node, has in values.items()}
         self._shows: dict[str, dict[str, Callable[[Any], None]]] = {'controller': {}, 'sim': {}}
         self._add_task()
@@ -82,14 +84,14 @@ class Controls:
         gui = self._server.gui
         buttons = gui.add_button_group('task', ('start', 'stop', 'hold', 'go on'))
         orders = {
-            'start': lambda: self._remote.trigger('planner/start'),
-            'stop': lambda: self._remote.trigger('planner/stop'),
-            'hold': lambda: self._remote.hold(True),
-            'go on': lambda: self._remote.hold(False),
+            'start': lambda: self._client.trigger('planner/start'),
+            'stop': lambda: self._client.trigger('planner/stop'),
+            'hold': lambda: self._client.hold(True),
+            'go on': lambda: self._client.hold(False),
         }
         buttons.on_click(lambda event: self._give(event, orders[event.target.value]))
         reset = gui.add_button('reset the robot', color='red')
-        reset.on_click(lambda event: self._give(event, lambda: self._remote.trigger('sim/reset')))
+        reset.on_click(lambda event: self._give(event, lambda: self._client.trigger('sim/reset')))
 
     def _add_law(self, values: Mapping[str, Any]) -> None:
         gui = self._server.gui
@@ -151,7 +153,7 @@ class Controls:
             well = gui.add_button('all is well')
         none = {field.name: field.default for field in fields(Faults)}
         well.on_click(
-            lambda event: self._give(event, lambda: self._remote.set_parameters('sim', none))
+            lambda event: self._give(event, lambda: self._client.set_parameters('sim', none))
         )
 
     def _bind(self, handle: Any, node: str, parameter: str) -> None:
@@ -167,7 +169,7 @@ class Controls:
         """Set a parameter; one that is refused is shown as the node has it."""
         self._give(
             event,
-            lambda: self._remote.set_parameters(node, {parameter: value}),
+            lambda: self._client.set_parameters(node, {parameter: value}),
             lambda: self.show(node, {parameter: self._values[node][parameter]}),
         )
 

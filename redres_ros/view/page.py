@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import viser
 
-from redres_ros.graph.graph_monitor import GraphMonitor
+from redres_ros.graph.client import GraphClient
+from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
-from redres_ros.graph.remote import Remote
 from redres_ros.graph.settings import Values, points_of
 from redres_ros.view import words
 from redres_ros.view.controls import Controls
@@ -28,22 +28,22 @@ class Page:
 
     Args:
         server: Of viser, still empty.
-        monitor: Listens to the graph; is spun by somebody else.
-        remote: Gives it orders.
+        monitor: Observes the graph; is spun by somebody else.
 
     Raises:
         CallError: The controller or the planner is not there.
         RedresError: It has an arm or a task that is not known here.
     """
 
-    def __init__(self, server: viser.ViserServer, monitor: GraphMonitor, remote: Remote) -> None:
+    def __init__(self, server: viser.ViserServer, monitor: GraphMonitor) -> None:
         self._server = server
         self._monitor = monitor
-        values = {'controller': remote.parameters('controller'), 'sim': _of_sim(remote)}
+        client = monitor.client
+        values = {'controller': client.parameters('controller'), 'sim': _of_sim(client)}
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
-        self._scene = ArmScene(server, model, points_of(remote.parameters('planner'), model))
-        self._add_panels(remote, values)
+        self._scene = ArmScene(server, model, points_of(client.parameters('planner'), model))
+        self._add_panels(values)
         self._figures = RingBuffer(_PLOTTED)
         self._ways = {way: RingBuffer(_TRACED) for way in self._scene.ways(self._arm.q)}
         self._shown = np.full(model.n, np.nan)  # q of the newest picture
@@ -62,9 +62,8 @@ class Page:
                 self._show_arm()
                 if number % _SLOWLY == 0:
                     self._show_slowly()
-        self._arm.close()
 
-    def _add_panels(self, remote: Remote, values: Mapping[str, Values]) -> None:
+    def _add_panels(self, values: Mapping[str, Values]) -> None:
         """What is seen on the left, what is steered on the right."""
         gui = self._server.gui
         seen = gui.add_panel()
@@ -75,7 +74,7 @@ class Page:
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
                 self._plots = Plots(gui)
         seen.dock_left()
-        self._controls = Controls(self._server, remote, values)
+        self._controls = Controls(self._server, self._monitor.client, values)
         gui.main_panel.dock_right()
 
     def _look(self) -> None:
@@ -97,7 +96,8 @@ class Page:
             self._scene.show(self._shown)
 
     def _show_slowly(self) -> None:
-        self._state.content = words.state(self._monitor.words, self._monitor.health())
+        newest = {topic: self._monitor.word(topic) for topic in WORDS}
+        self._state.content = words.state(newest, self._monitor.health())
         arm = self._arm
         self._bars.content = words.joints(arm.model.joint_names, arm.shares, arm.acting)
         for way, trail in self._ways.items():
@@ -112,8 +112,8 @@ class Page:
             self._arm.apply(values)
 
 
-def _of_sim(remote: Remote) -> dict[str, Any]:
+def _of_sim(client: GraphClient) -> dict[str, Any]:
     """The parameters of the fake robot; none beside a real one."""
-    if not remote.offers('sim'):
+    if not client.offers('sim'):
         return {}
-    return remote.parameters('sim')
+    return client.parameters('sim')

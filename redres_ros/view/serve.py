@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.graph_monitor import NICENESS, GraphMonitor
-from redres_ros.graph.remote import Remote
 from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.runtime import Waiting, run_nodes
@@ -35,7 +34,6 @@ class ViewNode(GraphMonitor):
         self._settings = declare(self, ViewParameters())
         # Those of this node's own starter: what a graph names is not executed here.
         load_plugins(named(self._settings.plugins))
-        self._remote = Remote(self)
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Wait for the graph, and serve the page until the event is set.
@@ -48,11 +46,11 @@ class ViewNode(GraphMonitor):
             CallError: No graph has appeared.
             OriginError: A server that would let in strangers.
         """
-        if not self._remote.await_nodes(stopped, waiting, self._settings.patience):
+        if not self.client.await_nodes(stopped, waiting, self._settings.patience):
             return
         server = open_server(self._settings.port, 'redres')
         try:
-            page = Page(server, self, self._remote)
+            page = Page(server, self)
             print(f'page: http://{ADDRESS}:{server.get_port()}', flush=True)
             page.run(stopped)
         finally:

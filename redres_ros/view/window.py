@@ -6,7 +6,6 @@ import threading
 
 from redres_ros.graph.graph_monitor import NICENESS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
-from redres_ros.graph.remote import Remote
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.view.mujoco_window import opened
 
@@ -30,16 +29,14 @@ class WindowNode(GraphMonitor):
             CallError: There is no graph.
             WindowError: There is no display.
         """
-        remote = Remote(self)
-        if not remote.await_nodes(stopped, waiting):
+        if not self.client.await_nodes(stopped, waiting):
             return
-        arm = LiveArm(self, remote.parameters('controller'))
+        arm = LiveArm(self, self.client.parameters('controller'))
         with opened(arm.model.arm) as window:
             while window.is_open and not stopped.is_set():
                 arm.look()
                 window.show(arm.q)
                 waiting.sleep(_PERIOD)
-        arm.close()
 
 
 def main(arguments: list[str] | None = None) -> int:
