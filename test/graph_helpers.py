@@ -44,7 +44,7 @@ START = load_task('rectangle').start
 # more
 JUMP = 0.02
 SLOW = 1e-3  # [rad/s] of an arm at rest
-LATE = 500_000_000  # [ns] at most by which a listener hears one topic later than another
+LATE = 500_000_000  # [ns] at most between the arrivals of two topics
 PATIENCE = 60.0  # [s] for what must happen, where a process may take 20 s to start
 
 _clients: WeakKeyDictionary[Node, GraphClient] = WeakKeyDictionary()
@@ -81,7 +81,7 @@ class Probe(Node):
         super().__init__('probe')
         self.stamp = 10**12
         self.answers: dict[int, JointState] = {}
-        self.heard: dict[str, list[Any]] = {}
+        self.received: dict[str, list[Any]] = {}
         self._states = self.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
         self._twists = self.create_publisher(
             TwistStamped, 'cartesian_velocity', QoSProfile(depth=1)
@@ -92,9 +92,9 @@ class Probe(Node):
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
         """A list that grows by every message on a topic."""
-        self.heard[topic] = []
-        self.create_subscription(kind, topic, self.heard[topic].append, qos)
-        return self.heard[topic]
+        self.received[topic] = []
+        self.create_subscription(kind, topic, self.received[topic].append, qos)
+        return self.received[topic]
 
     def send(self, message: JointState) -> None:
         """Publish a state as it is."""
@@ -118,8 +118,8 @@ class Probe(Node):
         return np.array(answer.position), np.array(answer.velocity)
 
     def steer(self, dx: np.ndarray, frame: str = 'world', stamp: int | None = None) -> None:
-        """Publish a task velocity, stamped as the last state unless told otherwise, and wait until
-        the controller has heard it.
+        """Publish a task velocity, stamped as the last state by default, and wait until
+        the controller has received it.
         """
         self._twists.publish(
             to_twist(self.stamp if stamp is None else stamp, frame, np.asarray(dx, dtype=float))
@@ -127,11 +127,11 @@ class Probe(Node):
         self.settle()
 
     def settle(self) -> None:
-        """Wait until the controller has heard all that was published: it answers in order."""
+        """Wait until the controller has received all that was published: it answers in order."""
         call(self, GetParameters, 'controller/get_parameters', GetParameters.Request())
 
     def is_answered(self, message: JointState) -> bool:
-        """Send the newest state; whether the controller, once it has heard it, answers."""
+        """Send the newest state; whether the controller answers it."""
         for _ in range(3):  # one may get lost
             self.send(message)
             self.settle()
@@ -151,14 +151,14 @@ class Probe(Node):
 
 
 class Observer(Node):
-    """Hears all that robot and controller say to each other, and judges it; sets and calls what a
+    """Records what robot and controller send each other, and checks it; sets and calls what a
     test wants.
 
-    `at`: stamp [ns] of the newest state; `session`: (stamp at which it was heard, state).
+    `at`: stamp [ns] of the newest state; `session`: (stamp at which it was received, state).
     """
 
     def __init__(self) -> None:
-        super().__init__('witness')
+        super().__init__('observer')
         self.at = 0
         self.states: list[State] = []  # in the order of arrival
         self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
@@ -225,8 +225,8 @@ class Observer(Node):
         return self.await_command_mode(called)
 
     def assert_all_was_well(self) -> None:
-        """Everything finite, no joint faster than its limit; the arm never jumps, nor what it is
-        told to follow.
+        """Everything finite, no joint faster than its limit; neither the arm nor its
+        reference jumps.
         """
         limits = JointLimits.of(find_arm('lwr4_paper')).velocity
         assert self.states and self.commands
@@ -251,10 +251,10 @@ class Observer(Node):
 
     def _commanding_at(self, stamp: int) -> bool:
         """Whether the robot took commands at that state; the word that it no longer did may have
-        been heard late.
+        been received late.
         """
-        words = [state for heard, state in self.session if heard <= stamp][-1:]
-        words += [state for heard, state in self.session if stamp < heard <= stamp + LATE]
+        words = [state for received, state in self.session if received <= stamp][-1:]
+        words += [state for received, state in self.session if stamp < received <= stamp + LATE]
         return bool(words) and set(words) == {'CMD'}
 
     def _on_state(self, message: JointState) -> None:

@@ -1,6 +1,6 @@
-"""A participant by Eclipse Cyclone DDS, without any ROS: hears states and commands, and steers.
+"""A participant by Eclipse Cyclone DDS, without any ROS: receives states and commands, and steers.
 
-Prints what it has heard since the first command, and how far the joints have moved, as JSON:
+Prints what it has received since the first command, and how far the joints have moved, as JSON:
 python test/other_dds.py DOMAIN STATES
 """
 
@@ -78,7 +78,7 @@ RELIABLE = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1000))
 SLOW = Twist(Vector3(0.0, -0.05, 0.0), Vector3(0.0, 0.0, 0.0))  # [m/s]
 
 
-Heard = dict[tuple[int, int], JointState]  # by their stamps
+Received = dict[tuple[int, int], JointState]  # by their stamps
 
 
 def main(domain: int, wanted: int) -> None:
@@ -88,13 +88,13 @@ def main(domain: int, wanted: int) -> None:
     twists = DataWriter(
         participant, Topic(participant, 'rt/cartesian_velocity', TwistStamped), RELIABLE
     )
-    asked: Heard = {}
-    answered: Heard = {}
+    asked: Received = {}
+    answered: Received = {}
     while len(asked) < wanted:
-        heard = by_stamp(states)
+        received = by_stamp(states)
         answered |= by_stamp(commands)
         if answered:  # how long the controller takes to come does not matter
-            asked |= heard
+            asked |= received
         # A zero stamp means now.
         twists.write(TwistStamped(Header(Time(0, 0), ''), SLOW))
         time.sleep(0.01)
@@ -114,7 +114,7 @@ def main(domain: int, wanted: int) -> None:
     )
 
 
-def by_stamp(reader: DataReader[JointState]) -> Heard:
+def by_stamp(reader: DataReader[JointState]) -> Received:
     return {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in reader.take(100)}
 
 

@@ -154,14 +154,14 @@ class Habits:
 
 
 class StandIn:
-    """A robot that goes where it is told.
+    """A robot that follows its commands.
 
     Args:
         graph: Where its topics are.
         limits: Of its joints, in the order of the forward_position_controller.
         q: Where it stands, (n,) [rad].
         rate: Updates a second [Hz].
-        judge: Of what it is told, in every cycle.
+        judge: Of its commands, in every cycle.
         habits: How it is not ideal.
 
     Attributes:

@@ -65,8 +65,10 @@ def test_planner_and_controller_take_the_arm_that_is_published(path: Path, tmp_p
     sim = LOCKSTEP | {'robot': str(path), 'plant': 'ideal', 'monitor_time': 0.0}
     parameters = {'sim': sim, 'controller': asked, 'planner': asked | {'autostart': True}}
     with nodes(tmp_path, **parameters) as (probe, _):
-        told = probe.listen(String, 'planner/state', LATCHED)
-        await_that(lambda: 'finished' in {message.data for message in told}, 'the end of the task')
+        reported = probe.listen(String, 'planner/state', LATCHED)
+        await_that(
+            lambda: 'finished' in {message.data for message in reported}, 'the end of the task'
+        )
     assert any('no acceleration limits; assumed' in line for line in log_lines(tmp_path, 'planner'))
 
 

@@ -102,10 +102,10 @@ def test_joints_are_named_as_by_the_arms_driver(name, joint_names):
 @EVERY_DYNAMICS
 def test_pinocchio_and_mujoco_agree(name, dynamics):
     arm = find_arm(name, dynamics=dynamics)
-    model, witness = RobotModel(arm), ReferenceModel(arm)
+    model, reference = RobotModel(arm), ReferenceModel(arm)
     for q, dq in random_motion(model.n, 300):
         state = model.state(q, dq)
-        seen = witness.kinematics(q) + witness.dynamics(q, dq)
+        seen = reference.kinematics(q) + reference.dynamics(q, dq)
         for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
             assert np.abs(got - expected).max() < AGREEMENT
 

@@ -93,7 +93,7 @@ def test_what_takes_longer_is_measured_as_longer() -> None:
 # --- late, lost and skipped -----------------------------------------------------------------------
 
 
-def test_late_lost_and_skipped_cycles_are_told_apart() -> None:
+def test_late_lost_and_skipped_cycles_are_counted_apart() -> None:
     some = trips([0.5, 1.0, 2.5, np.inf], skipped=1)
     assert (some.in_cycle, some.lost) == (0.5, 0.25)
     assert sorted(some.times.samples) == pytest.approx([0.5e-3, 1e-3, 2.5e-3])

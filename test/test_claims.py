@@ -68,7 +68,7 @@ def test_every_claim_names_its_place_in_the_paper_and_is_measured_once() -> None
     assert len({claim.measure for claim in CLAIMS}) == len(CLAIMS)
 
 
-def test_the_page_tells_of_claims_that_there_are() -> None:
+def test_the_page_lists_only_claims_that_exist() -> None:
     page = Path(__file__).resolve().parents[1] / 'docs' / 'claims.csv'
     with page.open(encoding='utf-8', newline='') as file:
         rows = list(csv.DictReader(file))

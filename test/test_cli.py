@@ -57,9 +57,7 @@ def test_simulate_is_the_ideal_loop_to_the_last_bit(short, tmp_path, law):
     assert table.tobytes() == run(controller, load_task(short)).data.tobytes()
 
 
-def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_unless_told_otherwise(
-    short, tmp_path
-):
+def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_by_default(short, tmp_path):
     table = simulate(short, tmp_path / 'a.csv')
     options = '--law minimum_acceleration --damping 10 --period 0.001'
     explicit = simulate(short, tmp_path / 'b.csv', *options.split())
@@ -108,7 +106,7 @@ def test_every_option_acts(short, tmp_path, options):
     assert a.shape != b.shape or (a != b).any()
 
 
-def test_simulate_tells_how_it_ended_and_the_peaks(short, capsys):
+def test_simulate_reports_how_it_ended_and_the_peaks(short, capsys):
     assert main(['simulate', '--task', short, '--law', 'minimum_velocity']) == 0
     out = capsys.readouterr().out
     assert 'reached the last point after 0.200 s' in out
@@ -463,7 +461,7 @@ def test_a_gain_that_cannot_act_is_refused(springy, options, message, capsys):
 
 
 @pytest.mark.parametrize('name', ['iiwa7', 'planar4r'])
-def test_a_robot_does_its_own_task_unless_told_otherwise(name, tmp_path, capsys):
+def test_a_robot_does_its_own_task_by_default(name, tmp_path, capsys):
     assert main(['simulate', '--robot', name, '--period', '0.01']) == 0
     implied = capsys.readouterr().out
     assert main(['simulate', '--task', ARMS[name].task, '--period', '0.01']) == 0

@@ -127,7 +127,9 @@ def test_the_task_ends_after_nine_seconds(law, k_d, acceleration, at, velocity, 
 
 
 @pytest.mark.parametrize(('T', 'k_d', 'times'), [(0.001, 10.0, 28.0), (0.002, 5.0, 36.0)])
-def test_without_forgetting_the_acceleration_peaks_some_thirty_times_as_high(T, k_d, times):
+def test_without_a_forgetting_factor_the_acceleration_peaks_some_thirty_times_as_high(
+    T, k_d, times
+):
     undamped, damped = (
         simulated('minimum_acceleration', T, k).peak('joint_acceleration_norm')[0]
         for k in (0.0, k_d)
@@ -290,7 +292,7 @@ def distance_from_path(recording: Recording, task: WaypointTask) -> np.ndarray:
 
 
 def test_an_arm_that_is_behind_its_reference_keeps_the_path_too():
-    """It is behind on the path, but not aside: 0.8 mm with a Jacobian from where the arm is."""
+    """It is behind on the path, but not off it: 0.8 mm with a Jacobian from where the arm is."""
     controller = Controller(MODEL, make_law('minimum_velocity'), T, limits=BOX)
     recording = run(controller, TASK, delay=1)
     assert distance_from_path(recording, TASK).max() < 0.5e-3

@@ -37,7 +37,7 @@ def velocity(cycle: int) -> np.ndarray:
 
 
 class Robot:
-    """An arm that goes exactly where it is told, and a source of task velocities, at one cycle
+    """An ideal arm, and a source of task velocities, at one cycle
     after the other.
     """
 
@@ -62,7 +62,7 @@ class Robot:
         return self.take(self.following.enter_state(at, self.q, self.now))
 
     def steer(self, dx: np.ndarray, stamp: int | None = None) -> Response | None:
-        """Give a task velocity, of the newest state unless told otherwise."""
+        """Give a task velocity, of the newest state by default."""
         at = self.stamp if stamp is None else stamp
         return self.take(self.following.enter_twist(at, dx, self.now + 3e-4))
 
@@ -175,9 +175,9 @@ def test_a_joint_of_more_than_a_turn_is_followed_over_its_end() -> None:
         robot = Robot(following, start)
         spin = np.zeros(6)
         for _ in range(1500):
-            told = wrapped(robot.q) if wraps else robot.q
+            reported = wrapped(robot.q) if wraps else robot.q
             robot.cycle += 1
-            robot.take(following.enter_state(robot.stamp, told, robot.now))
+            robot.take(following.enter_state(robot.stamp, reported, robot.now))
             spin[3:] = 0.5 * model.tip(robot.q)[1][:, 2]  # about the last joint's axis
             robot.steer(spin)
         references.append(robot.references)
@@ -304,7 +304,7 @@ def test_an_arm_that_does_not_follow_makes_the_controller_begin_anew_and_say_why
     np.testing.assert_allclose(answer.command.q_ref, robot.references[-2] + 0.2, atol=0.01)
 
 
-def test_an_arm_that_does_not_follow_never_gets_far_from_what_it_is_told() -> None:
+def test_an_arm_that_does_not_follow_never_gets_far_from_its_commands() -> None:
     tolerance = 0.01  # [rad]
     robot = make(switch_time=0.02, following_tolerance=tolerance)
     gaps = []
@@ -349,7 +349,7 @@ def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_ac
         assert speed(robot.ask()) == 0.0
 
 
-def test_a_task_velocity_of_a_robot_that_is_not_heard_yet_is_passed_over_without_a_word() -> None:
+def test_a_task_velocity_of_a_robot_without_a_state_yet_is_passed_over_without_a_word() -> None:
     robot = make(switch_time=0.0)
     robot.follow(1, lambda _: np.zeros(3))
     silence = 3.0  # [s]
@@ -486,7 +486,7 @@ def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
     assert answer is not None and answer.scaling == 0.0
 
 
-def test_limits_that_hold_the_task_up_for_a_second_are_told_with_the_joint() -> None:
+def test_limits_that_hold_the_task_up_for_a_second_are_reported_with_the_joint() -> None:
     controller = Controller(
         RobotModel.named('lwr4_paper'),
         make_law('minimum_velocity'),
@@ -498,8 +498,8 @@ def test_limits_that_hold_the_task_up_for_a_second_are_told_with_the_joint() -> 
     robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
     assert robot.following.limit_warning == ''  # not long enough yet
     robot.follow(400, lambda cycle: np.array((0.0, -1.0, 0.0)))
-    told = robot.following.limit_warning
-    assert told.startswith('the limits leave') and 'lwr' in told
+    reported = robot.following.limit_warning
+    assert reported.startswith('the limits leave') and 'lwr' in reported
     robot.following.held = True
     robot.follow(2)
     assert robot.following.limit_warning == ''

@@ -151,7 +151,7 @@ def test_what_the_robot_gets_are_valid_answers_in_the_order_of_their_ticks():
     assert refused(door) == {Refusal.OUT_OF_ORDER: 2, Refusal.NO_STATE: 1}
 
 
-def test_while_two_publishers_answer_nobody_is_heard():
+def test_while_two_publishers_answer_no_command_is_taken():
     door = make_door()
     door.receiver.publishers = 2
     door.advance()

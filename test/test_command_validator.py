@@ -111,7 +111,7 @@ def test_acceleration_is_limited_at_the_limit(joint):
 
 def test_a_protective_stop_names_joint_window_got_and_allowed():
     reason = violation_on_the_way(CommandValidator(LIMITS, T), accelerated(-114.0, 4, 12))
-    # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, which is borne;
+    # The window fills from rest: with 4 of its 10 cycles at 114 it is 4 % too much, tolerated;
     # with 5 it is 31 %.
     assert reason == 'protective stop: lwr_a4_joint commanded 57 rad/s^2 over 20 ms, allowed 43.6'
 
@@ -127,9 +127,7 @@ def test_a_single_step_of_the_velocity_counts_by_its_share_of_the_window():
     ('excess', 'milliseconds'), [(1.001, 0.2), (0.2001, 1.0), (0.051, 4.0), (0.01251, 16.0)]
 )
 @pytest.mark.parametrize('period', [0.0005, 0.001, 0.002, 0.004])
-def test_an_excess_is_borne_for_a_time_that_is_the_shorter_the_larger_it_is(
-    excess, milliseconds, period
-):
+def test_an_excess_is_tolerated_for_a_time_that_shortens_as_it_grows(excess, milliseconds, period):
     guard = CommandValidator(LIMITS, period)
     velocity = 0.020 * (1.0 + excess) * LIMITS.acceleration[3] * np.eye(7)[3]
     stops = [

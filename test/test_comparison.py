@@ -155,7 +155,7 @@ def test_a_jump_from_rest_in_the_first_tick_counts_as_acceleration() -> None:
     assert violation(rows) == f'{LIMITS.joint_names[1]} acceleration, 0.00 s'
 
 
-def test_of_several_violations_the_first_is_told() -> None:
+def test_of_several_violations_the_first_is_reported() -> None:
     rows = still(10)
     rows[5:, columns(7).index('q1')] = 10.0
     rows[3, columns(7).index('dq2')] = 100.0
@@ -221,10 +221,10 @@ def test_results_come_in_the_order_of_the_work(
     processors: set[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr('os.sched_getaffinity', lambda process: processors)
-    told: list[float] = []
-    assert in_parallel(square, [3, 1, 2], told.append) == [9, 1, 4]
-    assert told == sorted(told)
-    assert all(0.0 <= share <= 1.0 for share in told)
+    reported: list[float] = []
+    assert in_parallel(square, [3, 1, 2], reported.append) == [9, 1, 4]
+    assert reported == sorted(reported)
+    assert all(0.0 <= share <= 1.0 for share in reported)
 
 
 @pytest.mark.parametrize('processors', [{0}, {0, 1}])
@@ -261,20 +261,20 @@ def test_a_process_that_copies_itself_has_no_other_thread(tmp_path: Path) -> Non
 class Leftover:
     """Garbage that only a search finds, and that says which process has cleared it away."""
 
-    def __init__(self, witness: Path) -> None:
-        self.witness = witness
+    def __init__(self, marker: Path) -> None:
+        self.marker = marker
         self.itself = self
 
     def __del__(self) -> None:
-        self.witness.write_text(str(os.getpid()), encoding='utf-8')
+        self.marker.write_text(str(os.getpid()), encoding='utf-8')
 
 
 def test_a_copy_does_not_clear_away_the_garbage_of_the_process_that_was_copied(tmp_path):
-    def collected(thing, progress):
+    def collected(item, progress):
         gc.collect()
-        return thing
+        return item
 
-    witness = tmp_path / 'cleared'
-    Leftover(witness)
+    marker = tmp_path / 'cleared'
+    Leftover(marker)
     assert in_parallel(collected, [1, 2], lambda share: None) == [1, 2]
-    assert not witness.exists() or witness.read_text(encoding='utf-8') == str(os.getpid())
+    assert not marker.exists() or marker.read_text(encoding='utf-8') == str(os.getpid())

@@ -119,23 +119,23 @@ print(square(np.full(3, 2.0)), sum(square.stats.cache_misses.values()))
 
 
 @pytest.fixture
-def room(tmp_path: Path) -> Path:
+def folder(tmp_path: Path) -> Path:
     """A package with one kernel alone."""
-    room = tmp_path / 'redres_ros' / 'kernels'
-    room.mkdir(parents=True)
+    folder = tmp_path / 'redres_ros' / 'kernels'
+    folder.mkdir(parents=True)
     (tmp_path / 'redres_ros' / '__init__.py').touch()
     for name in ('__init__', 'cache', 'compiled', 'compile_log', 'arithmetic'):
-        shutil.copy(ROOM / f'{name}.py', room)
-    shutil.copy(ROOM.parent / 'files/signals.py', room.parent)
-    (room / 'square.py').write_text(KERNEL)
-    return room
+        shutil.copy(ROOM / f'{name}.py', folder)
+    shutil.copy(ROOM.parent / 'files/signals.py', folder.parent)
+    (folder / 'square.py').write_text(KERNEL)
+    return folder
 
 
-def ask(room: Path, **environment: str) -> tuple[str, str]:
+def ask(folder: Path, **environment: str) -> tuple[str, str]:
     """What a new process says of the kernel there: its answer and how often it had to compile; and
-    what else it tells.
+    what else it prints.
     """
-    package = room.parent.parent
+    package = folder.parent.parent
     done = subprocess.run(
         [sys.executable, '-c', ASK],
         cwd=package,
@@ -148,52 +148,52 @@ def ask(room: Path, **environment: str) -> tuple[str, str]:
 
 
 @pytest.mark.slow
-def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(room):
+def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(folder):
     """Even where that stands in another file, of which numba by itself would not know."""
     once = (
         'compiling the formulas, which takes a quarter of a minute: once, and kept in '
-        f'{room / "__pycache__"}'
+        f'{folder / "__pycache__"}'
     )
-    assert ask(room) == ('12.0 1', once)
-    assert ask(room) == ('12.0 0', '')
-    arithmetic = room / 'arithmetic.py'
+    assert ask(folder) == ('12.0 1', once)
+    assert ask(folder) == ('12.0 0', '')
+    arithmetic = folder / 'arithmetic.py'
     arithmetic.write_text(arithmetic.read_text().replace('total = 0.0', 'total = 1.0'))
-    assert ask(room) == ('13.0 1', once)
-    kept = [path.name.partition('.py3')[0] for path in (room / '__pycache__').glob('square*.nb?')]
+    assert ask(folder) == ('13.0 1', once)
+    kept = [path.name.partition('.py3')[0] for path in (folder / '__pycache__').glob('square*.nb?')]
     assert kept == 2 * ['square.square-kernel']  # overwritten, and so after a move of its lines
 
 
 @pytest.mark.slow
 def test_where_neither_installation_nor_home_can_be_written_it_is_kept_among_temporary_files(
-    room, tmp_path
+    folder, tmp_path
 ):
-    (room / '__pycache__').touch()  # so that no folder can be there, even for root
-    nowhere = str(room / '__pycache__' / 'none')
+    (folder / '__pycache__').touch()  # so that no folder can be there, even for root
+    nowhere = str(folder / '__pycache__' / 'none')
     temporary = tmp_path / 'temporary'
     temporary.mkdir()
     places = {'HOME': nowhere, 'XDG_CACHE_HOME': nowhere, 'TMPDIR': str(temporary)}
-    answer, told = ask(room, **places)
+    answer, reported = ask(folder, **places)
     assert answer == '12.0 1'
-    assert f'kept in {temporary}/redres_ros-{os.getuid()}/' in told
-    assert ask(room, **places) == ('12.0 0', '')
+    assert f'kept in {temporary}/redres_ros-{os.getuid()}/' in reported
+    assert ask(folder, **places) == ('12.0 0', '')
     (temporary / f'redres_ros-{os.getuid()}').chmod(0o777)  # others might have put something in
-    answer, told = ask(room, **places)
+    answer, reported = ask(folder, **places)
     assert answer == '12.0 1'
-    assert told.endswith('in every process, as no folder to keep them in can be written')
+    assert reported.endswith('in every process, as no folder to keep them in can be written')
 
 
-def test_a_node_tells_in_one_line_that_compiling_is_over(monkeypatch, capsys):
+def test_a_node_reports_in_one_line_that_compiling_is_over(monkeypatch, capsys):
     runtime = pytest.importorskip('redres_ros.nodes.runtime', reason='needs ROS 2')
     lines = []
     log = SimpleNamespace(info=lines.append)
     nodes = [SimpleNamespace(get_logger=lambda: log)] * 2
     monkeypatch.setattr(compile_log, '_times', [])
-    runtime._tell_compiled(nodes)
+    runtime._log_compiled(nodes)
     assert not lines  # nothing has been compiled
     for _ in range(2):
         compile_log.log_compiling('here')
     assert len(capsys.readouterr().err.splitlines()) == 1
-    runtime._tell_compiled(nodes)
+    runtime._log_compiled(nodes)
     assert lines == ['compiled the formulas in 0 s']
 
 
@@ -236,7 +236,7 @@ def test_a_folder_that_others_could_replace_is_refused(tmp_path):
     assert own_folder(tmp_path).is_dir()
 
 
-def test_the_stamp_of_a_room_changes_with_each_of_its_files(tmp_path):
+def test_the_stamp_of_a_folder_changes_with_each_of_its_files(tmp_path):
     (tmp_path / 'a.py').write_text('x = 1\n')
     (tmp_path / 'b.py').write_text('')
     found = {stamp(tmp_path)}

@@ -1,4 +1,4 @@
-"""The controller within limits: what it keeps, what it tells, and that nothing makes it jump."""
+"""The controller within limits: what it keeps, what it reports, and that nothing makes it jump."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -62,7 +62,7 @@ def test_no_command_leaves_the_limits_whatever_is_asked(law, model, task):
 
 @EVERY_LAW
 def test_long_random_motions_keep_every_combination_of_limits(law, model, task):
-    """Some of them, and all by night. Without a limit on speeds a law may run away, and is told."""
+    """Some of them, and all by night. Without a limit on speeds a law may run away."""
     random = np.random.default_rng(1)
     count = len(COMBINATIONS) if NIGHTLY else 3
     for index in random.permutation(len(COMBINATIONS))[:count]:
@@ -303,7 +303,7 @@ def test_a_law_that_runs_away_is_refused_once_and_starts_anew(model):
     dx = np.array((0.3, 0.1, 0.2))
     reasons: list[str] = []  # of every tick, empty where it is answered
     for _ in range(3000):
-        # beside a singularity dx itself asks for too much in this norm; whoever sent it stops
+        # beside a singularity dx itself asks for too much in this norm; its sender stops
         wanted = 0.0 * dx if reasons[-1:] == ['dx'] else dx
         try:
             command = controller.update(q, wanted)
@@ -341,7 +341,7 @@ def test_far_from_singularities_nothing_is_lost(model, task):
 
 
 @EVERY_LAW
-def test_what_is_not_executed_at_a_singularity_is_told(law, model):
+def test_what_is_not_executed_at_a_singularity_is_reported(law, model):
     """Of the stretched arm, the way outward."""
     controller = controller_of(model, law)
     dx = np.array((0.1, 0.0, 0.05))
@@ -358,7 +358,7 @@ def test_the_shipped_task_names_no_limits():
 
 
 @pytest.mark.slow
-def test_a_share_that_rises_slowly_again_keeps_the_spare_joints_from_swinging(model, task):
+def test_a_share_that_rises_slowly_again_keeps_the_null_space_from_oscillating(model, task):
     """Least acceleration at 0.4 of the limits; the way takes no longer for that."""
     there_and_back = replace(task, waypoints=np.vstack((task.waypoints, task.waypoints[2::-1])))
 

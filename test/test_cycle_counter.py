@@ -134,7 +134,7 @@ def test_states_at_twice_the_rate_are_refused_with_both_figures() -> None:
     assert cycles.number <= 60  # nor does the arm move twice as fast
 
 
-def test_a_stamp_is_of_the_cycle_whose_state_bears_it_or_of_the_nearest() -> None:
+def test_a_stamp_is_of_the_cycle_whose_state_has_it_or_of_the_nearest() -> None:
     cycles = CycleCounter(T)
     random = np.random.default_rng(2)
     stamps = [EPOCH + round(T * (k + random.uniform(-0.4, 0.4))) for k in range(100)]

@@ -31,13 +31,13 @@ def test_a_damping_is_judged_beside_the_best_of_the_same_task() -> None:
 
 def test_a_sweep_finds_what_a_single_run_finds() -> None:
     model = RobotModel.named('lwr4_paper')
-    told: list[float] = []
+    reported: list[float] = []
     (trials,) = sweep(
-        model, 'lwr4_paper', ['minimum_acceleration'], 2, 0.02, told.append, (0.0, 10.0)
+        model, 'lwr4_paper', ['minimum_acceleration'], 2, 0.02, reported.append, (0.0, 10.0)
     )
     assert trials.peaks.shape == trials.kept.shape == (2, 2)
-    assert told[-1] == 1.0
-    again = sweep(model, 'lwr4_paper', ['minimum_acceleration'], 1, 0.02, told.append, (10.0,))
+    assert reported[-1] == 1.0
+    again = sweep(model, 'lwr4_paper', ['minimum_acceleration'], 1, 0.02, reported.append, (10.0,))
     assert again[0].peaks[0, 0] == trials.peaks[0, 1]
 
 

@@ -239,9 +239,9 @@ def test_the_law_of_least_velocity_is_stopped_after_7_s(tmp_path: Path) -> None:
 def test_a_law_switched_on_the_way_is_blended_and_marked(real_time: tuple[Path, str]) -> None:
     out, _ = real_time
     first, second = LAWS_ON_THE_WAY
-    told = summary(out)['switches']
-    assert [change[1:] for change in told] == [[first, second], [second, first]]
-    assert 0.5 <= told[0][0] <= told[1][0] and 1.2 <= told[1][0]
+    reported = summary(out)['switches']
+    assert [change[1:] for change in reported] == [[first, second], [second, first]]
+    assert 0.5 <= reported[0][0] <= reported[1][0] and 1.2 <= reported[1][0]
     task = load_task('rectangle')
     side = replace(task, waypoints=task.waypoints[:2])
     alone = []
@@ -369,7 +369,7 @@ def test_bad_options_get_one_line(
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('--rate', '300'), ('300', 'plant steps')),  # told by the sim
+        (('--rate', '300'), ('300', 'plant steps')),  # refused by the sim
     ],
 )
 def test_what_shows_when_the_graph_starts_gets_one_line_too(

@@ -204,7 +204,7 @@ def test_a_state_that_the_planner_missed_is_part_of_the_motion() -> None:
     np.testing.assert_allclose(log.desired_at([11, 12]), [[0.1] * 7, [0.2] * 7])
 
 
-def test_a_switch_is_told_with_both_names_and_when() -> None:
+def test_a_switch_is_reported_with_both_names_and_when() -> None:
     log = log_of(
         states=dict.fromkeys([0, PERIOD, 2 * PERIOD, 3 * PERIOD]),
         desired=dict.fromkeys([0, PERIOD, 2 * PERIOD, 3 * PERIOD]),

@@ -1,4 +1,4 @@
-"""What README.md and docs/ tell a reader to type works, or says why no test types it.
+"""The commands in README.md and docs/ work, or say why no test runs them.
 
 A comment before a block of code says what is special about it:
 

@@ -62,7 +62,7 @@ def test_on_an_arm_that_a_law_keeps_stable_law_and_scheme_differ_by_rounding(
     assert difference(name, damping, 0.002, replace(side, segment_time=1.0), model=heavy).max < ZERO
 
 
-def test_without_damping_the_law_and_the_scheme_of_least_acceleration_go_the_same_way_astray(task):
+def test_without_damping_the_law_and_the_scheme_of_least_acceleration_deviate_alike(task):
     found = difference(
         'minimum_acceleration', 0.0, 0.001, task
     )  # the loop amplifies rounding 4e3 times

@@ -32,7 +32,7 @@ def numbers(text: str) -> list[float]:
     return [float(number) for number in re.findall(r'-?\d+\.\d*|-?\d+', text)]
 
 
-def test_the_first_motion_moves_the_tip_where_it_was_told() -> None:
+def test_the_first_motion_moves_the_tip_where_it_was_commanded() -> None:
     way, _ = run('first_motion').splitlines()
     # Its 2 s with 0.1 m/s; a step of T errs by a millionth of a metre.
     assert numbers(way) == pytest.approx([0.0, -0.2, 0.0], abs=1e-3)
@@ -43,7 +43,7 @@ def test_of_two_laws_that_of_least_acceleration_accelerates_less() -> None:
     assert numbers(acceleration)[0] < 0.2 * numbers(velocity)[0]
 
 
-def test_the_law_of_ones_own_spares_the_joint_that_it_was_told_to_spare() -> None:
+def test_the_law_of_ones_own_spares_the_joint_that_it_is_to_spare() -> None:
     plain, own = run('own_law').splitlines()
     assert own.startswith('WristFirst')
     assert numbers(own)[0] < 0.6 * numbers(plain)[0]

@@ -229,7 +229,7 @@ def mujoco(**faults: float) -> FaultyPlant:
 
 
 def reference(k: int) -> np.ndarray:
-    """Where the arm is told to be at tick k, (n,) [rad]: a gentle swing."""
+    """The commanded position at tick k, (n,) [rad]: a gentle swing."""
     return Q0 + 0.1 * (1.0 - np.cos(0.01 * k))
 
 
@@ -427,7 +427,7 @@ FAULTS = {
 
 @pytest.mark.parametrize('profile', ['lwr_fri1', 'sunrise'])
 @pytest.mark.parametrize(('fault', 'reason', 'at_fault'), FAULTS.values(), ids=list(FAULTS))
-def test_a_fault_that_sets_in_stops_the_arm_gently_and_tells_why_and_reset_recovers(
+def test_a_fault_that_sets_in_stops_the_arm_gently_and_reports_why_and_reset_recovers(
     fault, reason, at_fault, profile
 ):
     loop = Loop(profile=profile).run(400)

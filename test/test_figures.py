@@ -91,7 +91,7 @@ def test_every_figure_of_the_paper_is_there():
 
 
 @every_figure
-def test_a_figure_has_a_title_that_tells_its_number(figures, number):
+def test_a_figure_has_a_title_with_its_number(figures, number):
     titles = [figures[number].get_suptitle(), *(ax.get_title() for ax in figures[number].axes)]
     assert any(title.startswith(f'Figure {number}. ') for title in titles)
 
@@ -106,7 +106,7 @@ def test_every_axis_is_labelled_with_its_unit(figures, number):
 
 
 @every_figure
-def test_where_there_are_several_curves_a_legend_tells_them_apart(figures, number):
+def test_where_there_are_several_curves_a_legend_distinguishes_them(figures, number):
     panels = plots(figures[number])
     labels = {
         str(line.get_label())
@@ -143,7 +143,7 @@ def test_the_panels_are_those_of_the_paper(figures, number, panels):
     assert len(figures[number].axes) == panels
 
 
-def test_a_stop_is_marked_and_told(runs, figures, monkeypatch):
+def test_a_stop_is_marked_and_reported(runs, figures, monkeypatch):
     tried = runs['measured_2']
     cut = replace(tried.recording, finished=False, ending='stopped after 1.000 s: protective stop')
     stopped = Runs()
@@ -154,7 +154,9 @@ def test_a_stop_is_marked_and_told(runs, figures, monkeypatch):
     assert 'stopped at 1.50 s' in labels
 
 
-def test_the_files_are_named_for_their_numbers_and_progress_is_told(runs, tmp_path, monkeypatch):
+def test_the_files_are_named_for_their_numbers_and_progress_is_reported(
+    runs, tmp_path, monkeypatch
+):
     monkeypatch.setattr(figures_module, 'FIGURES', {n: FIGURES[n] for n in (1, 2, 19)})
     shares: list[float] = []
     files = draw_all(tmp_path / 'new', shares.append, runs)

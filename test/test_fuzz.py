@@ -50,7 +50,7 @@ pytestmark = pytest.mark.slow
 
 CASES = 10_000 if NIGHTLY else 1000
 FIRST = 10**18  # [ns] stamp of the first state
-END = 2**31 * 10**9  # [ns] which no stamp can tell any more
+END = 2**31 * 10**9  # [ns] beyond what a stamp can hold
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
 few = settings(
@@ -125,7 +125,7 @@ values = st.one_of(
 )
 
 
-class Outlet:
+class Recorder:
     """In the place of a publisher: keeps the numbers of everything that is published."""
 
     def __init__(self, owner: Any, attribute: str, kind: type) -> None:
@@ -190,10 +190,10 @@ class TestCallbacks:
 
     @few
     @given(st.lists(st.one_of(joint_states(), twists(), words, st.booleans()), max_size=12))
-    def test_whatever_the_controller_hears_its_commands_are_finite_and_it_goes_on(
+    def test_whatever_the_controller_receives_its_commands_are_finite_and_it_goes_on(
         self, controller, events
     ):
-        outlet = Outlet(controller._commands, '_publisher', JointState)
+        recorder = Recorder(controller._commands, '_publisher', JointState)
         for event in events:
             match event:
                 case JointState():
@@ -204,21 +204,23 @@ class TestCallbacks:
                     controller._on_session(event)
                 case bool():
                     controller._on_hold(SetBool.Request(data=event), SetBool.Response())
-        assert all(map(math.isfinite, (number for _, content in outlet.sent for number in content)))
+        assert all(
+            map(math.isfinite, (number for _, content in recorder.sent for number in content))
+        )
         controller._on_hold(SetBool.Request(data=False), SetBool.Response())
         newest = controller._loop._cycles.newest
         last = later(newest)  # any clock may begin anew
         controller._on_state(numbered(last))
         controller._on_state(numbered(last))  # without a silence before, the first proves nothing
-        assert outlet.sent[-1][0] == last
-        assert outlet.sent[-1][1][:7] == pytest.approx(START.tolist(), abs=1e-2)
+        assert recorder.sent[-1][0] == last
+        assert recorder.sent[-1][1][:7] == pytest.approx(START.tolist(), abs=1e-2)
 
     @few
     @given(st.lists(st.one_of(joint_states(), st.booleans()), max_size=12))
-    def test_whatever_the_planner_hears_its_task_velocities_are_finite_and_bounded(
+    def test_whatever_the_planner_receives_its_task_velocities_are_finite_and_bounded(
         self, planner, events
     ):
-        outlet = Outlet(planner, '_twist_publisher', TwistStamped)
+        recorder = Recorder(planner, '_twist_publisher', TwistStamped)
         for event in events:
             match event:
                 case JointState():
@@ -229,7 +231,7 @@ class TestCallbacks:
                     planner._on_stop(Trigger.Request(), Trigger.Response())
         # The rectangle's sides are at most 0.5 m long and take 3 s: 15/8 of the mean speed, and the
         # feedback's limit.
-        assert all(np.linalg.norm(content) < 2.0 for _, content in outlet.sent)
+        assert all(np.linalg.norm(content) < 2.0 for _, content in recorder.sent)
         last = later(planner._run._cycles.newest)
         planner._on_state(numbered(last))
         planner._on_state(numbered(last))  # without a silence before, the first proves nothing
@@ -237,7 +239,7 @@ class TestCallbacks:
         planner._on_start(Trigger.Request(), Trigger.Response())
         last += PERIOD
         planner._on_state(numbered(last))
-        assert outlet.sent[-1][0] == last
+        assert recorder.sent[-1][0] == last
 
     @few
     @given(
@@ -246,8 +248,8 @@ class TestCallbacks:
             max_size=30,
         )
     )
-    def test_whatever_the_sim_hears_its_arm_keeps_the_limits(self, sim, events):
-        outlet = Outlet(sim._state_publisher, '_publisher', JointState)
+    def test_whatever_the_sim_receives_its_arm_keeps_the_limits(self, sim, events):
+        recorder = Recorder(sim._state_publisher, '_publisher', JointState)
         robot = sim._robot
         before = robot.reference
         for event in events:
@@ -256,7 +258,7 @@ class TestCallbacks:
             if event == 'reset':
                 robot.reset()
             elif event == 'answer':
-                sim._on_command(numbered(outlet.sent[-1][0], robot.reference))
+                sim._on_command(numbered(recorder.sent[-1][0], robot.reference))
             else:
                 sim._on_command(event)
             robot.advance(*answers)
@@ -264,7 +266,9 @@ class TestCallbacks:
             assert (np.abs(after - before) <= LIMITS.velocity * robot.period * (1.0 + 1e-9)).all()
             assert ((LIMITS.lower <= after) & (after <= LIMITS.upper)).all()
             before = after
-        assert all(map(math.isfinite, (number for _, content in outlet.sent for number in content)))
+        assert all(
+            map(math.isfinite, (number for _, content in recorder.sent for number in content))
+        )
         sim._health()
 
     @few
@@ -306,13 +310,13 @@ def live(
 ) -> Iterator[tuple[Observer, dict[str, Any], Path]]:
     """Nodes in processes of their own, and publishers on all that they listen to."""
     directory = tmp_path_factory.mktemp('live')
-    with graph(Observer) as (witness, start):
+    with graph(Observer) as (observer, start):
         started = {
             name: start(name, directory / f'{name}.log', rate=100.0)
             for name in ('sim', 'controller', 'planner')
         }
         publishers = {
-            topic: witness.create_publisher(kind, topic, 10)
+            topic: observer.create_publisher(kind, topic, 10)
             for topic, kind in (
                 ('joint_states', JointState),
                 ('joint_command', JointState),
@@ -323,7 +327,7 @@ def live(
             lambda: all(publisher.get_subscription_count() for publisher in publishers.values()),
             'the nodes',
         )
-        yield witness, publishers | started, directory
+        yield observer, publishers | started, directory
 
 
 class TestOverDds:
@@ -332,7 +336,7 @@ class TestOverDds:
     @few
     @given(joint_states(), joint_states(), twists())
     def test_over_dds_random_messages_are_refused_without_an_end(self, live, state, command, twist):
-        witness, graph_parts, _ = live
+        observer, graph_parts, _ = live
         for topic, message in (
             ('joint_states', state),
             ('joint_command', command),
@@ -340,20 +344,20 @@ class TestOverDds:
         ):
             graph_parts[topic].publish(message)
         # A node that it brought down is found here, or after the next message.
-        states = len(witness.states)
-        await_that(lambda: len(witness.states) > states, 'a state of the sim', every=0.001)
+        states = len(observer.states)
+        await_that(lambda: len(observer.states) > states, 'a state of the sim', every=0.001)
         for name in ('sim', 'controller', 'planner'):
             graph_parts[name].check()
 
     def test_after_all_that_the_live_nodes_are_as_good_as_new(self, live):
-        witness, graph_parts, directory = live
+        observer, graph_parts, directory = live
 
         def answers() -> list[tuple[np.ndarray, np.ndarray]]:
             """To states of the sim; those that were thrown are stamped at any time but now."""
             real = {
-                stamp for stamp, _ in witness.states if abs(stamp - time.time_ns()) < 3600 * 10**9
+                stamp for stamp, _ in observer.states if abs(stamp - time.time_ns()) < 3600 * 10**9
             }
-            return [(q_ref, dq) for stamp, q_ref, dq in witness.commands if stamp in real]
+            return [(q_ref, dq) for stamp, q_ref, dq in observer.commands if stamp in real]
 
         before = len(answers())
         await_that(lambda: len(answers()) > before + 100, 'answers')

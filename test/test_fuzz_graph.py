@@ -38,7 +38,7 @@ WORDS = ('CMD', 'MON', 'MOVE', '', 'x' * 1000, 'cmd')
 
 
 class Thrower:
-    """Throws things at the graph by chance.
+    """Sends random messages to the graph.
 
     Args:
         run: The graph.
@@ -63,7 +63,7 @@ class Thrower:
         }
 
     def throw(self) -> None:
-        """One thing."""
+        """One of them."""
         kind = self._chance.choice(list(self._throws))
         self.thrown[str(kind)] += 1
         self._throws[str(kind)]()
@@ -155,7 +155,7 @@ BAD: dict[str, Any] = {
 }
 
 
-class Witness:
+class Observer:
     """Judges every command and every reference of the robot.
 
     Args:
@@ -168,7 +168,7 @@ class Witness:
         self._robot = run.nodes['sim']._robot
         self._advance = self._robot.advance
         self._robot.advance = self._advanced
-        run.graph.listen('joint_command', 'witness', self._on_command)
+        run.graph.listen('joint_command', 'observer', self._on_command)
 
     def _on_command(self, message: JointState) -> None:
         if message.header.frame_id == THROWN:
@@ -195,7 +195,7 @@ def test_whatever_is_thrown_no_command_leaves_the_limits_and_the_graph_goes_on()
     loop = {'rate': RATE}
     sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
     with virtual_run(sim=sim, controller=loop, planner={**loop, 'autostart': True}) as run:
-        witness = Witness(run)
+        observer = Observer(run)
         thrower = Thrower(run, seed=0)
         chance = np.random.default_rng(1)
         while thrown_by(thrower) < MESSAGES:
@@ -203,7 +203,7 @@ def test_whatever_is_thrown_no_command_leaves_the_limits_and_the_graph_goes_on()
             run.run(1.0 if calm else float(chance.exponential(1.0)) / RATE)
             for _ in range(chance.integers(1, 6)):
                 thrower.throw()
-        assert witness.commands > MESSAGES / 10
+        assert observer.commands > MESSAGES / 10
         assert all(run.nodes[name]._health() for name in run.nodes)
         run.graph.call('controller/hold', data=False)
         run.graph.call('planner/stop')

@@ -168,7 +168,7 @@ def waiting(run: VirtualRun) -> VirtualRun:
 
 
 def assert_over(run: VirtualRun, *words: str) -> None:
-    """The goal was given up, for a reason that is told, and is not carried out later."""
+    """The goal was given up, for a reason that is reported, and is not carried out later."""
     assert logged(run, 'the goal is over', *words)
     assert diagnosed(run, *words)
     run.graph.faults.clear()
@@ -241,10 +241,10 @@ def test_progress_goes_from_nothing_to_one(run: VirtualRun) -> None:
     assert run.graph.call('planner/start').success
     assert run.run_until(lambda: state(run) is TaskState.FINISHED, 20.0)
     run.run(0.1)
-    told = np.array([message.data for _, message in run.graph.kept['planner/progress']])
-    assert told[0] == pytest.approx(0.0, abs=0.01)
-    assert (np.diff(told) >= 0.0).all()
-    assert told[-1] == 1.0
+    fractions = np.array([message.data for _, message in run.graph.kept['planner/progress']])
+    assert fractions[0] == pytest.approx(0.0, abs=0.01)
+    assert (np.diff(fractions) >= 0.0).all()
+    assert fractions[-1] == 1.0
 
 
 def test_a_motion_that_gets_nowhere_is_reported_and_then_given_up() -> None:

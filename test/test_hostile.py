@@ -51,7 +51,7 @@ def shell(line: str, folder: Path, **variables: str) -> tuple[int, str]:
         (f'{QUICK} --out /dev/full', ''),
     ],
 )
-def test_a_full_device_is_told_in_one_line(tmp_path, command, unbuffered):
+def test_a_full_device_is_reported_in_one_line(tmp_path, command, unbuffered):
     target = '' if '--out' in command else '> /dev/full'
     status, said = shell(f'{REDRES} {command} {target}', tmp_path, PYTHONUNBUFFERED=unbuffered)
     assert status == 1
@@ -62,11 +62,11 @@ def test_a_full_device_is_told_in_one_line(tmp_path, command, unbuffered):
 @pytest.mark.parametrize(
     ('redirection', 'status'), [('2> /dev/full', 1), ('2>&-', 1), ('2> /dev/full > /dev/full', 1)]
 )
-def test_an_error_that_nobody_can_be_told_still_has_its_status(tmp_path, redirection, status):
+def test_an_error_that_nobody_can_read_still_has_its_status(tmp_path, redirection, status):
     assert shell(f'{REDRES} simulate --law fastest {redirection}', tmp_path) == (status, '')
 
 
-def test_a_closed_output_is_told_in_one_line(tmp_path):
+def test_a_closed_output_is_reported_in_one_line(tmp_path):
     status, said = shell(f'{REDRES} laws >&-', tmp_path)
     assert status == 1
     assert said == ('redres laws: standard output is closed; expected an open one, as /dev/null\n')
@@ -89,7 +89,7 @@ def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
     ('command', 'files'),
     [(QUICK, 6), ('compare --laws minimum_velocity,minimum_torque --period 0.01', 16)],
 )
-def test_few_file_descriptors_are_enough_or_told_in_one_line(tmp_path, command, files):
+def test_few_file_descriptors_are_enough_or_reported_in_one_line(tmp_path, command, files):
     status, said = shell(f'ulimit -n {files}; exec {REDRES} {command}', tmp_path)
     assert status in (0, 1)
     assert 'Traceback' not in said
@@ -99,7 +99,7 @@ def test_few_file_descriptors_are_enough_or_told_in_one_line(tmp_path, command, 
 
 @needs_ros
 @pytest.mark.parametrize('files', [8, 16])
-def test_few_file_descriptors_for_nodes_are_told_and_end_with_a_line(tmp_path, files):
+def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_path, files):
     status, said = shell(f'ulimit -n {files}; exec {REDRES} demo --lockstep', tmp_path)
     assert status == 1
     assert 'Traceback' not in said

@@ -36,22 +36,22 @@ RECOVERY = 6.0  # [s] on the robot's clock, as for a fault on one host
 # arm is.
 OBSERVER = """
 import sys, threading
-from graph_helpers import Witness, await_that
+from graph_helpers import Observer, await_that
 from redres_ros.nodes.runtime import spun
-with spun(Witness) as witness:
+with spun(Observer) as observer:
     for line in sys.stdin:
         match line.strip():
-            case 'await command': print(f'{witness.await_command_mode():.3f}', flush=True)
-            case 'await motion': witness.await_motion(); print('moves', flush=True)
+            case 'await command': print(f'{observer.await_command_mode():.3f}', flush=True)
+            case 'await motion': observer.await_motion(); print('moves', flush=True)
             case 'await stop':
                 await_that(
-                    lambda: not witness.commanding and witness.reasons and witness.reasons[-1],
+                    lambda: not observer.commanding and observer.reasons and observer.reasons[-1],
                     'a stop',
                 )
-                print(witness.reasons[-1], flush=True)
-            case 'await rest': print(f'{witness.await_standstill(witness.at):.3f}', flush=True)
-            case 'reset': print(f'{witness.reset():.3f}', flush=True)
-            case 'check': witness.assert_all_was_well(); print('well', flush=True)
+                print(observer.reasons[-1], flush=True)
+            case 'await rest': print(f'{observer.await_standstill(observer.at):.3f}', flush=True)
+            case 'reset': print(f'{observer.reset():.3f}', flush=True)
+            case 'check': observer.assert_all_was_well(); print('well', flush=True)
 """
 
 

@@ -38,15 +38,15 @@ class Talker(Node):
 
 
 class Listener(Node):
-    """Notes what it hears, and the thread in which it hears it."""
+    """Keeps what it receives, and the thread in which that happens."""
 
-    def __init__(self, heard: list[Any], name: str = 'listener', namespace: str = '/') -> None:
+    def __init__(self, received: list[Any], name: str = 'listener', namespace: str = '/') -> None:
         super().__init__(name, namespace=namespace)
         for topic in ('inner', 'open', 'other'):
             self.create_subscription(
                 Float64,
                 topic,
-                lambda message, topic=topic: heard.append(
+                lambda message, topic=topic: received.append(
                     (self.get_name(), topic, message, threading.get_ident())
                 ),
                 NEWEST,
@@ -65,11 +65,11 @@ def intra_process() -> Iterator[IntraProcess]:
 def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(
     intra_process: IntraProcess,
 ) -> None:
-    heard: list[Any] = []
-    first, second = (intra_process.node(Listener)(heard, name) for name in ('first', 'second'))
+    received: list[Any] = []
+    first, second = (intra_process.node(Listener)(received, name) for name in ('first', 'second'))
     talker = intra_process.node(Talker)()
     talker.said['inner'].publish(Float64(data=1.5))
-    assert [(name, topic, message.data, thread) for name, topic, message, thread in heard] == [
+    assert [(name, topic, message.data, thread) for name, topic, message, thread in received] == [
         (name, 'inner', 1.5, threading.get_ident()) for name in ('first', 'second')
     ]
     for node in (first, second, talker):
@@ -77,42 +77,42 @@ def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_mad
 
 
 def test_nodes_in_other_namespaces_do_not_get_it(intra_process: IntraProcess) -> None:
-    heard: list[Any] = []
+    received: list[Any] = []
     nodes = (
-        intra_process.node(Listener)(heard, namespace='/left'),
+        intra_process.node(Listener)(received, namespace='/left'),
         intra_process.node(Talker)(namespace='/right'),
     )
     nodes[1].said['inner'].publish(Float64(data=1.0))
-    assert not heard
+    assert not received
     for node in nodes:
         node.destroy_node()
 
 
-def test_others_hear_every_topic_but_are_heard_on_open_ones_and_ordinary_ones_alone(
+def test_others_receive_every_topic_but_reach_only_open_and_ordinary_ones(
     intra_process: IntraProcess,
 ) -> None:
-    heard_inside: list[Any] = []
-    heard_outside: list[Any] = []
+    received_inside: list[Any] = []
+    received_outside: list[Any] = []
     inside = (
         intra_process.node(Talker)('talker_inside'),
-        intra_process.node(Listener)(heard_inside, 'listener_inside'),
+        intra_process.node(Listener)(received_inside, 'listener_inside'),
     )
-    outside = Talker('talker_outside'), Listener(heard_outside, 'listener_outside')
+    outside = Talker('talker_outside'), Listener(received_outside, 'listener_outside')
     stopped = threading.Event()
     spinner = Spinner((*inside, *outside), stopped)
 
-    def say(talker: Talker, heard: list[Any], topics: set[str]) -> None:
+    def say(talker: Talker, received: list[Any], topics: set[str]) -> None:
         until = time.monotonic() + PATIENCE
-        while not topics <= {topic for _, topic, _, _ in heard} and time.monotonic() < until:
+        while not topics <= {topic for _, topic, _, _ in received} and time.monotonic() < until:
             for topic in talker.said:
                 talker.said[topic].publish(Float64(data=1.0))
             spinner.sleep(0.05)
 
-    say(inside[0], heard_outside, {'inner', 'open', 'other'})
-    assert {topic for _, topic, _, _ in heard_outside} == {'inner', 'open', 'other'}
-    heard_inside.clear()
-    say(outside[0], heard_inside, {'open', 'other'})
-    assert {topic for _, topic, _, _ in heard_inside} == {'open', 'other'}
+    say(inside[0], received_outside, {'inner', 'open', 'other'})
+    assert {topic for _, topic, _, _ in received_outside} == {'inner', 'open', 'other'}
+    received_inside.clear()
+    say(outside[0], received_inside, {'open', 'other'})
+    assert {topic for _, topic, _, _ in received_inside} == {'open', 'other'}
     spinner.close()
     for node in (*inside, *outside):
         node.destroy_node()
@@ -135,17 +135,17 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
 
 
 def test_task_velocities_from_another_process_move_the_composed_arm(tmp_path: Path) -> None:
-    with graph(Observer) as (witness, start):
+    with graph(Observer) as (observer, start):
         composed = start(
             'composed', tmp_path / 'composed.log', patience=5.0, start=tuple(START.tolist())
         )
-        witness.await_command_mode()
-        teleoperation = witness.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
+        observer.await_command_mode()
+        teleoperation = observer.create_publisher(TwistStamped, 'cartesian_velocity', PUBLISH)
 
         def moved() -> bool:
-            teleoperation.publish(to_twist(witness.at, 'world', np.array((0.0, -0.1, 0.0))))
-            return witness.speed > 0.02
+            teleoperation.publish(to_twist(observer.at, 'world', np.array((0.0, -0.1, 0.0))))
+            return observer.speed > 0.02
 
         await_that(moved, 'motion', every=0.02)
         composed.check()
-        witness.assert_all_was_well()
+        observer.assert_all_was_well()

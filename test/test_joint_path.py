@@ -51,7 +51,7 @@ def test_all_joints_arrive_together() -> None:
 
 
 def follow(path: JointPath, q: np.ndarray, seen: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Where joints are at the end that go as they are told; `seen` is what their driver reports."""
+    """Final positions of ideal joints; `seen` is what their driver reports."""
     t = 0.0
     while not (reference := path.reference(seen(q), t)).finished:
         assert t < path.duration + 5.0

@@ -127,7 +127,7 @@ def test_rviz_looks_from_the_root_link_of_any_arm(launch_file, tmp_path):
     urdf.write_text(description.replace('"world"', '"table"'))
     rviz = started(launch_file, rviz='true', robot=str(urdf))['rviz2']
     assert rviz.arguments[-2:] == ['-f', 'table']
-    # The driver of a robot knows, and RViz can be told by hand.
+    # The driver of a robot knows, and RViz can be set by hand.
     assert '-f' not in started(launch_file, rviz='true', sim='false')['rviz2'].arguments
 
 

@@ -11,7 +11,7 @@ from imports import PACKAGE, ROS, WITH_ROS, Import, files_with, imports, subpack
 
 import redres_ros
 
-# From the bottom up. A module imports from layers below its own, and from its own room.
+# From the bottom up. A module imports from layers below its own, and from its own subpackage.
 LAYERS = (
     {'errors'},
     {'files'},
@@ -38,14 +38,12 @@ LAYERS = (
 
 def level(name: str) -> int:
     levels = [number for number, layer in enumerate(LAYERS) if subpackage(name) in layer]
-    assert levels, f'{name} is in no layer: add its room to LAYERS'
+    assert levels, f'{name} is in no layer: add it to LAYERS'
     return levels[0]
 
 
 def own_imports(where: str = '') -> Iterator[tuple[str, str]]:
-    """Pairs (importing file, room imported) within the package, for files in that room or in all of
-    them.
-    """
+    """Pairs (importing file, imported subpackage), for the files of one subpackage or of all."""
     for file, module, _ in imports():
         if (
             module.startswith('redres_ros.')
@@ -129,7 +127,7 @@ def test_compiled_formulas_need_nothing_but_numpy_and_numba():
     }
 
 
-def test_everything_compiled_is_in_one_room():
+def test_everything_compiled_is_in_one_subpackage():
     """Whose files numba's cache depends on."""
     assert {subpackage(file) for file in files_with('numba')} == {'kernels'}
     assert {
@@ -148,7 +146,7 @@ def test_the_command_line_loads_nothing_but_errors_before_it_knows_what_to_do():
     assert all(module.partition('.')[0] in sys.stdlib_module_names for module in loading - own)
 
 
-# --- rooms ----------------------------------------------------------------------------------------
+# --- layers ---------------------------------------------------------------------------------------
 
 
 def test_imports_point_downward():
@@ -160,7 +158,7 @@ def test_imports_point_downward():
     assert upward == []
 
 
-def test_the_fake_robot_is_an_independent_witness():
+def test_the_fake_robot_is_independent_of_what_it_tests():
     assert {target for _, target in own_imports('fake_robot')} <= {
         'fake_robot',
         'errors',

@@ -1,4 +1,4 @@
-"""A parameter with a misspelt name is told of when a node starts, and no other one is."""
+"""A parameter with a misspelt name is reported when a node starts, and no other one is."""
 
 from collections.abc import Iterator
 
@@ -31,7 +31,7 @@ def node() -> Iterator[Node]:
         rclpy.shutdown()
 
 
-def test_the_nearest_name_is_told(node):
+def test_the_nearest_name_is_reported(node):
     assert misspelt([node]) == {'limit_scael': 'limit_scale'}
 
 
@@ -42,14 +42,14 @@ def test_what_another_node_of_the_process_has_is_not_misspelt(node):
     other.destroy_node()
 
 
-def test_a_misspelt_parameter_is_told_in_one_line(node, monkeypatch):
+def test_a_misspelt_parameter_is_reported_in_one_line(node, monkeypatch):
     lines: list[str] = []
 
     class Log:
         warning = lines.append
 
     monkeypatch.setattr(node, 'get_logger', Log)
-    runtime._tell_misspelt([node])
+    runtime._log_misspelt([node])
     (line,) = lines
     assert 'limit_scael' in line and 'limit_scale' in line and '\n' not in line
     assert 'exposure' not in line

@@ -219,7 +219,7 @@ def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
         assert np.linalg.norm(q - START) > 1e-6
 
 
-def test_in_lock_step_it_does_not_matter_whether_the_session_is_told_before_the_first_state(
+def test_in_lock_step_it_does_not_matter_whether_the_session_is_reported_before_the_first_state(
     tmp_path: Path,
 ) -> None:
     controller = Controller(
@@ -328,13 +328,13 @@ class TestOneController:
         probe, lines = resting
         before, _ = probe.ask(START)
         answered = set(probe.answers)
-        told = len(lines())
+        reported = len(lines())
         message = probe.state(START)
         spoil(message)
 
         def refused() -> bool:
             probe.send(message)
-            return any('joint_states refused' in line for line in lines()[told:])
+            return any('joint_states refused' in line for line in lines()[reported:])
 
         await_that(refused, 'the refusal')
         for _ in range(4):
@@ -344,9 +344,10 @@ class TestOneController:
         after, _ = probe.ask(START)
         np.testing.assert_array_equal(after, before)
         await_that(
-            lambda: any('accepted again' in line for line in lines()[told:]), 'the line of recovery'
+            lambda: any('accepted again' in line for line in lines()[reported:]),
+            'the line of recovery',
         )
-        refusals = [line for line in lines()[told:] if 'joint_states refused' in line]
+        refusals = [line for line in lines()[reported:] if 'joint_states refused' in line]
         assert len(refusals) == 1
         assert all(word in refusals[0] for word in words), refusals[0]
 
@@ -367,15 +368,15 @@ class TestOneController:
     ) -> None:
         probe, lines = resting
         q_ref, _ = probe.ask(START)
-        told = len(lines())
+        reported = len(lines())
         for _ in range(5):
             probe.steer(dx, frame)
             q_ref, dq = probe.ask(q_ref)
             np.testing.assert_array_equal(dq, np.zeros(7))
         await_that(
-            lambda: any('refused' in line for line in lines()[told:]), 'the refusal in the log'
+            lambda: any('refused' in line for line in lines()[reported:]), 'the refusal in the log'
         )
-        refusals = [line for line in lines()[told:] if 'refused' in line]
+        refusals = [line for line in lines()[reported:] if 'refused' in line]
         assert len(refusals) == 1
         assert all(word in refusals[0] for word in words), refusals[0]
 
@@ -649,13 +650,13 @@ def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path:
             message = probe.state(spoiled)
             seen = len(states)
 
-            def heard(message: JointState = message, seen: int = seen) -> bool:
+            def received(message: JointState = message, seen: int = seen) -> bool:
                 publisher.publish(message)
                 lines = log_lines(tmp_path, 'sim')
                 refused = any('joint_command refused' in line for line in lines)
                 return refused and len(states) > seen + 10
 
-            await_that(heard, 'the refusal, and more states')
+            await_that(received, 'the refusal, and more states')
         assert all(list(state.position) == START.tolist() for state in states)
 
 
@@ -702,9 +703,9 @@ class TestOneSim:
         set_parameters(robot, 'sim', {'state_loss': 1.0})
 
         def silent() -> bool:
-            heard = len(states)
+            received = len(states)
             time.sleep(100.0 * PERIOD / 1e9)
-            return len(states) == heard
+            return len(states) == received
 
         await_that(silent, 'a time in which a hundred states are lost')
         lost_from = len(states)
@@ -728,7 +729,7 @@ def test_a_second_publisher_of_commands_is_refused_and_named(tmp_path: Path) -> 
         )
         states = probe.listen(JointState, 'joint_states')
 
-        def told(*rivals: Publisher) -> bool:
+        def reported(*rivals: Publisher) -> bool:
             if states:
                 for rival in rivals:
                     rival.publish(states[-1])
@@ -736,6 +737,6 @@ def test_a_second_publisher_of_commands_is_refused_and_named(tmp_path: Path) -> 
 
         for _ in range(50):  # the other one is there but silent, as one that was killed
             time.sleep(0.01)
-            assert not told(one)
-        await_that(lambda: told(one, two), 'the refusal')
+            assert not reported(one)
+        await_that(lambda: reported(one, two), 'the refusal')
         assert all(list(state.position) == START.tolist() for state in states)

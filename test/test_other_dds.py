@@ -1,4 +1,4 @@
-"""Another vendor's DDS takes part: what the nodes say and hear is nothing of Fast DDS's own."""
+"""Another vendor's DDS takes part: the nodes use nothing that only Fast DDS has."""
 
 import importlib.util
 import json
@@ -26,7 +26,7 @@ pytestmark = [
 SCRIPT = Path(__file__).with_name('other_dds.py')
 
 
-def test_without_ros_it_hears_states_and_commands_and_steers_the_arm(tmp_path: Path) -> None:
+def test_without_ros_it_receives_states_and_commands_and_steers_the_arm(tmp_path: Path) -> None:
     with own_domain() as domain:
         nodes = [
             NodeProcess('sim', tmp_path / 'sim.log', {'patience': PATIENCE}),

@@ -44,8 +44,8 @@ needs_colcon = pytest.mark.skipif(
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the project, so that building leaves nothing in the checkout; its nodes only tell
-    who they are.
+    """A copy of the project, so that building leaves nothing in the checkout; its nodes only print
+    their names.
     """
     copy = tmp_path_factory.mktemp('packaging') / 'redres_ros'
     copy.mkdir()
@@ -137,7 +137,7 @@ def test_pip_installs_every_robot_description(pip_prefix):
     assert {path.name for path in (site_packages(pip_prefix) / robots).glob('*.urdf')} == wanted
 
 
-def test_pip_tells_type_checkers_that_the_package_has_types(pip_prefix):
+def test_pip_informs_type_checkers_that_the_package_has_types(pip_prefix):
     assert (site_packages(pip_prefix) / 'redres_ros' / 'py.typed').is_file()
 
 

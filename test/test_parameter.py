@@ -17,7 +17,7 @@ class Settings:
     """As any class of the package declares its parameters."""
 
     gain: float = param(2.0, 'feedback gain [1/s]', 0.0, 10.0, live=True)
-    shape: str = param('round', 'form of the thing', choices=('round', 'square'))
+    shape: str = param('round', 'its form', choices=('round', 'square'))
     free: bool = param(True, 'may be anything')
     plain: int = 3
 

@@ -21,7 +21,7 @@ def square() -> WaypointTask:
 
 
 def follow(planner: Planner, x: np.ndarray, ticks: int) -> list[Reference]:
-    """References for a tip that goes where it is told."""
+    """References for an ideal tip."""
     references = []
     for k in range(ticks):
         references.append(planner.reference(x, k * T))
@@ -208,9 +208,9 @@ def test_a_tip_that_starts_elsewhere_has_a_segment_of_its_own_to_the_first_point
     assert references[500].x_d == pytest.approx(square.waypoints[0], abs=1e-12)
 
 
-@pytest.mark.parametrize(('aside', 'turn'), [(0.6, 0.0), (0.6, 2.0), (0.0, 2.0)])
-def test_the_way_to_the_first_point_is_no_faster_than_the_task(square, aside, turn):
-    start = square.waypoints[0] + (0.0, aside, 0.0)
+@pytest.mark.parametrize(('offset', 'turn'), [(0.6, 0.0), (0.6, 2.0), (0.0, 2.0)])
+def test_the_way_to_the_first_point_is_no_faster_than_the_task(square, offset, turn):
+    start = square.waypoints[0] + (0.0, offset, 0.0)
     R = Rotation.from_rotvec((0.0, 0.0, turn)).as_matrix()
     task = replace(square, orientations=np.tile(np.eye(3), (4, 1, 1)), feedback_gain=0.0)
     planner = Planner(task, start, R)
@@ -304,7 +304,7 @@ def turning(square: WaypointTask) -> WaypointTask:
 
 
 def follow_pose(planner: Planner, x: np.ndarray, R: np.ndarray, ticks: int) -> list[Reference]:
-    """References for a tip that goes and turns as it is told."""
+    """References for an ideal tip that moves and turns."""
     references = []
     for k in range(ticks):
         reference = planner.reference(x, k * T, R)
@@ -331,7 +331,7 @@ def test_the_orientation_goes_along_the_shortest_arc_by_the_same_quintic(turning
         assert Rotation.from_matrix(reference.R_d).as_rotvec() == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_tip_that_turns_as_it_is_told_follows_the_orientation(turning):
+def test_a_tip_that_turns_as_it_is_commanded_follows_the_orientation(turning):
     references = follow_pose(Planner(turning), turning.waypoints[0], np.eye(3), 1600)
     errors = np.linalg.norm(column(references, 'orientation_error'), axis=1)
     assert errors.max() < 1e-3  # T times the change of the angular velocity, over k_P
@@ -407,7 +407,7 @@ def test_the_last_point_must_be_reached_all_the_same(square):
     assert not planner.reference(beside, 9.0, unachieved=unachieved).finished
 
 
-def test_a_position_is_aside_of_the_line_of_its_segment_alone(square):
+def test_a_position_deviates_from_the_line_of_its_segment_alone(square):
     start, end = square.waypoints[:2]
     across = np.array((0.0, 0.0, 0.003))
     on_the_way = start + np.array((0.2, 0.7, 1.1))[:, None] * (end - start)

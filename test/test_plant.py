@@ -98,7 +98,7 @@ def test_a_start_beyond_a_limit_is_refused_by_name():
 
 
 @BOTH
-def test_an_arm_that_is_told_to_stand_stands(name):
+def test_an_arm_that_is_commanded_to_hold_holds(name):
     arm = find_arm(name)
     for q0 in np.random.default_rng(1).uniform(-2.0, 2.0, (10, 7)):
         plant = MujocoPlant(arm, T, q0)
@@ -111,7 +111,7 @@ def test_an_arm_that_is_told_to_stand_stands(name):
 @BOTH
 def test_no_mode_of_the_servos_is_underdamped(name):
     arm = find_arm(name)
-    witness = ReferenceModel(find_arm(name))
+    reference = ReferenceModel(find_arm(name))
     # With k = D w^2 and d = 2 D w every mode is overdamped or critically damped where D - M is
     # positive semidefinite.
     D = (
@@ -119,16 +119,16 @@ def test_no_mode_of_the_servos_is_underdamped(name):
         / MujocoSettings().servo_bandwidth ** 2
     )
     for q in np.random.default_rng(6).uniform(-2.0, 2.0, (200, 7)):
-        assert np.linalg.eigvalsh(D - witness.dynamics(q, q)[0])[0] >= 0.0
+        assert np.linalg.eigvalsh(D - reference.dynamics(q, q)[0])[0] >= 0.0
 
 
 @BOTH
 def test_the_tip_lags_less_than_ten_micrometres_at_half_a_metre_per_second(name):
     arm = find_arm(name)
-    witness = ReferenceModel(arm)
+    reference = ReferenceModel(arm)
     references, measured = move(MujocoPlant(arm, T, Q0), 0.9 * MOVE, duration=3.0)
     wanted, reached = (
-        np.array([witness.kinematics(q)[0] for q in positions])
+        np.array([reference.kinematics(q)[0] for q in positions])
         for positions in (references, measured)
     )
     assert np.linalg.norm(np.diff(wanted, axis=0), axis=1).max() / T > 0.5
@@ -161,7 +161,7 @@ def test_after_a_motion_the_arm_settles_without_oscillation(name):
     assert max(crossings) <= 3
 
 
-def test_friction_that_is_left_in_is_borne_by_the_servos():
+def test_friction_that_is_left_in_is_carried_by_the_servos():
     arm = find_arm('lwr4')
     lags = {}
     for friction in (False, True):
@@ -238,26 +238,27 @@ def test_settings_out_of_range_are_refused(wrong):
 
 @BOTH
 def test_the_jacobian_is_the_derivative_of_the_tip_position(name):
-    witness = ReferenceModel(find_arm(name))
+    reference = ReferenceModel(find_arm(name))
     h = 1e-6
     for q in np.random.default_rng(5).uniform(-2.0, 2.0, (20, 7)):
         changes = [
-            witness.kinematics(q + h * e)[0] - witness.kinematics(q - h * e)[0] for e in np.eye(7)
+            reference.kinematics(q + h * e)[0] - reference.kinematics(q - h * e)[0]
+            for e in np.eye(7)
         ]
         # Rounding is 1e-16 / h, the remainder of the differences h^2.
-        assert witness.kinematics(q)[2][:3] == pytest.approx(
+        assert reference.kinematics(q)[2][:3] == pytest.approx(
             np.transpose(changes) / (2.0 * h), abs=1e-9
         )
 
 
 @BOTH
 def test_the_bias_holds_no_friction_and_vanishes_only_with_gravity(name):
-    witness = ReferenceModel(find_arm(name))
-    upright = witness.dynamics(np.zeros(7), np.zeros(7))[1]
+    reference = ReferenceModel(find_arm(name))
+    upright = reference.dynamics(np.zeros(7), np.zeros(7))[1]
     assert np.abs(upright).max() < 1e-12  # all centres of mass above the base
-    turning = witness.dynamics(np.zeros(7), 0.1 * np.eye(7)[0])[1]
+    turning = reference.dynamics(np.zeros(7), 0.1 * np.eye(7)[0])[1]
     assert np.abs(turning).max() < 1e-12  # the friction of joint 1 would be 13 Nm
-    assert np.abs(witness.dynamics(Q0, np.zeros(7))[1]).max() > 1.0
+    assert np.abs(reference.dynamics(Q0, np.zeros(7))[1]).max() > 1.0
 
 
 def test_the_rotors_add_to_the_diagonal_of_the_inertia_matrix_and_nothing_else():
@@ -339,7 +340,7 @@ def pushed(plant: MujocoPlant, force: tuple[float, ...], cycles: int = 500) -> n
 @pytest.mark.parametrize(
     'tip_frame', ['tool0', 'link_7']
 )  # one without mass, one with its centre of mass elsewhere
-def test_a_push_at_the_tip_is_borne_by_the_stiffness_of_the_servos(force, tip_frame):
+def test_a_push_at_the_tip_is_carried_by_the_stiffness_of_the_servos(force, tip_frame):
     arm = replace(find_arm('lwr4'), tip_frame=tip_frame)
     plant = MujocoPlant(arm, T, Q0)
     q = pushed(plant, force)
@@ -385,7 +386,7 @@ def test_an_ideal_arm_yields_to_no_push():
     assert (plant.q == Q0).all()
 
 
-def test_the_force_on_the_tip_is_told_along_the_axes_of_the_tip() -> None:
+def test_the_force_on_the_tip_is_reported_along_the_axes_of_the_tip() -> None:
     arm = find_arm('lwr4')
     plant = MujocoPlant(arm, T, Q0)
     force = np.array([1.0, -2.0, 3.0])

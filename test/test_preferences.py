@@ -34,9 +34,9 @@ STEP = 1e-5  # [rad]; rounding 1e-16 / STEP and the cubic term STEP^2 both stay 
 
 
 def begun(name: str, state: RobotState) -> Preference:
-    """Of that name, with what is left open taken from a state a little aside."""
-    aside = state.model.state(state.q + 0.1, state.dq_prev)
-    return make_preference(name).with_initial_targets(aside)
+    """Of that name, with what is left open taken from another state nearby."""
+    elsewhere = state.model.state(state.q + 0.1, state.dq_prev)
+    return make_preference(name).with_initial_targets(elsewhere)
 
 
 # --- every preference -----------------------------------------------------------------------------

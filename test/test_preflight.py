@@ -67,7 +67,7 @@ GOOD = GraphSnapshot(
 )
 
 
-def told(**changed: Any) -> dict[str, Any]:
+def parameters_with(**changed: Any) -> dict[str, Any]:
     """The parameters of a controller that has some others than in the good graph."""
     return CONTROLLER | changed
 
@@ -97,7 +97,7 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     ),
     'no state comes': (replace(GOOD, states=()), ('states', 'none came')),
     'another rate': (
-        replace(GOOD, controller=told(rate=100.0)),
+        replace(GOOD, controller=parameters_with(rate=100.0)),
         ('rate', '500 states a second; expected 100'),
     ),
     'no stamps': (replace(GOOD, states=states(stamp=lambda k: 0)), ('stamps', 'without a stamp')),
@@ -124,9 +124,9 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
         replace(GOOD, description=NARROW),
         ('limits', 'robot_description allows -2.967 to 1.500'),
     ),
-    'an unknown arm': (replace(GOOD, controller=told(robot='r2d2')), ('arm', "'r2d2'")),
+    'an unknown arm': (replace(GOOD, controller=parameters_with(robot='r2d2')), ('arm', "'r2d2'")),
     'no description': (
-        replace(GOOD, controller=told(robot='topic')),
+        replace(GOOD, controller=parameters_with(robot='topic')),
         ('arm', 'robot_description, which nobody publishes'),
     ),
     'an unknown frame': (
@@ -139,16 +139,16 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     ),
     'two controllers': (replace(GOOD, controllers=2), ('controller', 'there are 2')),
     'no limits': (
-        replace(GOOD, controller=told(limits=['position'])),
+        replace(GOOD, controller=parameters_with(limits=['position'])),
         ('controller', 'limits velocity, acceleration are not in force'),
     ),
     'leaps': (
-        replace(GOOD, controller=told(forward_commands=True)),
+        replace(GOOD, controller=parameters_with(forward_commands=True)),
         ('commands', 'set bridging to hold'),
     ),
     'nobody listens': (replace(GOOD, subscribers={}), ('commands', 'needs forward_commands')),
     'nobody listens behind ros2_control': (
-        replace(GOOD, controller=told(forward_commands=True)),
+        replace(GOOD, controller=parameters_with(forward_commands=True)),
         ('commands', f'nobody listens to {FORWARD}; is that controller loaded'),
     ),
     'another order of joints': (
@@ -185,7 +185,7 @@ NOTES = {
         ('standstill', 'the arm moves: lwr_a1_joint at 0.5/s'),
     ),
     'full limits': (
-        replace(GOOD, controller=told(limit_scale=1.0)),
+        replace(GOOD, controller=parameters_with(limit_scale=1.0)),
         ('controller', 'limit_scale is 1'),
     ),
     'two sources': (
@@ -216,7 +216,7 @@ def test_what_one_should_know_is_a_note_and_no_fault(
     )
 
 
-def test_jitter_of_less_than_half_a_period_is_borne_and_told() -> None:
+def test_jitter_of_less_than_half_a_period_is_tolerated_and_reported() -> None:
     seen = replace(GOOD, states=states(stamp=lambda k: BEGIN + k * T + int(JITTER[k])))
     verdict = beyond('jitter', seen)
     assert verdict.level is Level.OK
@@ -235,8 +235,8 @@ def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> No
 
 
 def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
-    told_topic = told(robot='topic', tip_frame='tool0')
-    seen = replace(GOOD, controller=told_topic, description=ARMS['lwr4'].description())
+    of_a_topic = parameters_with(robot='topic', tip_frame='tool0')
+    seen = replace(GOOD, controller=of_a_topic, description=ARMS['lwr4'].description())
     assert beyond('joints', seen).text == 'all 7'
 
 

@@ -143,15 +143,15 @@ def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
 
 
 @pytest.mark.parametrize(('bridging', 'warned'), [('hold', False), ('extrapolate', True)])
-def test_who_forwards_commands_is_told_that_ros2_control_holds(
+def test_a_user_who_forwards_commands_is_warned_that_ros2_control_holds(
     bridging: str, warned: bool, tmp_path: Path
 ) -> None:
     path = tmp_path / 'robot.yaml'
     given = (FOLDER / 'lbr_iiwa7.yaml').read_text()
     path.write_text(given.replace('bridging: hold', f'bridging: {bridging}'))
     with behind_ros2_control(path) as (graph, _):
-        told = [line for name, line in graph.log if 'bridging' in line]
-    assert bool(told) is warned
+        reported = [line for name, line in graph.log if 'bridging' in line]
+    assert bool(reported) is warned
 
 
 @pytest.mark.slow
@@ -222,7 +222,7 @@ def test_near_the_ends_of_its_ranges_the_limits_for_an_fr3_allow_no_more_than_th
 
 
 @EVERY
-def test_the_page_tells_of_the_robot_and_of_its_file(name: str) -> None:
+def test_the_page_describes_the_robot_and_its_file(name: str) -> None:
     assert f'config/robots/{name}.yaml' in PAGE.read_text(encoding='utf-8')
 
 

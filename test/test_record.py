@@ -98,13 +98,13 @@ def test_files_of_nodes_become_one_in_the_order_of_time(tmp_path: Path) -> None:
     paths = [tmp_path / 'sim.mcap', tmp_path / 'controller.mcap']
     with McapFile(paths[0], in_chunks=False) as sim, McapFile(paths[1]) as controller:
         states = sim.add_topic('/joint_states', JointState)
-        heard = sim.add_topic('/joint_command', JointState, is_received=True)
+        received = sim.add_topic('/joint_command', JointState, is_received=True)
         commands = controller.add_topic('/joint_command', JointState)
         for tick in range(20):
             data = serialize_message(state(tick))
             sim.write(states, data, 10 * tick, 10 * tick)
             controller.write(commands, data, 10 * tick + 3, 10 * tick + 3)
-            sim.write(heard, data, 10 * tick + 5, 10 * tick + 5)
+            sim.write(received, data, 10 * tick + 5, 10 * tick + 5)
     with McapFile(tmp_path / 'run.mcap') as file:
         merge(paths, file)
     found = read(tmp_path / 'run.mcap')
@@ -130,7 +130,7 @@ def test_the_arm_and_the_parameters_are_beside_the_messages(tmp_path: Path) -> N
     assert parameters['/controller']['ros__parameters']['law'] == 'minimum_velocity'
 
 
-def test_a_type_is_told_with_all_that_it_is_made_of() -> None:
+def test_a_type_is_reported_with_all_that_it_is_made_of() -> None:
     text = definition_of(TwistStamped)
     for name in ('std_msgs/Header', 'builtin_interfaces/Time', 'geometry_msgs/Vector3'):
         assert f'MSG: {name}\n' in text
@@ -138,8 +138,8 @@ def test_a_type_is_told_with_all_that_it_is_made_of() -> None:
 
 
 def test_a_type_that_is_not_here_is_refused_by_name() -> None:
-    with pytest.raises(TypeTextError, match='no_such_msgs/msg/Thing'):
-        find_type('no_such_msgs/msg/Thing')
+    with pytest.raises(TypeTextError, match='no_such_msgs/msg/Item'):
+        find_type('no_such_msgs/msg/Item')
 
 
 def test_layouts_show_what_is_recorded() -> None:
@@ -172,7 +172,7 @@ def published_topics() -> set[str]:
 
 
 def test_a_package_that_holds_no_messages_is_not_even_imported() -> None:
-    for name in ('this/msg/Zen', 'os.path/msg/Thing', '/msg/Thing'):
+    for name in ('this/msg/Zen', 'os.path/msg/Item', '/msg/Item'):
         with pytest.raises(TypeTextError):
             find_type(name)
     assert 'this' not in sys.modules
@@ -183,7 +183,7 @@ def test_a_package_that_holds_no_messages_is_not_even_imported() -> None:
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """What a recorder of two topics has heard, in a domain of its own."""
+    """What a recorder of two topics has received, in a domain of its own."""
     path = tmp_path / 'graph.mcap'
     stopped = threading.Event()
     with (
@@ -217,13 +217,13 @@ def test_no_message_of_a_running_graph_is_lost(recording: Path) -> None:
     assert descriptions == ['<robot/>', *changed]
 
 
-def test_what_was_not_heard_is_counted() -> None:
+def test_what_was_not_received_is_counted() -> None:
     said = every_20_ms('bccd')
     assert missing(said, every_20_ms('bccd', 0.001)) == 0
     assert missing(said, every_20_ms('abbccdb', -0.04)) == 0  # began before, and goes on
     assert missing(said, every_20_ms('-ccd', 0.001)) == 1  # the very first one
     assert missing(said, every_20_ms('bc-d', 0.001)) == 1
-    assert missing(said, every_20_ms('bccd', -0.1)) == 4  # heard before, so it was another
+    assert missing(said, every_20_ms('bccd', -0.1)) == 4  # received before, so it was another
     assert missing(said, every_20_ms('bccd', 0.6)) == 4  # or far too late
     assert missing(said, []) == 4
 

@@ -3,7 +3,7 @@ back.
 
 Real nodes over real DDS. At 100 Hz, and the robot's clock stands still for a late answer, so that
 what is tested is the fault and not the machine. Times of recovery are those of that clock. What a
-robot does that waits for nobody is told in virtual time (test_fault_matrix.py). With
+robot does that waits for nobody is tested in virtual time (test_fault_matrix.py). With
 REDRES_NIGHTLY=1 the long ones take as long as they should.
 """
 
@@ -65,15 +65,15 @@ STANDSTILL = 1.5
 class Graph(NamedTuple):
     """The three nodes at work, the arm moving; start(name) starts another process of one."""
 
-    witness: Observer
+    observer: Observer
     processes: dict[str, NodeProcess]
     start: Callable[[str], NodeProcess]
     directory: Path
 
     def assert_undisturbed(self) -> None:
         """The robot has taken commands all the time since it began to."""
-        assert not any(self.witness.reasons), self.witness.reasons
-        assert [state for _, state in self.witness.session if state == 'CMD'] == ['CMD']
+        assert not any(self.observer.reasons), self.observer.reasons
+        assert [state for _, state in self.observer.session if state == 'CMD'] == ['CMD']
 
     def lines(self, name: str, words: str) -> int:
         """How many lines of the logs of all processes of a node hold these words."""
@@ -87,8 +87,10 @@ class Graph(NamedTuple):
 
     def await_stop(self, *words: str) -> None:
         """Wait for the robot to stop, with these words in its reason."""
-        await_that(lambda: not self.witness.commanding and bool(self.witness.reasons[-1]), 'a stop')
-        assert all(word in self.witness.reasons[-1] for word in words), self.witness.reasons[-1]
+        await_that(
+            lambda: not self.observer.commanding and bool(self.observer.reasons[-1]), 'a stop'
+        )
+        assert all(word in self.observer.reasons[-1] for word in words), self.observer.reasons[-1]
 
 
 def endless_task(directory: Path) -> Path:
@@ -116,7 +118,7 @@ def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
 
     sim: what is set in the sim besides.
     """
-    with graph(Observer) as (witness, start):
+    with graph(Observer) as (observer, start):
         counts: dict[str, int] = {}
         processes: dict[str, NodeProcess] = {}
         own = OWN | {
@@ -130,17 +132,17 @@ def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
             return start(name, directory / f'{log}.log', **ALL, **own[name])
 
         processes.update({name: start_one(name) for name in OWN})
-        witness.await_command_mode()
-        witness.await_motion()
-        await_that(lambda: bool(witness.commands), 'answers')
-        yield Graph(witness, processes, start_one, directory)
-        witness.assert_all_was_well()
+        observer.await_command_mode()
+        observer.await_motion()
+        await_that(lambda: bool(observer.commands), 'answers')
+        yield Graph(observer, processes, start_one, directory)
+        observer.assert_all_was_well()
     assert not any('Traceback' in path.read_text() for path in directory.glob('*.log'))
 
 
-def await_going_on(witness: Observer) -> None:
+def await_going_on(observer: Observer) -> None:
     """Wait until the arm moves in command mode again."""
-    await_that(lambda: witness.commanding and witness.speed > 0.02, 'motion in command mode')
+    await_that(lambda: observer.commanding and observer.speed > 0.02, 'motion in command mode')
 
 
 # --- parts that fail ------------------------------------------------------------------------------
@@ -157,56 +159,56 @@ class TestStopped:
     """What stops the robot, and lets reset bring it back. These tests share one graph."""
 
     def test_states_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(self, moving: Graph) -> None:
-        witness = moving.witness
-        set_parameters(witness, 'sim', {'state_loss': 1.0})
+        observer = moving.observer
+        set_parameters(observer, 'sim', {'state_loss': 1.0})
         moving.await_stop('timing')
-        set_parameters(witness, 'sim', {'state_loss': 0.0})
+        set_parameters(observer, 'sim', {'state_loss': 0.0})
         for name in ('controller', 'planner'):
             await_that(
                 lambda name=name: moving.lines(name, 'joint_states is back') > 0, 'the states'
             )
-        witness.await_standstill(witness.at)
-        assert witness.reset() < RECOVERY
-        await_going_on(witness)
+        observer.await_standstill(observer.at)
+        assert observer.reset() < RECOVERY
+        await_going_on(observer)
         assert moving.lines('sim', 'timing') == 1
 
     def test_commands_that_get_lost_stop_the_arm_and_reset_lets_it_go_on(
         self, moving: Graph
     ) -> None:
-        witness = moving.witness
-        lost = moving.witness.at
-        set_parameters(witness, 'sim', {'command_loss': 1.0})
+        observer = moving.observer
+        lost = moving.observer.at
+        set_parameters(observer, 'sim', {'command_loss': 1.0})
         moving.await_stop('timing')
-        assert witness.await_standstill(lost) < STANDSTILL
-        set_parameters(witness, 'sim', {'command_loss': 0.0})
-        assert witness.reset() < RECOVERY
-        await_going_on(witness)
+        assert observer.await_standstill(lost) < STANDSTILL
+        set_parameters(observer, 'sim', {'command_loss': 0.0})
+        assert observer.reset() < RECOVERY
+        await_going_on(observer)
 
     def test_a_robot_that_starts_again_is_followed_without_restarting_anything(
         self, moving: Graph
     ) -> None:
-        witness = moving.witness
-        witness.assert_all_was_well()
+        observer = moving.observer
+        observer.assert_all_was_well()
         silences = moving.lines('controller', 'no joint_states')
         moving.kill('sim')
         await_that(lambda: moving.lines('controller', 'no joint_states') > silences, 'the silence')
-        witness.states.clear()
-        witness.commands.clear()
-        killed = witness.at
+        observer.states.clear()
+        observer.commands.clear()
+        killed = observer.at
         moving.processes['sim'] = moving.start('sim')
-        witness.await_command_mode(killed + 1)
-        await_that(lambda: len(witness.states) > 1 and bool(witness.commands), 'the new robot')
-        await_going_on(witness)
+        observer.await_command_mode(killed + 1)
+        await_that(lambda: len(observer.states) > 1 and bool(observer.commands), 'the new robot')
+        await_going_on(observer)
         assert not log_lines(moving.directory, 'sim_2')
         moving.processes['controller'].check()
         moving.processes['planner'].check()
 
     def test_of_two_controllers_neither_moves_the_arm(self, moving: Graph) -> None:
-        witness = moving.witness
+        observer = moving.observer
         second = moving.start('controller')
         # by the refusals, or by the guard if the two were far apart before both were known
         moving.await_stop()
-        witness.await_standstill(witness.at)
+        observer.await_standstill(observer.at)
         refused = 'joint_command refused: joint_command has 2 publishers'
         await_that(lambda: moving.lines('sim', refused) > 0, 'the refusal')
         assert moving.lines('sim', refused) == 1
@@ -214,21 +216,21 @@ class TestStopped:
         await_that(
             lambda: moving.lines('sim', 'joint_command accepted again') == 1, 'one controller'
         )
-        assert witness.reset() < RECOVERY
-        await_going_on(witness)
+        assert observer.reset() < RECOVERY
+        await_going_on(observer)
 
     def test_a_controller_that_was_killed_is_succeeded_by_another_one(self, moving: Graph) -> None:
-        witness = moving.witness
-        killed = moving.witness.at
+        observer = moving.observer
+        killed = moving.observer.at
         moving.kill('controller')
         moving.await_stop('timing')
-        assert witness.await_standstill(killed) < STANDSTILL
-        commands = len(witness.commands)
+        assert observer.await_standstill(killed) < STANDSTILL
+        commands = len(observer.commands)
         moving.start('controller')
-        await_that(lambda: len(witness.commands) > commands, 'answers')
-        assert not witness.commanding  # before somebody has seen to it
-        assert witness.reset() < RECOVERY
-        await_going_on(witness)
+        await_that(lambda: len(observer.commands) > commands, 'answers')
+        assert not observer.commanding  # before somebody has seen to it
+        assert observer.reset() < RECOVERY
+        await_going_on(observer)
 
 
 # --- computers that stall -------------------------------------------------------------------------
@@ -252,17 +254,17 @@ def joined() -> Iterator[None]:
 def test_a_start_one_by_one_and_participants_that_join_leave_the_robot_in_command_mode(
     tmp_path: Path,
 ) -> None:
-    with graph(Observer) as (witness, start):
+    with graph(Observer) as (observer, start):
         start('sim', tmp_path / 'sim.log', **ALL, patience=STALL)
-        await_that(lambda: bool(witness.states), 'the robot')
+        await_that(lambda: bool(observer.states), 'the robot')
         start('controller', tmp_path / 'controller.log', **ALL)
-        witness.await_command_mode()
+        observer.await_command_mode()
         start('planner', tmp_path / 'planner.log', **ALL, autostart=True)
         for _ in range(2):
             with joined():
-                witness.await_motion()
-        assert [state for _, state in witness.session] == ['MON', 'CMD']
-        assert not any(witness.reasons)
+                observer.await_motion()
+        assert [state for _, state in observer.session] == ['MON', 'CMD']
+        assert not any(observer.reasons)
 
 
 # --- users that misbehave -------------------------------------------------------------------------
@@ -306,7 +308,7 @@ def test_a_law_switched_in_every_tick_keeps_to_the_task_and_the_limits() -> None
         dq_prev = command.dq
 
 
-# --- what the robot bears -------------------------------------------------------------------------
+# --- what the robot tolerates ---------------------------------------------------------------------
 
 
 @pytest.fixture(scope='class')
@@ -322,34 +324,34 @@ class TestUndisturbed:
     def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(
         self, undisturbed: Graph
     ) -> None:
-        witness = undisturbed.witness
+        observer = undisturbed.observer
         undisturbed.kill('planner')
-        assert witness.await_standstill(witness.at) < STANDSTILL
+        assert observer.await_standstill(observer.at) < STANDSTILL
         undisturbed.assert_undisturbed()
         undisturbed.processes['planner'] = undisturbed.start('planner')
-        await_going_on(witness)
+        await_going_on(observer)
         undisturbed.assert_undisturbed()
 
     def test_a_controller_that_stalls_for_half_a_second_is_waited_for(
         self, undisturbed: Graph
     ) -> None:
-        witness = undisturbed.witness
+        observer = undisturbed.observer
         controller = undisturbed.processes['controller'].pid
-        first = len(witness.states)
+        first = len(observer.states)
         os.kill(controller, signal.SIGSTOP)
         time.sleep(0.5)
         os.kill(controller, signal.SIGCONT)
-        stalled_at = witness.at
-        await_that(lambda: witness.at > stalled_at + 10**9, 'the robot to go on')
+        stalled_at = observer.at
+        await_that(lambda: observer.at > stalled_at + 10**9, 'the robot to go on')
         undisturbed.assert_undisturbed()
-        stamps = np.array([stamp for stamp, _ in witness.states[first:]])
+        stamps = np.array([stamp for stamp, _ in observer.states[first:]])
         assert set(np.diff(stamps)) == {round(1e9 / RATE)}
-        witness.assert_all_was_well()
+        observer.assert_all_was_well()
 
     def test_a_storm_of_parameters_leaves_the_last_good_ones_and_a_moving_arm(
         self, undisturbed: Graph
     ) -> None:
-        witness = undisturbed.witness
+        observer = undisturbed.observer
         random = np.random.default_rng(0)
         refused = 0
         sets = 10_000 if NIGHTLY else 300
@@ -361,15 +363,15 @@ class TestUndisturbed:
                     'switch_time': float(random.uniform(0.2, 1.0)),
                     'command_timeout': float(random.uniform(0.2, 1.0)),
                 }
-                assert witness.set_controller(**good).successful
+                assert observer.set_controller(**good).successful
             else:
                 refused += 1
-                result = witness.set_controller(**BAD[random.integers(len(BAD))])
+                result = observer.set_controller(**BAD[random.integers(len(BAD))])
                 assert not result.successful and result.reason
         assert 0.4 * sets < refused < 0.6 * sets
         undisturbed.assert_undisturbed()
         laws: list = []
-        witness.create_subscription(String, 'controller/law', laws.append, 1)
+        observer.create_subscription(String, 'controller/law', laws.append, 1)
         await_that(lambda: bool(laws), 'the law')
         assert laws[-1].data == good['law']
 
@@ -377,5 +379,5 @@ class TestUndisturbed:
         self, undisturbed: Graph
     ) -> None:
         for switch in range(20_000 if NIGHTLY else 300):
-            assert undisturbed.witness.set_controller(law=GENTLE[switch % len(GENTLE)]).successful
+            assert undisturbed.observer.set_controller(law=GENTLE[switch % len(GENTLE)]).successful
         undisturbed.assert_undisturbed()

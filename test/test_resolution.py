@@ -278,7 +278,7 @@ def test_a_square_is_the_weight_of_its_matrix_twice():
         assert resolve(J, dx, b, Square(W)) == pytest.approx(resolve(J, dx, b, W @ W), abs=1e-9)
 
 
-def test_nearness_to_a_singularity_is_judged_on_the_jacobian_alone():
+def test_conditioning_at_a_singularity_is_judged_on_the_jacobian_alone():
     """A weight that makes one direction a million times as heavy is no singularity."""
     J = with_singular_values(np.array((1.0, 0.7, 0.5)), 7, np.random.default_rng(9))
     W = np.diag((1e6, 1.0, 1.0, 1e6, 1.0, 1.0, 1e6))

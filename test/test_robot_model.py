@@ -188,7 +188,7 @@ def test_cylinders_have_no_rotors():
 
 
 @pytest.mark.parametrize('name', ARMS)
-def test_an_arm_is_the_identified_one_unless_told_otherwise(name):
+def test_an_arm_is_the_identified_one_by_default(name):
     assert find_arm(name).dynamics == 'identified'
 
 

@@ -28,7 +28,7 @@ def test_shares_are_those_of_the_joint_nearest_to_its_limit(model: RobotModel) -
     assert acceleration_share(recording, model) == pytest.approx(np.full(10, share))
 
 
-def test_the_picture_tells_what_is_allowed_and_what_goes_beyond_it(model: RobotModel) -> None:
+def test_the_picture_reports_what_is_allowed_and_what_goes_beyond_it(model: RobotModel) -> None:
     recording = speeding_up(model)
     recording.data[-1, recording.columns.index('dq2')] *= 10.0
     figure = draw_shares({'a law': recording}, model, 0.5, 'title')

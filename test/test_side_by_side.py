@@ -57,7 +57,7 @@ def test_a_law_and_a_limit_alone_need_no_brackets() -> None:
     assert list(found.recordings) == ['minimum_velocity']
 
 
-def test_nothing_to_compare_or_to_draw_is_told(tmp_path: Path) -> None:
+def test_nothing_to_compare_or_to_draw_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ArrayError, match='laws is empty'):
         compare([])
     with pytest.raises(ArrayError, match='no motion to draw'):

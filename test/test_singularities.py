@@ -36,10 +36,12 @@ def stretched(arm: str) -> tuple[np.ndarray, np.ndarray]:
     bounds = list(zip(model.q_min + 0.02, model.q_max - 0.02, strict=True))
     start = 0.7 * np.array(ARMS[arm].start) + 0.05
 
-    def nearness(q: np.ndarray) -> float:
+    def smallest_singular_value(q: np.ndarray) -> float:
         return -float(np.linalg.norm(model.tip(q)[0]))
 
-    q = minimize(nearness, start, bounds=bounds, options={'ftol': 1e-15, 'gtol': 1e-10}).x
+    q = minimize(
+        smallest_singular_value, start, bounds=bounds, options={'ftol': 1e-15, 'gtol': 1e-10}
+    ).x
     x, _ = model.tip(q)
     return q, x / np.linalg.norm(x)
 
@@ -297,7 +299,7 @@ def test_a_path_beyond_the_reach_goes_on_along_it_and_is_exact_again_within(arm)
     assert len(found) * T < 1.05 * 5.0
     assert (
         max(np.linalg.norm(command.unachieved) for command in commands) > 0.01
-    )  # and that is told
+    )  # and that is reported
     for command, dx, _ in found[-len(found) // 4 :]:
         assert command.J @ command.dq == pytest.approx(dx, abs=1e-9)
     _, _, error = found[-1]
@@ -359,7 +361,7 @@ def test_the_stretched_arm_swings_about_its_base(arm, law):
 
 
 @EVERY_STRETCHED
-def test_outward_of_it_there_is_no_way_and_that_is_told(arm):
+def test_outward_of_it_there_is_no_escape_and_that_is_reported(arm):
     q, outward = stretched(arm)
     command = driven(arm, 'minimum_velocity', q, [SPEED * outward] * 3)[0]
     assert np.linalg.norm(command.unachieved) == pytest.approx(SPEED, rel=1e-2)

@@ -25,7 +25,7 @@ class Arm:
     def __init__(self, at_once: bool = False) -> None:
         self.x = HOME
         self.cycle = 500
-        self.scaling: float | None = 0.0  # None: nothing is heard of the controller
+        self.scaling: float | None = 0.0  # None: the controller is silent
         self.q = TASK.start
         self.run = TaskExecutor(T, TaskClock(T, at_once), ProgressMonitor(5.0, 30.0))
 
@@ -234,7 +234,7 @@ def following(q: np.ndarray) -> Arm:
 
 
 def go_home(arm: Arm, seconds: float = 20.0) -> None:
-    """Joints go as they are told, until the arm is at home."""
+    """Joints follow their commands, until the arm is at home."""
     for _ in range(round(seconds / T)):
         step = arm.tick(1.0)
         if step is None or step.dq is None:

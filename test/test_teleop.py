@@ -113,14 +113,14 @@ class Session:
 @pytest.mark.parametrize('ending', ['Ctrl-C', 'SIGTERM', 'SIGHUP'])
 def test_keys_are_published_and_the_terminal_is_given_back(ending: str) -> None:
     with graph(Probe) as (probe, _):
-        heard = probe.listen(TwistStamped, 'left/cartesian_velocity')
+        received = probe.listen(TwistStamped, 'left/cartesian_velocity')
         session = Session('--speed', '0.2', '--frame', 'tool0', '--namespace', 'left')
         await_that(lambda: session.has_changed_the_terminal, 'the terminal to be read')
         await_that(lambda: probe.count_publishers('left/cartesian_velocity') > 0, 'the publisher')
 
         def moves() -> bool:
             session.type(b'd')
-            return sum(message.twist.linear.y != 0.0 for message in heard) >= 5
+            return sum(message.twist.linear.y != 0.0 for message in received) >= 5
 
         await_that(moves, 'task velocities of the key', every=0.1)
         if ending == 'Ctrl-C':
@@ -130,6 +130,6 @@ def test_keys_are_published_and_the_terminal_is_given_back(ending: str) -> None:
         status, complaint = session.end()
     assert (status, complaint) == (0, '')
     assert not session.has_changed_the_terminal
-    assert {message.twist.linear.y for message in heard} <= {-0.2, 0.0}
-    assert {message.header.frame_id for message in heard} == {'tool0'}
-    assert {message.header.stamp.sec for message in heard} == {0}  # now
+    assert {message.twist.linear.y for message in received} <= {-0.2, 0.0}
+    assert {message.header.frame_id for message in received} == {'tool0'}
+    assert {message.header.stamp.sec for message in received} == {0}  # now

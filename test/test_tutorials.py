@@ -83,10 +83,10 @@ def errors_behind_a_camera(gain: float) -> np.ndarray:
 def test_the_tip_is_as_far_behind_a_camera_as_the_page_says(gain: int) -> None:
     page = (PAGES / 'visual_servoing.md').read_text(encoding='utf-8')
     [row] = re.findall(rf'\| {gain} \| ([^|]*) \|', page)
-    told = float(re.findall(r'[\d.]+', row)[0])
+    reported = float(re.findall(r'[\d.]+', row)[0])
     errors = errors_behind_a_camera(float(gain))
     if 'steadily' in row:
-        assert errors == pytest.approx(told, abs=0.3)  # the page's arm has physics
+        assert errors == pytest.approx(reported, abs=0.3)  # the page's arm has physics
     else:
         assert errors.max() > 3.0 * errors.min()
 

@@ -153,7 +153,7 @@ def test_after_clear_the_next_task_velocity_begins_from_a_standstill() -> None:
 
 
 @pytest.mark.parametrize('spread', [0, 5, 50])
-def test_whatever_stamps_task_velocities_bear_the_largest_acceleration_is_kept_twice_at_most(
+def test_whatever_stamps_task_velocities_have_the_largest_acceleration_is_kept_twice_at_most(
     spread: int,
 ) -> None:
     for seed in range(40):

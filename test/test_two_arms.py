@@ -78,13 +78,13 @@ def law(probe: Probe, namespace: str) -> str:
 def test_two_arms_do_their_tasks_side_by_side(tmp_path: Path) -> None:
     with graph(Probe) as (probe, _):
         many = QoSProfile(depth=1000)
-        told = {name: probe.listen(String, f'{name}/planner/state', LATCHED) for name in ARMS}
+        reported = {name: probe.listen(String, f'{name}/planner/state', LATCHED) for name in ARMS}
         states = {name: probe.listen(JointState, f'{name}/joint_states', many) for name in ARMS}
         with (
             robot('left', ARMS['left'], tmp_path / 'left.log'),
             robot('right', ARMS['right'], tmp_path / 'right.log'),
         ):
-            for name, words in told.items():
+            for name, words in reported.items():
                 await_that(
                     lambda words=words: 'finished' in [word.data for word in words],
                     f'the end of the task of the {name} arm',

@@ -1,7 +1,7 @@
 """Any URDF: what is supported works the same in Pinocchio and MuJoCo, and what is not is refused.
 
 The arm of these tests has four joints, a gripper beside its tip, and no meshes. Each test changes
-one thing of it.
+one part of it.
 """
 
 import re
@@ -108,10 +108,10 @@ def random_motion(n: int, count: int = 50) -> list[tuple[np.ndarray, np.ndarray]
 
 def assert_libraries_agree(text: str, tip: str = 'tip') -> None:
     arm = arm_from_urdf(text, tip)
-    model, witness = RobotModel(arm), ReferenceModel(arm)
+    model, reference = RobotModel(arm), ReferenceModel(arm)
     for q, dq in random_motion(model.n):
         state = model.state(q, dq)
-        seen = witness.kinematics(q) + witness.dynamics(q, dq)
+        seen = reference.kinematics(q) + reference.dynamics(q, dq)
         for got, expected in zip((state.x, state.R, state.J, state.M, state.n), seen, strict=True):
             assert np.abs(got - expected).max() < AGREEMENT
         assert np.linalg.eigvalsh(state.M)[0] > 0.0
@@ -343,7 +343,7 @@ def test_limits_that_cannot_be_used_are_refused_with_the_joints_name(limit, comp
 
 
 @pytest.mark.parametrize('effort', ['', 'effort="0"'])
-def test_a_joint_without_an_effort_limit_counts_as_unlimited_and_that_is_told(effort):
+def test_a_joint_without_an_effort_limit_counts_as_unlimited_and_that_is_reported(effort):
     text = changed('elbow', LIMIT, f'<limit lower="-2" upper="2" velocity="3" {effort}/>')
     assert f'effort="{UNLIMITED_EFFORT!r}"' in arm_from_urdf(text, 'tip').description()
     assert 'joint elbow has no effort limit' in ' '.join(arm_from_urdf(text, 'tip').remarks())
@@ -440,7 +440,7 @@ def test_a_name_given_twice_is_refused():
 # --- inertias -------------------------------------------------------------------------------------
 
 
-def test_a_part_without_mass_gets_a_stand_in_and_that_is_told():
+def test_a_part_without_mass_gets_a_stand_in_and_that_is_reported():
     text = urdf(c='<link name="c"/>')
     assert 'what joint elbow moves has no mass' in ' '.join(arm_from_urdf(text, 'tip').remarks())
     assert_libraries_agree(text)
@@ -466,7 +466,7 @@ def test_a_part_whose_weight_is_fixed_to_it_needs_none_itself():
     assert_libraries_agree(text)
 
 
-def test_an_inertia_that_no_body_can_have_is_replaced_by_its_mean_and_that_is_told():
+def test_an_inertia_that_no_body_can_have_is_replaced_by_its_mean_and_that_is_reported():
     text = urdf(c=f'<link name="c">{INERTIAL.replace("0.01", "0.001", 1)}</link>')
     arm = arm_from_urdf(text, 'tip')  # 0.001 + 0.004 < 0.01
     assert 'link c has an inertia that no body can have' in ' '.join(arm.remarks())
@@ -600,7 +600,7 @@ def test_a_urdf_that_is_a_xacro_in_truth_is_refused():
 # --- defaults -------------------------------------------------------------------------------------
 
 
-def test_acceleration_limits_are_assumed_and_that_is_told():
+def test_acceleration_limits_are_assumed_and_that_is_reported():
     arm = arm_from_urdf(changed('elbow', 'type="revolute"', 'type="prismatic"'), 'tip')
     assert arm.acceleration_limit == (10.0, 10.0, 5.0, 10.0)
     assert 'assumed: 10, 10, 5, 10' in ' '.join(arm.remarks())

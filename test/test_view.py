@@ -115,16 +115,16 @@ def test_the_page_may_load_nothing_from_elsewhere_and_stand_in_no_frame(server: 
 
 def test_a_foreign_host_and_a_foreign_page_get_nothing(server: Any) -> None:
     assert ask(server, Host='elsewhere.example').status == 403
-    steering = {
+    upgrade = {
         'Connection': 'Upgrade',
         'Upgrade': 'websocket',
         'Sec_WebSocket_Version': '13',
         'Sec_WebSocket_Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
     }
-    assert ask(server, **steering, Origin='http://elsewhere.example').status == 403
-    assert ask(server, **steering).status == 403
+    assert ask(server, **upgrade, Origin='http://elsewhere.example').status == 403
+    assert ask(server, **upgrade).status == 403
     own = f'http://127.0.0.1:{server.get_port()}'
-    assert ask(server, **steering, Origin=own).status == 101
+    assert ask(server, **upgrade, Origin=own).status == 101
 
 
 def test_only_this_computer_reaches_the_page(server: Any) -> None:
@@ -189,8 +189,8 @@ def test_the_limits_that_are_shown_are_those_that_the_controller_kept(
 ) -> None:
     kinds = set()
     for tick, command in enumerate(motion.commands):
-        told = to_message(ControllerSnapshot.of(tick, command, speed=0.0, acceleration=0.0))
-        acting = motion.judge.acting(from_message(told, motion.model.n))
+        reported = to_message(ControllerSnapshot.of(tick, command, speed=0.0, acceleration=0.0))
+        acting = motion.judge.acting(from_message(reported, motion.model.n))
         if command.active_limits:
             joint, _, limit = command.active_limits.partition(': ')
             assert (limit, joint) in acting
@@ -219,7 +219,7 @@ def test_the_page_has_the_arm_and_the_limits_that_the_controller_has() -> None:
         ]
 
 
-def test_a_glance_that_no_controller_would_send_is_passed_over() -> None:
+def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
     given = ControllerSnapshot(Figures(*range(7)), *np.arange(8.0).reshape(4, 2))
     message = to_message(given)
     assert np.concatenate(from_message(message, 2)).tolist() == np.concatenate(given).tolist()
@@ -230,7 +230,7 @@ def test_a_glance_that_no_controller_would_send_is_passed_over() -> None:
         from_message(message, 2)
 
 
-class Heard:
+class SubscribedTelemetry:
     """Telemetry that somebody listens to: keeps what is published."""
 
     has_subscribers = True
@@ -243,18 +243,18 @@ class Heard:
         self.messages.append(make())
 
 
-def test_glances_are_few_and_hide_no_peak_between_them(
+def test_snapshots_are_few_and_hide_no_peak_between_them(
     motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(controller_snapshot, 'Telemetry', Heard)
+    monkeypatch.setattr(controller_snapshot, 'Telemetry', SubscribedTelemetry)
     snapshots = controller_snapshot.SnapshotPublisher(SimpleNamespace())
     for tick, command in enumerate(motion.commands):
         snapshots.see(round((tick + 10**6) * T * 1e9), command)
     published = snapshots._telemetry.messages
-    told = [from_message(message, motion.model.n) for message in published]
-    assert len(told) == len(motion.commands) // 25
+    reported = [from_message(message, motion.model.n) for message in published]
+    assert len(reported) == len(motion.commands) // 25
     ticks = range(1, len(motion.commands) - 25 + 1, 25)
-    for seen, first in zip(told[1:], ticks, strict=True):
+    for seen, first in zip(reported[1:], ticks, strict=True):
         since = motion.commands[first : first + 25]
         newest = since[-1]
         assert seen.figures.speed == max(norm(each.dq) for each in since)
@@ -285,19 +285,19 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
         state = to_joint_state(5, motion.model.joint_names, where, np.zeros(motion.model.n))
         await_that(lambda: arrived(states, state, where), 'the states')
         command = motion.commands[0]
-        told = to_message(ControllerSnapshot.of(5, command, speed=0.0, acceleration=0.0))
-        await_that(lambda: arrived(snapshots, told, command.state.q), 'the snapshot')
+        reported = to_message(ControllerSnapshot.of(5, command, speed=0.0, acceleration=0.0))
+        await_that(lambda: arrived(snapshots, reported, command.state.q), 'the snapshot')
         monitor.destroy_node()
 
 
 def test_changes_that_cannot_be_are_passed_over() -> None:
     known = {'law': 'minimum_velocity', 'damping': 10.0, 'limits': ['position']}
-    told = {'law': 5, 'damping': 'x', 'limits': ['velocity'], 'unknown': 1}
-    assert credible(told, known) == {'limits': ['velocity']}
+    reported = {'law': 5, 'damping': 'x', 'limits': ['velocity'], 'unknown': 1}
+    assert credible(reported, known) == {'limits': ['velocity']}
 
 
 def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
-    told: list[str] = []
+    reported: list[str] = []
 
     def refuse(of: str, values: dict[str, Any]) -> None:
         raise CallError(f'{of} refused')
@@ -307,9 +307,9 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     controls._values = {'controller': {'law': 'minimum_torque'}}
     shown: list[str] = []
     controls._shows = {'controller': {'law': shown.append}}
-    client = SimpleNamespace(add_notification=lambda title, text, **_: told.append(text))
+    client = SimpleNamespace(add_notification=lambda title, text, **_: reported.append(text))
     controls._set(SimpleNamespace(client=client), 'controller', 'law', 'minimum_velocity')
-    assert shown == ['minimum_torque'] and told == ['controller refused']
+    assert shown == ['minimum_torque'] and reported == ['controller refused']
 
 
 def test_a_trail_keeps_its_span_and_begins_anew_with_another_clock() -> None:

@@ -108,29 +108,29 @@ def test_after_missed_states_the_velocity_makes_up_for_those_cycles_and_for_noth
     assert peak(accelerations('none', state=lost)) < 1.1 * (missed + 1) * undisturbed
 
 
-def test_silence_of_the_states_is_told_once_and_its_end_too() -> None:
+def test_silence_of_the_states_is_reported_once_and_its_end_too() -> None:
     loop = {'rate': 100.0}
     sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
     controller = {**loop, 'state_timeout': 0.5}
     with virtual_run(sim=sim, controller=controller, planner=loop) as run:
         wire = ('joint_states', 'controller')
 
-        def told() -> list[str]:
+        def log_lines() -> list[str]:
             words = ('no joint_states', 'joint_states is back')
             return [line for _, line in run.graph.log if line.startswith(words)]
 
         run.run(1.0)
-        assert told() == []
+        assert log_lines() == []
         run.graph.faults[wire] = off()
         run.run(1.0)
         del run.graph.faults[wire]
         run.run(0.015)  # a state or two do not end it
         run.graph.faults[wire] = off()
         run.run(2.0)
-        assert told() == ['no joint_states for 0.5 s']
+        assert log_lines() == ['no joint_states for 0.5 s']
         del run.graph.faults[wire]
         run.run(2.0)
-        assert told() == ['no joint_states for 0.5 s', 'joint_states is back']
+        assert log_lines() == ['no joint_states for 0.5 s', 'joint_states is back']
 
 
 @pytest.fixture
@@ -235,8 +235,8 @@ def test_after_a_long_silence_of_the_robot_nothing_moves_until_it_is_asked_for(
     assert resting.run_until(lambda: resting.commanding, 2.0)
     resting.run(0.5)
     assert (task.state is TaskState.MOVING) is goes_on
-    told = [line for node, line in resting.graph.log if 'the task is over' in line]
-    assert len(told) == (not goes_on)
+    log_lines = [line for node, line in resting.graph.log if 'the task is over' in line]
+    assert len(log_lines) == (not goes_on)
     assert resting.graph.call('planner/start').success
     resting.run(0.5)
     assert task.state is TaskState.MOVING

@@ -24,10 +24,10 @@ FULL = {
 }
 
 
-def text_of(heard: dict[str, LastValue], now: float, joints: tuple[JointBar, ...] = ()) -> str:
+def text_of(received: dict[str, LastValue], now: float, joints: tuple[JointBar, ...] = ()) -> str:
     """The page as plain text."""
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(page(heard, now, 7, joints))
+    console.print(page(received, now, 7, joints))
     return console.export_text()
 
 
@@ -52,7 +52,7 @@ def test_values_have_units() -> None:
     assert 'gone' not in text
 
 
-def test_a_robot_that_has_stopped_is_the_first_thing_to_see() -> None:
+def test_a_robot_that_has_stopped_comes_first() -> None:
     stopped = {**FULL, 'sim/stop_reason': LastValue('protective stop: joint 1', 100.0)}
     lines = text_of(stopped, 100.5).splitlines()
     at = next(number for number, line in enumerate(lines) if 'The robot has stopped' in line)
@@ -69,10 +69,10 @@ def test_after_the_graph_has_gone_everything_is_marked_as_old() -> None:
 
 
 def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
-    heard = {**FULL, 'sim': LastValue(NodeHealth('in command', True), 100.0)}
-    for source in [source for source in heard if source.startswith('controller')]:
-        heard[source] = LastValue(heard[source].value, 100.0 - 2.0 * STALE)
-    text = text_of(heard, 100.5)
+    received = {**FULL, 'sim': LastValue(NodeHealth('in command', True), 100.0)}
+    for source in [source for source in received if source.startswith('controller')]:
+        received[source] = LastValue(received[source].value, 100.0 - 2.0 * STALE)
+    text = text_of(received, 100.5)
     assert 'controller: silent for' in text
     assert 'old' in line_of(text, 'joint torque')
     assert 'old' not in line_of(text, 'session')
@@ -80,8 +80,8 @@ def test_one_node_that_has_gone_does_not_make_the_others_old() -> None:
 
 
 def test_a_word_that_seldom_changes_is_not_old_while_its_node_lives() -> None:
-    heard = {**FULL, 'sim/session_state': LastValue('CMD', 0.0)}
-    assert 'old' not in line_of(text_of(heard, 100.5), 'session')
+    received = {**FULL, 'sim/session_state': LastValue('CMD', 0.0)}
+    assert 'old' not in line_of(text_of(received, 100.5), 'session')
 
 
 def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() -> None:
@@ -96,8 +96,10 @@ def test_a_joint_stands_where_it_is_in_its_range_beside_the_limits_that_act() ->
     assert '+114.6°' in bars[2]
 
 
-def test_a_line_tells_what_matters_most_and_who_is_not_there() -> None:
-    there = {source: heard for source, heard in FULL.items() if not source.startswith('planner')}
+def test_a_line_reports_what_matters_most_and_who_is_not_there() -> None:
+    there = {
+        source: received for source, received in FULL.items() if not source.startswith('planner')
+    }
     assert line(there, 100.5, 7) == (
         'session CMD, stop reason none, planner not heard, law minimum_torque'
     )
@@ -145,7 +147,7 @@ def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
 
 
 @pytest.mark.slow
-def test_it_hears_the_nodes_and_tells_of_their_end(tmp_path) -> None:
+def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     from redres_ros.demo.processes import NodeProcess, own_domain
 

@@ -41,7 +41,7 @@ def no_fault(message: Any, now: float) -> list[tuple[float, Any]]:
 
 
 class VirtualTime:
-    """A clock that goes on when it is told to, and what is due at which time."""
+    """A clock that advances on request, and what is due at which time."""
 
     def __init__(self) -> None:
         self.now = _BEGINNING
