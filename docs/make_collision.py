@@ -13,9 +13,11 @@ from matplotlib.patches import Circle
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
 
 T = 0.01  # sampling time [s]
+LAW = 'minimum_acceleration'
 JOINTS = ('position', 'velocity', 'acceleration')
 BALL = (0.463, 0.0, -0.343, 0.05)  # centre and radius [m]
 SNAPSHOTS = 14
@@ -26,11 +28,11 @@ def main() -> None:
     """Run the two motions and draw them."""
     task = load_task('planar4r_hexagon')
     model = RobotModel.named(task.robot)
-    law = make_law('minimum_acceleration')
+    law = make_law(LAW)
     kept = CollisionLimit(model, spheres=BALL)
     runs = {
-        'limits of the joints': (JOINTS, 'tab:red'),
-        'and collision': ((*JOINTS, kept), 'tab:blue'),
+        'limits of the joints': (JOINTS, '0.6'),
+        'and collision': ((*JOINTS, kept), law_colour(LAW)),
     }
     figure = Figure(figsize=(10.0, 4.0), layout='constrained')
     axes = figure.subplots(1, 3)
@@ -40,14 +42,14 @@ def main() -> None:
         ax.set_title(label, fontsize='medium')
         axes[2].plot(recording['t'], 1e3 * distances(model, recording), color=color, label=label)
     axes[2].axhline(1e3 * kept.clearance, color='k', ls=':', lw=1.0, label='clearance')
-    axes[2].set(xlabel='time [s]', ylabel='least distance to the ball [mm]', ylim=(-50.0, 320.0))
+    axes[2].set(xlabel='time [s]', ylabel='distance to the sphere [mm]', ylim=(-50.0, 320.0))
     axes[2].grid(alpha=0.3)
     axes[2].legend(fontsize='small')
     figure.savefig(Path(__file__).with_name('collision.png'), dpi=110)
 
 
 def draw_arm(ax: Axes, model: RobotModel, recording: Recording, color: str) -> None:
-    """Some postures from the side, the way of the tip, and the ball."""
+    """Some postures from the side, the path of the tip, and the ball."""
     q = recording.vectors('q1')
     for k in np.linspace(0, len(q) - 1, SNAPSHOTS).astype(int):
         points = np.array([model.position(q[k], link) for link in LINKS])

@@ -1,4 +1,4 @@
-"""Writes the figures of README.md and docs/choosing_a_law.md anew, and draws that page's pictures.
+"""Writes the figures of README.md and of two pages anew, and draws their pictures.
 
 Run it with: python docs/make_numbers.py
 The tables over random tasks take minutes, and come from: python docs/make_numbers.py --sweep
@@ -10,17 +10,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
 from redres_ros.paper.figures.architecture import figure_1
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
 from redres_ros.simulation.shares import acceleration_share
 
 ROOT = Path(__file__).parents[1]
-PAGES = (ROOT / 'README.md', ROOT / 'docs' / 'choosing_a_law.md')
+PAGES = (
+    ROOT / 'README.md',
+    ROOT / 'docs' / 'choosing_a_law.md',
+    ROOT / 'docs' / 'limits.md',
+)
 PICTURES = ROOT / 'docs'
 
 T = 0.002  # sampling time [s], that of the nodes
@@ -38,6 +46,8 @@ _QUANTILES = {
     0.99: '99 in 100 below',
 }
 _BLOCK = r'(<!-- numbers: {} -->\n)(.*?)(<!-- end -->)'
+# k_d [1/s], and from light to dark: the shade in which each is drawn
+_DRAWN_DAMPINGS = {0.0: -0.7, 2.0: -0.4, 10.0: 0.0, 20.0: 0.4, 50.0: 0.75}
 _EFFORT = ('acceleration', 'velocity', 'torque', 'squared_torque', 'kinetic_energy', 'elbow')
 
 
@@ -49,6 +59,7 @@ class Case:
     task: str = 'rectangle'
     damping: float = DAMPING
     limits: tuple[str, ...] = ()
+    limit_scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -82,12 +93,22 @@ def bounded_dampings() -> list[Case]:
     return [replace(case, limits=LIMITS) for case in dampings()]
 
 
+def half_limits() -> list[Case]:
+    """The rectangle within half the limits."""
+    return [
+        Case(law, limits=LIMITS, limit_scale=0.5)
+        for law in ('minimum_velocity', 'minimum_acceleration')
+    ]
+
+
 def result(case: Case, _: Callable[[float], None] = lambda share: None) -> Result:
     """Run it."""
     task = load_task(case.task)
     model = RobotModel.named(task.robot)
     law = make_law(case.law, damping=case.damping)
-    recording = run(Controller(model, law, T, limits=case.limits), task)
+    recording = run(
+        Controller(model, law, T, limits=case.limits, limit_scale=case.limit_scale), task
+    )
     return Result(recording, Effort.of(recording, model))
 
 
@@ -150,6 +171,30 @@ def headline(results: Results) -> str:
     )
 
 
+def limits_text(results: Results) -> str:
+    """What docs/limits.md says of the rectangle within limits."""
+    model = RobotModel.named(load_task('rectangle').robot)
+    velocity = Case('minimum_velocity')
+    fraction = acceleration_share(results[velocity].recording, model).max()
+    without, within, velocity_half, acceleration_half = (
+        results[case].recording
+        for case in (velocity, replace(velocity, limits=LIMITS), *half_limits())
+    )
+    ends = {
+        name: recording['t'][-1] + T - load_task('rectangle').segments * 3.0
+        for name, recording in {'v': velocity_half, 'a': acceleration_half}.items()
+    }
+    return (
+        f'Near the stretched arm the law of least velocity asks for {fraction:.1f} times the\n'
+        "acceleration that a joint has: the paper's robot was stopped there. Within limits the\n"
+        'same law finishes. The tip keeps its path and slows down to a fraction of its speed, at\n'
+        f'least {within["task_scaling"].min():.2f}, so the task takes '
+        f'{within["t"][-1] + T:.2f} s instead of {without["t"][-1] + T:.2f} s.\n'
+        'With half the velocities and accelerations allowed, least velocity takes\n'
+        f'{ends["v"]:.2f} s longer and least acceleration {ends["a"]:.2f} s.\n'
+    )
+
+
 def sweep_table(results: Sequence[Trials]) -> str:
     """Random tasks: how often a damping is good, and how bad it is else."""
     heads = 'law | k_d [1/s] | ' + ' | '.join(f'{damping:g}' for damping in results[0].dampings)
@@ -198,42 +243,71 @@ def _table(heads: str, rows: Sequence[Sequence[str]]) -> str:
 
 
 def draw_laws(results: Results) -> Figure:
-    """Three laws on the rectangle: shares of the acceleration limits, and velocities."""
-    figure = Figure(figsize=(9.0, 6.0), layout='constrained')
-    shares, speeds = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1.0))
+    """Three laws on the rectangle, and one of them within limits."""
+    figure = Figure(figsize=(9.0, 7.5), layout='constrained')
+    accelerations, speeds, scaling = figure.subplots(3, 1, sharex=True, height_ratios=(1.6, 1, 0.7))
     model = RobotModel.named('lwr4_paper')
-    curves = {
-        'minimum_velocity': Case('minimum_velocity'),
-        'the same within limits': Case('minimum_velocity', limits=LIMITS),
-        f'minimum_acceleration, $k_d$ = {DAMPING:g} s$^{{-1}}$': Case('minimum_acceleration'),
-        f'minimum_weighted_torque, $k_d$ = {DAMPING:g} s$^{{-1}}$': Case('minimum_weighted_torque'),
+    unlimited = Case('minimum_velocity')
+    within = replace(unlimited, limits=LIMITS)
+    damping = f', $k_d$ = {DAMPING:g} s$^{{-1}}$'
+    labels = {
+        unlimited: 'minimum_velocity',
+        within: 'minimum_velocity within limits',
+        Case('minimum_acceleration'): f'minimum_acceleration{damping}',
+        Case('minimum_weighted_torque'): f'minimum_weighted_torque{damping}',
     }
-    for label, case in curves.items():
+    for case, label in labels.items():
         recording = results[case].recording
-        shares.plot(recording['t'], acceleration_share(recording, model), lw=1.3, label=label)
-        speeds.plot(recording['t'], recording['joint_velocity_norm'], lw=1.3)
-    shares.axhline(1.0, color='black', ls=':', lw=1.3, label='limit of the joint')
-    shares.set(yscale='log', ylim=(3e-3, 6.0))
-    shares.set_ylabel('largest joint acceleration\n[share of its limit]')
-    shares.set_title("One task, three laws: the paper's rectangle, past the stretched arm")
+        t = recording['t']
+        style = {'color': law_colour(case.law), 'ls': '--' if case.limits else '-'}
+        accelerations.plot(t, acceleration_share(recording, model), label=label, **style)
+        speeds.plot(t, recording['joint_velocity_norm'], **style)
+        if case.limits:
+            scaling.plot(t, recording['task_scaling'], **style)
+    _write_peak(accelerations, results[unlimited].recording, model)
+    accelerations.axhline(1.0, color='black', ls=':', lw=1.3, label='limit of the joint')
+    accelerations.set(yscale='log', ylim=(3e-3, 8.0))
+    accelerations.set_ylabel('largest joint acceleration\n[fraction of its limit]')
+    accelerations.set_title("One task, three laws: the paper's rectangle, past the stretched arm")
     speeds.set_ylabel(r'$\Vert\dot q\Vert$ [rad/s]')
-    speeds.set_xlabel('time [s]')
-    return _finished(figure, shares, speeds)
+    scaling.set_ylabel('task scaling $s$')
+    scaling.set_ylim(0.0, 1.1)
+    scaling.set_xlabel('time [s]')
+    return _finished(figure, accelerations, speeds, scaling)
+
+
+def _write_peak(ax: Axes, recording: Recording, model: RobotModel) -> None:
+    """How many times the limit the highest acceleration is, beside the peak."""
+    fractions = acceleration_share(recording, model)
+    tick = int(fractions.argmax())
+    at = (recording['t'][tick], fractions[tick])
+    style = {'textcoords': 'offset points', 'va': 'center', 'ha': 'right', 'fontsize': 'x-large'}
+    ax.annotate(f'{fractions[tick]:.1f} ×', at, xytext=(-8.0, 0.0), weight='bold', **style)
 
 
 def draw_rectangle_dampings(results: Results) -> Figure:
     """The norm of the acceleration with five dampings."""
     figure = Figure(figsize=(9.0, 4.5), layout='constrained')
     ax = figure.add_subplot()
-    for case in dampings():
-        if case.damping in (0.0, 2.0, 10.0, 20.0, 50.0):
-            recording = results[case].recording
-            label = f'$k_d$ = {case.damping:g} s$^{{-1}}$'
-            ax.plot(recording['t'], recording['joint_acceleration_norm'], lw=1.3, label=label)
+    colour = np.array(to_rgb(law_colour('minimum_acceleration')))
+    for damping, shade in _DRAWN_DAMPINGS.items():
+        recording = results[Case('minimum_acceleration', damping=damping)].recording
+        label = f'$k_d$ = {damping:g} s$^{{-1}}$'
+        ax.plot(
+            recording['t'],
+            recording['joint_acceleration_norm'],
+            color=_shaded(colour, shade),
+            label=label,
+        )
     ax.set(yscale='log', xlim=(-0.1, 9.3), ylim=(1e-2, 1e3), xlabel='time [s]')
     ax.set_ylabel(r'$\Vert\ddot q\Vert$ [rad/s$^2$]')
     ax.set_title('minimum_acceleration on the rectangle')
     return _finished(figure, ax)
+
+
+def _shaded(colour: np.ndarray, shade: float) -> np.ndarray:
+    """A shade of a colour (3,): -1 is white, 0 the colour itself, 1 black."""
+    return np.array([np.interp(shade, (-1.0, 0.0, 1.0), (1.0, part, 0.0)) for part in colour])
 
 
 def _finished(figure: Figure, *axes: object) -> Figure:
@@ -273,7 +347,9 @@ def write(blocks: dict[str, str]) -> None:
 
 def all_results() -> Results:
     """Every case, on all processors."""
-    cases = list(dict.fromkeys([*efforts(), *within(), *dampings(), *bounded_dampings()]))
+    cases = list(
+        dict.fromkeys([*efforts(), *within(), *dampings(), *bounded_dampings(), *half_limits()])
+    )
     with progress_bar(f'{len(cases)} runs') as progress:
         found = in_parallel(result, cases, progress)
     return dict(zip(cases, found, strict=True))
@@ -298,6 +374,7 @@ def main() -> None:
             'within': limits_table(results),
             'dampings': damping_table(results),
             'headline': headline(results),
+            'limits': limits_text(results),
         }
     )
     figure = figure_1()

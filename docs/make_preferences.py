@@ -11,9 +11,11 @@ from matplotlib.figure import Figure
 
 from redres_ros import Controller, RobotModel, load_task, make_law, make_preference
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
 
 T = 0.004  # sampling time [s]
+LAW = 'minimum_acceleration'
 EVERY = 10  # ticks
 GAINS = {'joint_centering': 400.0, 'posture': 4.0, 'manipulability': 20.0, 'elbow_height': 40.0}
 
@@ -28,7 +30,7 @@ def main() -> None:
         label, measure = MEASURES[name]
         for recording, color, text in (
             (alone, '0.6', 'no preference'),
-            (follow(model, name), 'tab:blue', f'{name} = {GAINS[name]:g}'),
+            (follow(model, name), law_colour(LAW), f'{name} = {GAINS[name]:g}'),
         ):
             q = recording.vectors('q1')[::EVERY]
             values = [measure(model, each, q[0]) for each in q]
@@ -42,7 +44,7 @@ def main() -> None:
 def follow(model: RobotModel, name: str = '') -> Recording:
     """The square under least acceleration, with a preference or none."""
     preferences = (make_preference(name, gain=GAINS[name]),) if name else ()
-    law = make_law('minimum_acceleration')
+    law = make_law(LAW)
     return run(Controller(model, law, T, preferences=preferences), load_task('lwr4_square'))
 
 
@@ -71,9 +73,9 @@ def elbow_height(model: RobotModel, q: np.ndarray, start: np.ndarray) -> float:
 
 Measure = Callable[[RobotModel, np.ndarray, np.ndarray], float]
 MEASURES: dict[str, tuple[str, Measure]] = {
-    'joint_centering': ('off the middle of the ranges, H', off_the_middle),
-    'posture': ('off the posture of the start [rad]', off_the_start),
-    'manipulability': ('manipulability', manipulability),
+    'joint_centering': ('distance from mid-range, H [-]', off_the_middle),
+    'posture': ('distance from the start posture [rad]', off_the_start),
+    'manipulability': ('manipulability [-]', manipulability),
     'elbow_height': ('height of the elbow [m]', elbow_height),
 }
 

@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros import Controller, RobotModel, load_task
 from redres_ros.rotation import rotation_vector
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
 
 T = 0.004  # sampling time [s]
+LAW = 'minimum_acceleration'
 LIMITS = ('position', 'velocity', 'acceleration')
 TASKS = {'lwr4_square': 'both, most of the time', 'rectangle': 'they conflict'}
-SECOND = {(): '0.6', ('orientation',): 'tab:blue'}
+SECOND = {(): '0.6', ('orientation',): law_colour(LAW)}
 
 
 def main() -> None:
@@ -27,8 +29,7 @@ def main() -> None:
         task = load_task(name)
         model = RobotModel.named(task.robot)
         for tasks, color in SECOND.items():
-            law = make_law('minimum_acceleration')
-            controller = Controller(model, law, T, limits=LIMITS, secondary_tasks=tasks)
+            controller = Controller(model, LAW, T, limits=LIMITS, secondary_tasks=tasks)
             recording = run(controller, task)
             t = recording['t']
             label = 'position, then orientation' if tasks else 'position alone'
@@ -36,8 +37,8 @@ def main() -> None:
             axes[1, column].plot(t, 1e3 * recording['task_error'], color=color)
         axes[0, column].set_title(f'{name}: {title}', fontsize='medium')
         axes[1, column].set(xlabel='time [s]', ylim=(0.0, 1.0))
-    axes[0, 0].set_ylabel('turned from the start [deg]')
-    axes[1, 0].set_ylabel('error of the position [mm]')
+    axes[0, 0].set_ylabel('rotation from the start [deg]')
+    axes[1, 0].set_ylabel('position error [mm]')
     axes[0, 0].legend(fontsize='small')
     for ax in axes.flat:
         ax.grid(alpha=0.3)

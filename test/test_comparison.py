@@ -176,6 +176,13 @@ def test_the_command_writes_plot_and_data(
     }
 
 
+def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path) -> None:
+    out = tmp_path / 'laws.pdf'
+    arguments = ['--laws', 'minimum_velocity', '--period', '0.01', '--out', str(out)]
+    assert main(['compare', *arguments]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {'laws.pdf', 'laws_limits.pdf'}
+
+
 @pytest.mark.parametrize(
     ('laws', 'words'),
     [

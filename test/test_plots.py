@@ -7,8 +7,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from redres_ros import RobotModel, WaypointTask
+from redres_ros.laws import LAWS
 from redres_ros.simulation import plots
-from redres_ros.simulation.plots import Remarks, draw_motion
+from redres_ros.simulation.colours import law_colour, line_styles
+from redres_ros.simulation.plots import COLUMN, Remarks, draw_motion, save
 from redres_ros.simulation.recording import Recording, columns
 
 T = 0.01  # [s]
@@ -87,3 +89,48 @@ def test_a_task_with_orientations_shows_how_well_they_are_kept(
     *_, panel = norms(page)
     (curve,) = (line for line in panel.lines if line.get_label() == 'orientation [mrad]')
     assert np.asarray(curve.get_ydata()) == pytest.approx(2.0)
+
+
+def test_each_law_has_a_colour_of_its_own() -> None:
+    assert len({law_colour(name) for name in LAWS}) == len(LAWS)
+
+
+def test_laws_of_plugins_have_colours_that_no_other_law_has(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(LAWS, 'my_law', LAWS['minimum_velocity'])
+    monkeypatch.setitem(LAWS, 'another_law', LAWS['minimum_velocity'])
+    assert len({law_colour(name) for name in LAWS}) == len(LAWS)
+
+
+def test_motions_under_one_law_share_its_colour_and_differ_in_their_lines() -> None:
+    styles = line_styles(['minimum_torque, k_d = 5 1/s', 'minimum_torque, k_d = 9 1/s'])
+    assert {style['color'] for style in styles.values()} == {law_colour('minimum_torque')}
+    assert len({style['ls'] for style in styles.values()}) == 2
+
+
+def test_a_curve_changes_its_colour_with_the_law(
+    page: list[Figure], model: RobotModel, task: WaypointTask
+) -> None:
+    t = T * np.arange(800)
+    switch = (4.0, 'minimum_velocity', 'minimum_torque')
+    draw(motion(t, np.ones(800), model), model, task, law=switch[1], switches=(switch,))
+    first, second = norms(page)[0].lines[:2]
+    assert first.get_color() == law_colour('minimum_velocity')
+    assert second.get_color() == law_colour('minimum_torque')
+    assert not np.isfinite(first.get_ydata()[t > 4.0]).any()
+    assert not np.isfinite(second.get_ydata()[t < 4.0]).any()
+
+
+@pytest.mark.parametrize('suffix', ['.pdf', '.svg'])
+def test_a_drawing_for_a_publication_has_the_width_of_a_column(suffix: str, tmp_path: Path) -> None:
+    figure = Figure(figsize=(11.0, 9.0), layout='constrained')
+    ax = figure.add_subplot(xlabel='time [s]')
+    ax.plot([0.0, 1.0], label='a')
+    figure.legend(loc='outside lower center', ncols=2)
+    path = tmp_path / f'figure{suffix}'
+    save(figure, path)
+    content = path.read_bytes()
+    points = 72.0 * COLUMN
+    assert f'{points:g}'.encode() in content  # the width of the page
+    assert ax.xaxis.label.get_fontsize() == 7.0

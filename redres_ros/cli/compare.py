@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_loop, add_motion, add_out
+from redres_ros.cli.options import add_loop, add_motion, add_pictures_out
 from redres_ros.cli.parser import OptionError, add_command
 
 if TYPE_CHECKING:
@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from redres_ros.simulation.recording import Recording
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
-_PICTURE = 'comparison.png'
-_SHARES = 'limits.png'
+_PICTURES = ('comparison', 'limits')
 
 
 @dataclass(frozen=True)
@@ -60,18 +59,18 @@ def add(commands: Any) -> None:
     )
     add_motion(compare, several_laws=_LAWS)
     loop = add_loop(compare)
-    add_out(loop, 'redres_compare', 'plots and data')
+    add_pictures_out(loop, 'redres_compare', 'plots and data')
     compare.set_defaults(run=_compare)
 
 
 def _compare(options: argparse.Namespace) -> int:
     from redres_ros.cli.controller import in_use, make_controller
-    from redres_ros.cli.files import made
+    from redres_ros.cli.files import made, pictures
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
     from redres_ros.simulation.comparison import draw, tables
     from redres_ros.simulation.parallel import in_parallel
-    from redres_ros.simulation.plots import save
+    from redres_ros.simulation.plots import DRAWINGS, save
     from redres_ros.simulation.report import print_tables, progress_bar
     from redres_ros.simulation.shares import draw_shares
 
@@ -80,20 +79,25 @@ def _compare(options: argparse.Namespace) -> int:
     check_gains(options, in_use(options, *(each.name for each in contenders.values())))
     for contender in contenders.values():
         make_controller(options, motion, contender.law, options.period)
-    out = made(options.out, _PICTURE, _SHARES, *(each.file_name for each in contenders.values()))
+    norms, limits = pictures(options.out, *_PICTURES)
+    if writes_data := options.out.suffix not in DRAWINGS:
+        made(options.out, *(each.file_name for each in contenders.values()))
     with progress_bar(f'{len(contenders)} laws') as progress:
         results = in_parallel(_run, list(contenders.values()), progress)
     recordings: dict[str, Recording] = {}
     efforts: dict[str, Effort] = {}
     for (label, contender), (recording, effort) in zip(contenders.items(), results, strict=True):
-        recording.write_csv(out / contender.file_name)
+        if writes_data:
+            recording.write_csv(options.out / contender.file_name)
         recordings[label] = recording
         efforts[label] = effort
     title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
-    draw(recordings, title, out / _PICTURE)
-    save(draw_shares(recordings, motion.model, options.limit_scale, title), out / _SHARES)
+    draw(recordings, title, norms)
+    save(draw_shares(recordings, motion.model, options.limit_scale, title), limits)
     print_tables(*tables(efforts, title))
-    print(f'plots {out}/{_PICTURE} and {_SHARES}, every tick in {out}/*.csv')
+    print(f'plots {norms} and {limits}')
+    if writes_data:
+        print(f'every tick in {options.out}/*.csv')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1

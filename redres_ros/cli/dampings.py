@@ -3,13 +3,13 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_out, add_robot
+from redres_ros.cli.options import add_pictures_out, add_robot
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
 _LAWS = 'minimum_acceleration'
 _MOST = 100_000  # tasks
-_PICTURE = 'dampings.png'
+_PICTURE = 'dampings'
 
 
 def add(commands: Any) -> None:
@@ -26,12 +26,12 @@ def add(commands: Any) -> None:
     dampings.add_argument(
         '--period', type=float, default=0.005, metavar='S', help='sampling time T [s]'
     )
-    add_out(dampings, 'redres_dampings', 'the picture')
+    add_pictures_out(dampings, 'redres_dampings', 'the picture')
     dampings.set_defaults(run=_dampings)
 
 
 def _dampings(options: argparse.Namespace) -> int:
-    from redres_ros.cli.files import made
+    from redres_ros.cli.files import pictures
     from redres_ros.cli.task import find_arm_of
     from redres_ros.robot_model import RobotModel
     from redres_ros.simulation.dampings import damping_table, draw_dampings, sweep
@@ -44,13 +44,13 @@ def _dampings(options: argparse.Namespace) -> int:
         raise RangeError('period', options.period, 1e-4, 0.01, 's')
     laws = _laws(options.laws)
     model = RobotModel(find_arm_of(options, options.robot))
-    out = made(options.out, _PICTURE)
+    (picture,) = pictures(options.out, _PICTURE)
     with progress_bar(f'{options.tasks} tasks') as progress:
         results = sweep(model, options.robot, laws, options.tasks, options.period, progress)
     title = f'{options.tasks} random tasks, {options.robot}, T = {1e3 * options.period:g} ms'
     print_tables(*(damping_table(trials, title) for trials in results))
-    save(draw_dampings(results, title), out / _PICTURE)
-    print(f'picture {out}/{_PICTURE}')
+    save(draw_dampings(results, title), picture)
+    print(f'picture {picture}')
     return 0
 
 

@@ -102,5 +102,5 @@ def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
         demo.task,
         in_symbols(demo.title),
         path,
-        Remarks(beside, outcome.stop_reason, outcome.switches),
+        Remarks(beside, outcome.stop_reason, outcome.switches, demo.options.law),
     )

@@ -28,6 +28,27 @@ def made(directory: Path, *names: str) -> Path:
     return directory
 
 
+def pictures(out: Path, *names: str) -> list[Path]:
+    """Where pictures go: into a directory, or, for a name that ends in .pdf or .svg, the first one
+    into that file and the others beside it.
+
+    Args:
+        out: As the user named it.
+        names: Of the pictures in a directory, without an ending.
+
+    Raises:
+        FileError: One of them cannot be written.
+    """
+    from redres_ros.simulation.plots import DRAWINGS
+
+    if out.suffix in DRAWINGS:
+        files = [out, *(out.with_stem(f'{out.stem}_{name}') for name in names[1:])]
+    else:
+        files = [out / f'{name}.png' for name in names]
+    made(files[0].parent, *(file.name for file in files))
+    return files
+
+
 def prepare(path: Path) -> None:
     """Make the folder of a file. Raises FileError where the file could not be written."""
     check_writable(path)

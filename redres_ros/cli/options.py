@@ -204,6 +204,23 @@ def add_out(group: Any, default: str, says: str) -> None:
     )
 
 
+def add_pictures_out(group: Any, default: str, says: str) -> None:
+    """--out of what draws: a directory, or a file for a publication.
+
+    Args:
+        group: Of the subcommand's options.
+        default: The directory, unless another is named.
+        says: What is written there.
+    """
+    group.add_argument(
+        '--out',
+        type=Path,
+        default=Path(default),
+        metavar='DIR|FILE.pdf|FILE.svg',
+        help=f'directory for {says}; or only the plots, at the width of a column (3.5 in)',
+    )
+
+
 def add_domain(parser: argparse.ArgumentParser) -> None:
     """--domain of nodes that are running already."""
     parser.add_argument(

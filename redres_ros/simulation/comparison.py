@@ -11,6 +11,7 @@ from rich.table import Table
 from redres_ros.laws import Law, law_name
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.colours import line_styles
 from redres_ros.simulation.plots import NORMS, in_symbols, save
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import table
@@ -193,9 +194,10 @@ def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
     figure = Figure(figsize=(11.0, 9.0), layout='constrained')
     figure.suptitle(title)
     axes = figure.subplots(len(NORMS), 1, sharex=True)
+    styles = line_styles(list(recordings))
     for ax, (norm, label) in zip(axes, NORMS.items(), strict=True):
         for name, recording in recordings.items():
-            ax.plot(recording['t'], recording[norm], lw=1.2, label=in_symbols(name))
+            ax.plot(recording['t'], recording[norm], label=in_symbols(name), **styles[name])
         ax.set_ylabel(label, fontsize='small')
         ax.grid(alpha=0.3)
         peaks = [recording.peak(norm)[0] for recording in recordings.values()]

@@ -13,6 +13,7 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.comparison import first_violation
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import table
@@ -165,9 +166,10 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     good.set_title(title)
     for trials in results:
         places = np.arange(len(trials.dampings))
-        (line,) = good.plot(places, 100.0 * trials.good, 'o-', label=trials.law)
+        colour = law_colour(trials.law)
+        good.plot(places, 100.0 * trials.good, 'o-', color=colour, label=trials.law)
         for share, style in _QUANTILES.items():
-            bad.plot(places, trials.quantiles(share), style, color=line.get_color())
+            bad.plot(places, trials.quantiles(share), style, color=colour)
     good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
     good.set_ylim(0.0, 105.0)
     bad.set_ylabel('peak / least peak [-]\n(of 100 tasks 50, 90, 99 are below)')

@@ -1,4 +1,4 @@
-"""The way of an arm's tip and elbow, in three dimensions."""
+"""The paths of an arm's tip and elbow, in three dimensions."""
 
 from typing import Any
 
@@ -11,13 +11,13 @@ from redres_ros.simulation.recording import Recording
 
 _BESIDE = 0.07  # [m] from a point to its label, away from the middle of all points
 _ARROW = 0.08  # [m]
-_LARGEST_ARROW = 0.05  # of the length of the way
+_LARGEST_ARROW = 0.05  # of the length of the path
 _THINNEST = 0.35  # of the longest axis that each axis is shown with
 _ZOOM = 0.85  # leaves space for the labels of the axes
 
 
 def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointTask) -> None:
-    """The way of the tip in black and of the elbow in blue, with the task's points in red.
+    """The path of the tip in black and of the elbow in blue, with the task's points in red.
 
     The start is a filled circle, and arrows point where the motion goes.
 
@@ -45,7 +45,7 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
     for point, names in _names_by_point(task.waypoints).items():
         style = {'color': 'tab:red', 'ha': 'center', 'va': 'center'}
         ax.text(*places[point], ', '.join(names), **style)
-    ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='way of tip and elbow')
+    ax.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', title='paths of tip and elbow')
     _scale_alike(ax)
     ax.view_init(elev=18.0, azim=-35.0)
     ax.legend(loc='upper center', bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize='small')
@@ -60,17 +60,17 @@ def _names_by_point(points: np.ndarray) -> dict[int, list[str]]:
     return names
 
 
-def _draw_arrows(ax: Any, way: np.ndarray, color: str) -> None:
-    """Arrow heads along a way (N, 3) [m]."""
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+def _draw_arrows(ax: Any, path: np.ndarray, color: str) -> None:
+    """Arrow heads along a path (N, 3) [m]."""
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
     size = min(_ARROW, _LARGEST_ARROW * float(lengths[-1]))
     for share in (0.15, 0.5, 0.85):
         at = int(np.searchsorted(lengths, share * lengths[-1]))
-        ahead = min(int(np.searchsorted(lengths, lengths[at] + size / 4.0)), len(way) - 1)
-        direction = way[ahead] - way[at]
+        ahead = min(int(np.searchsorted(lengths, lengths[at] + size / 4.0)), len(path) - 1)
+        direction = path[ahead] - path[at]
         direction *= size / max(float(np.linalg.norm(direction)), 1e-9)
-        ax.quiver(*way[at], *direction, color=color, arrow_length_ratio=0.6, lw=1.5)
+        ax.quiver(*path[at], *direction, color=color, arrow_length_ratio=0.6, lw=1.5)
 
 
 def _scale_alike(ax: Any) -> None:

@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from redres_ros.errors import FileError
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.paths import draw_paths
 from redres_ros.simulation.recording import Recording
 
@@ -34,20 +38,34 @@ _BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not s
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
 
+DRAWINGS = ('.pdf', '.svg')  # written at the width of a column
+COLUMN = 3.5  # [in] of a page in two columns
+_COLUMN_RATIO = 1.6  # such a figure is so many times as high for its width
+_COLUMN_TEXT = 7.0  # [pt]
+_COLUMN_LINE = 0.7  # of the line width
+_COLUMN_LETTERS = 64  # of a line of the title
+
 
 @dataclass(frozen=True)
 class Remarks:
-    """What is said of a motion beside its curves.
+    """What is shown of a motion beside its curves.
 
     Attributes:
-        beside: Ideal motions by name, drawn in grey under the norms for comparison.
+        beside: Ideal motions by law, drawn dashed for comparison.
         stopped: Why the robot was stopped, marked at the end of the curves.
         switches: (time [s], law before, law after).
+        law: In force at the start; empty for one that has no colour of its own.
     """
 
     beside: Mapping[str, Recording]
     stopped: str = ''
     switches: tuple[tuple[float, str, str], ...] = ()
+    law: str = ''
+
+    @property
+    def laws(self) -> list[tuple[float, str]]:
+        """(time [s], law in force from then on)."""
+        return [(-np.inf, self.law), *((t, after) for t, _, after in self.switches)]
 
 
 def draw_motion(
@@ -58,8 +76,8 @@ def draw_motion(
     path: Path,
     remarks: Remarks,
 ) -> None:
-    """One page: the way of tip and elbow on the left, norms over time on the right; and the errors
-    of a task with orientations.
+    """One page: the paths of tip and elbow on the left, norms over time on the right; and the
+    errors of a task with orientations.
 
     Args:
         recording: The motion, of at least one row.
@@ -80,7 +98,7 @@ def draw_motion(
     rows = len(_SHOWN) + int(recording.pose)
     panels = list(right.subplots(rows, 1, sharex=True))
     for ax, norm in zip(panels, _SHOWN, strict=False):
-        draw_norm(ax, norm, recording, remarks.beside, stopped=bool(remarks.stopped))
+        draw_norm(ax, norm, recording, remarks)
         _mark_events(ax, recording, remarks)
     if recording.pose:
         _draw_errors(panels[-1], recording)
@@ -93,29 +111,24 @@ def draw_motion(
     save(figure, path)
 
 
-def draw_norm(
-    ax: Axes,
-    norm: str,
-    recording: Recording,
-    beside: Mapping[str, Recording],
-    *,
-    stopped: bool = False,
-) -> None:
-    """One norm over time, in front of the same norm of other motions.
+def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
+    """One norm over time, in the colour of the law, with the same norm of other motions.
 
     Args:
         ax: Where.
         norm: One of NORMS.
-        recording: The motion that sets the scale; peaks beyond it are cut off and labelled.
-        beside: Other motions by name.
-        stopped: What the robot stopped may be far beyond the rest, and does not set the scale.
+        recording: The motion that sets the scale; peaks beyond it are cut off and labelled. What
+            the robot stopped may be far beyond the rest, and does not set the scale.
+        remarks: Laws, other motions, and a stop.
     """
+    beside = remarks.beside
     for name, other in beside.items():
-        ax.plot(*_curve(other, norm), label=f'{name}, ideal arm', color='0.6', lw=1.0)
-    ax.plot(*_curve(recording, norm), color='tab:blue', lw=1.2, label='this run')
+        label = f'{name}, ideal arm'
+        ax.plot(*_curve(other, norm), label=label, color=law_colour(name), ls='--', lw=1.0)
+    _plot_by_law(ax, norm, recording, remarks)
     ax.set_ylabel(NORMS[norm], fontsize='small')
     top = _largest(recording, norm)
-    if stopped:
+    if remarks.stopped:
         earlier = recording[norm][recording['t'] < recording['t'][-1] - _BEFORE_STOP]
         top = min(top, 2.0 * float(earlier.max())) if len(earlier) else top
     if top < _LEAST_SCALE:
@@ -125,6 +138,18 @@ def draw_norm(
     for other in (recording, *beside.values()):
         _label_hidden_peak(ax, other, norm, top)
     ax.grid(alpha=0.3)
+
+
+def _plot_by_law(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
+    """The curve of this run, each part of it in the colour of the law in force."""
+    t, values = _curve(recording, norm)
+    laws = remarks.laws
+    for place, (start, law) in enumerate(laws):
+        shown = values if place == 0 else np.where(t < start, np.nan, values)
+        if place + 1 < len(laws):
+            shown = np.where(t > laws[place + 1][0], np.nan, shown)
+        label = 'this run' if place == 0 else f'_{law}'  # an underscore: not in the legend
+        ax.plot(t, shown, color=law_colour(law), lw=1.2, label=label)
 
 
 def _draw_errors(ax: Axes, recording: Recording) -> None:
@@ -149,21 +174,52 @@ def in_symbols(text: str) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a file.
+    """Write a figure as a file: a picture for the screen, or a drawing for a column of a paper.
 
     Args:
-        figure: What is drawn.
+        figure: What is drawn; a .pdf or .svg has the width of a column, and so has the figure then.
         path: Whose folder is made if need be.
 
     Raises:
         FileError: It cannot be written.
     """
+    if path.suffix in DRAWINGS:
+        fit_column(figure)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=130)
+        with rc_context({'pdf.fonttype': 42}):  # TrueType, as publishers ask for
+            figure.savefig(path, dpi=130)
     except (OSError, ValueError) as error:  # ValueError: no picture ends like that
         reason = getattr(error, 'strerror', None) or str(error)
         raise FileError(f'cannot write {path}: {reason}') from None
+
+
+def fit_column(figure: Figure) -> None:
+    """Give a figure the width of a column, and texts and lines that suit it."""
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(COLUMN, min(height, _COLUMN_RATIO * COLUMN * height / width))
+    for line in figure.findobj(Line2D):
+        line.set_linewidth(_COLUMN_LINE * line.get_linewidth())
+    for legend in list(figure.legends):
+        handles = [handle for handle in legend.legend_handles if handle is not None]
+        labels = [text.get_text() for text in legend.get_texts()]
+        legend.remove()
+        figure.legend(handles, labels, loc='outside lower center', ncols=1)
+    for ax in figure.axes:
+        ax.tick_params(labelsize=_COLUMN_TEXT)
+        ax.set_ylabel(_in_two_lines(ax.get_ylabel()))
+        ax.set_title(textwrap.fill(ax.get_title(), _COLUMN_LETTERS))
+    title = figure.get_suptitle()
+    if title:
+        figure.suptitle(textwrap.fill(title, _COLUMN_LETTERS))
+    for text in figure.findobj(Text):
+        text.set_fontsize(_COLUMN_TEXT)
+    figure.align_ylabels()
+
+
+def _in_two_lines(label: str) -> str:
+    """The label of an axis, with its unit on a line of its own."""
+    return label if '\n' in label else label.replace(' [', '\n[')
 
 
 def _lines(remarks: Remarks) -> list[str]:

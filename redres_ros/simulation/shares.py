@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.colours import line_styles
 from redres_ros.simulation.plots import in_symbols
 from redres_ros.simulation.recording import Recording
 
@@ -51,11 +52,13 @@ def draw_shares(
     figure = Figure(figsize=(11.0, 8.0), layout='constrained')
     figure.suptitle(title)
     velocity, acceleration, scaling = figure.subplots(3, 1, sharex=True)
+    styles = line_styles(list(recordings))
     for name, recording in recordings.items():
         t = recording['t']
-        velocity.plot(t, velocity_share(recording, model), lw=1.2, label=in_symbols(name))
-        acceleration.plot(t, acceleration_share(recording, model), lw=1.2)
-        scaling.plot(t, recording['task_scaling'], lw=1.2)
+        style = styles[name]
+        velocity.plot(t, velocity_share(recording, model), label=in_symbols(name), **style)
+        acceleration.plot(t, acceleration_share(recording, model), **style)
+        scaling.plot(t, recording['task_scaling'], **style)
     for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):
         ax.axhline(allowed, color='tab:red', ls='--', lw=1.0, label='allowed')
         highest = max(float(np.max(line.get_ydata())) for line in ax.get_lines())

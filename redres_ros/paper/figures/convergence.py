@@ -3,6 +3,7 @@
 from matplotlib.figure import Figure
 
 from redres_ros.paper.runs import CONVERGING_LAWS, SIMULATION_DAMPING, Runs
+from redres_ros.simulation.colours import law_colour
 
 
 def figure_19(runs: Runs) -> Figure:
@@ -11,9 +12,8 @@ def figure_19(runs: Runs) -> Figure:
     ax = figure.add_subplot()
     for law in CONVERGING_LAWS:
         found = runs[f'convergence_{law}']
-        ax.loglog(
-            1e3 * found.periods, found.q_errors, 'o-', label=f'{law}: slope {found.q_order:.3f}'
-        )
+        label = f'{law}: slope {found.q_order:.3f}'
+        ax.loglog(1e3 * found.periods, found.q_errors, 'o-', label=label, color=law_colour(law))
     slope = 0.5 * found.q_errors[0] * found.periods / found.periods[0]
     ax.loglog(1e3 * found.periods, slope, '--', color='0.6', label='slope 1')
     ax.set_xticks(1e3 * found.periods, [f'{1e3 * T:g}' for T in found.periods], minor=False)

@@ -9,10 +9,12 @@ from matplotlib.figure import Figure
 from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.runs import TORQUE_SCALE, Runs, title
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.shares import acceleration_share
 
 _LEAST = 1e-3  # of the logarithmic axis
+_COLOURS = ('0.6', law_colour('minimum_velocity'))  # of the law without and with more limits
 
 
 def figure_17(runs: Runs) -> Figure:
@@ -81,7 +83,7 @@ def _panels(heading: str) -> tuple[Figure, list[Axes]]:
 def _draw_shares(
     ax: Axes, tried: dict[str, Experiment], share: Callable[[Recording], np.ndarray]
 ) -> None:
-    for (label, each), color in zip(tried.items(), ('0.6', 'tab:blue'), strict=True):
+    for (label, each), color in zip(tried.items(), _COLOURS, strict=True):
         recording = each.recording
         ax.plot(recording['t'], share(recording), color=color, lw=1.2, label=label)
         if each.stop_reason:
@@ -96,7 +98,7 @@ def _draw_limit(ax: Axes, share: float, name: str) -> None:
 def _draw_rest(panels: list[Axes], tried: dict[str, Experiment]) -> None:
     """How fast the task goes on, and how far from its path the tip is."""
     _, scaling, error = panels
-    for each, color in zip(tried.values(), ('0.6', 'tab:blue'), strict=True):
+    for each, color in zip(tried.values(), _COLOURS, strict=True):
         recording = each.recording
         scaling.plot(recording['t'], recording['task_scaling'], color=color, lw=1.2)
         error.plot(recording['t'], 1e3 * recording['task_error'], color=color, lw=1.2)

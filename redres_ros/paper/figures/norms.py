@@ -8,11 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.paper.experiment import Experiment
-from redres_ros.paper.runs import Runs, title
+from redres_ros.paper.runs import MOTIONS, Runs, title
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.plots import NORMS, draw_norm
+from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.plots import NORMS, Remarks, draw_norm
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 
@@ -46,7 +47,7 @@ def draw_simulated(number: int, name: str, norms: Sequence[str], runs: Runs) -> 
     """
     figure, panels = _panels(title(number, name), len(norms), runs.task)
     for ax, norm in zip(panels, norms, strict=True):
-        draw_norm(ax, norm, runs[name], {})
+        draw_norm(ax, norm, runs[name], Remarks({}, law=MOTIONS[name].law))
         ax.set_ylabel(_LABELS[norm], fontsize='medium')
     return figure
 
@@ -61,13 +62,14 @@ def draw_accelerations(number: int, name: str, runs: Runs) -> Figure:
         runs: Its result.
     """
     tried = runs[name]
+    colour = law_colour(MOTIONS[name].law)
     T = tried.recording.T
     finer = tried.motion_through(FINER)
     fine = f'measured, window of {FINER * T:g} s'
     usual = f'measured, window of {WINDOW * T:g} s as in the paper'
     measured = [
-        _Measured(finer, _kinematic(finer), fine, 'tab:orange', 1.0),
-        _Measured(tried.motion, _kinematic(tried.motion), usual, 'tab:blue', 1.6),
+        _Measured(finer, _kinematic(finer), fine, 'black', 0.8),
+        _Measured(tried.motion, _kinematic(tried.motion), usual, colour, 1.8),
     ]
     return _experiment(title(number, name), tried, measured, runs.task)
 
@@ -85,7 +87,8 @@ def draw_torques(number: int, name: str, runs: Runs) -> Figure:
         'joint_torque_norm': torque_norm(tried.motion, runs.experiment_model),
         'joint_velocity_norm': _norm(tried.motion.dq),
     }
-    measured = _Measured(tried.motion, curves, 'measured', 'tab:blue', 1.6)
+    colour = law_colour(MOTIONS[name].law)
+    measured = _Measured(tried.motion, curves, 'measured', colour, 1.6)
     return _experiment(title(number, name), tried, [measured], runs.task)
 
 
