@@ -199,12 +199,12 @@ def try_problems(count: int, seed: int) -> Counter[str]:
         terms = np.abs(W).max() * max(np.abs(bounded.dq).max(), np.abs(problem.b).max())
         gradient = W @ (bounded.dq - problem.b) / terms
         active = active_rows(bounded.dq, problem.box)
-        aside = np.abs(problem.J @ bounded.dq - bounded.s * problem.dx).max()
+        deviation = np.abs(problem.J @ bounded.dq - bounded.s * problem.dx).max()
         faults = {
             'not solved': not bounded.solved or bounded.relaxed,
             'outside the box': not (problem.box[0] <= bounded.dq).all()
             or not (bounded.dq <= problem.box[1]).all(),
-            'aside': aside > EXACT,
+            'off the path': deviation > EXACT,
             'less than the largest share': gap_to_the_largest_share(problem, bounded) > EXACT,
             'not the best for the law': unexplained(gradient, problem.J, active) > EXACT,
         }

@@ -155,7 +155,7 @@ def faults(problem: Problem, dq: np.ndarray | None, share: float) -> Iterator[st
     velocity = problem.J @ dq
     own = velocity @ problem.dx / (problem.dx @ problem.dx)
     if np.linalg.norm(velocity - own * problem.dx) > ASIDE * np.linalg.norm(problem.dx):
-        yield 'aside'
+        yield 'off the path'
     elif own < share - LESS:
         yield 'less'
 
@@ -168,14 +168,15 @@ def main() -> None:
     problems = [Problem(seed, None, options.stretch) for seed in range(options.count)]
     shares = [largest_share(problem.J, problem.dx, problem.box) for problem in problems]
     print(f'{options.count} problems, task velocities times {options.stretch:g}\n')
-    print('| | failed | outside the box | aside of the direction | less than the largest share |')
+    print('| | failed | outside the box | off the path | less than the largest share |')
     print('|---|---|---|---|---|')
     for name, solve in solvers().items():
         found = [
             count_of(solve, problem, share) for problem, share in zip(problems, shares, strict=True)
         ]
         counts = [
-            sum(kind in each for each in found) for kind in ('failed', 'outside', 'aside', 'less')
+            sum(kind in each for each in found)
+            for kind in ('failed', 'outside', 'off the path', 'less')
         ]
         print(f'| {name} | ' + ' | '.join(f'{count}' for count in counts) + ' |', flush=True)
 

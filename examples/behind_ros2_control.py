@@ -1,7 +1,7 @@
 """A robot behind ros2_control: its joint_state_broadcaster and forward_position_controller.
 
 Its stamps are this computer's clock, with jitter; its message lists a gripper too; its commands are
-numbers without a stamp. The arm goes exactly where it is told. Start it with:
+numbers without a stamp. The arm is ideal. Start it with:
 
     python examples/behind_ros2_control.py --seconds 20
 
@@ -46,7 +46,7 @@ class Robot(Node):
         )
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """The arm is where it is told to be."""
+        """The arm follows its commands exactly."""
         before = self.q
         self.q = np.array(message.data)
         if self.way or not np.array_equal(self.q, before):

@@ -21,7 +21,7 @@ fastest = 0.0
 
 for _ in range(round(DURATION / T)):
     command = controller.update(q, DX)
-    q = command.q_ref  # an arm that goes where it is told
+    q = command.q_ref  # an ideal arm
     fastest = max(fastest, float(np.linalg.norm(command.dq)))
 
 x_end = model.tip(q)[0]

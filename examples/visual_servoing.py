@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 CAMERA = 1.0 / 30.0  # [s] from one picture to the next
 RADIUS = 0.04  # of the target's circle [m]
 TURN = 5.0  # [s] for a round
-GAIN = 3.0  # [1/s], of what is seen; a camera that is a frame late bears no large one
+GAIN = 3.0  # [1/s], of what is seen; a camera that is a frame late needs a low one
 FASTEST = 0.2  # [m/s]
 
 

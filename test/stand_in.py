@@ -62,7 +62,7 @@ class LbrGuard:
         if ((q < limits.lower + margin) | (q > limits.upper - margin)).any():
             return f'position not in limits: {q}'
         before = self._before
-        self._before = q  # the arm is where it was told to be
+        self._before = q  # the arm is ideal
         if before is not None and (np.abs(q - before) / self._T > limits.velocity).any():
             return f'velocity not in limits: {(q - before) / self._T}'
         return ''

@@ -218,8 +218,8 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
         at = int(np.argmax(column(rows, name)))
         assert figures[figure] == pytest.approx([column(rows, name)[at], rows[at, 0]])
     lines = dict(re.findall(r'^ *(\S.*?) {2,}(\S.*?) *$', printed, re.MULTILINE))
-    error, at = figures['aside']
-    assert lines['farthest off the way'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
+    error, at = figures['path_deviation']
+    assert lines['maximum path deviation'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
     acceleration, at = figures['acceleration']
     assert lines['largest joint acceleration'] == (
         f'{acceleration:.3f} rad/s² (norm) at {at:.3f} s'

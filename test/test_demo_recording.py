@@ -266,8 +266,10 @@ def test_the_figures_of_a_motion_are_those_of_its_rows(
     task = load_task('rectangle')
     motion = MotionFigures.of(recording, task, 0.1)
     assert motion.error[0] == recording['task_error'].max()
-    aside = recording.vectors('x')[:, (0, 2)] - task.waypoints[0, (0, 2)]  # from a way along y
-    assert motion.aside[0] == pytest.approx(np.linalg.norm(aside, axis=1).max())
+    path_deviation = (
+        recording.vectors('x')[:, (0, 2)] - task.waypoints[0, (0, 2)]
+    )  # from a way along y
+    assert motion.path_deviation[0] == pytest.approx(np.linalg.norm(path_deviation, axis=1).max())
     assert motion.seconds == pytest.approx(199 * T)
     dq = recording.vectors('dq1')
     assert motion.jump == pytest.approx(np.abs(np.diff(dq[:51], axis=0, prepend=0.0)).max())

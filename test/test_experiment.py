@@ -60,8 +60,8 @@ def test_within_limits_the_same_law_finishes_half_a_millimetre_beside_its_path_a
     recording = experiment(controller('minimum_velocity', limits=limits), TASK, ARM).recording
     assert recording.finished
     assert recording['task_scaling'].min() < 0.5
-    aside = TASK.aside(recording.vectors('x'), recording['segment'])
-    assert aside.max() < 0.5e-3
+    path_deviation = TASK.path_deviation(recording.vectors('x'), recording['segment'])
+    assert path_deviation.max() < 0.5e-3
 
 
 def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):

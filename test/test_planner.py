@@ -412,6 +412,8 @@ def test_a_position_deviates_from_the_line_of_its_segment_alone(square):
     across = np.array((0.0, 0.0, 0.003))
     on_the_way = start + np.array((0.2, 0.7, 1.1))[:, None] * (end - start)
     segments = np.array((1.0, 1.0, 1.0))
-    assert square.aside(on_the_way, segments) == pytest.approx(np.zeros(3), abs=1e-15)
-    assert square.aside(on_the_way + across, segments) == pytest.approx(np.full(3, 0.003))
-    assert (square.aside(on_the_way + across, np.zeros(3)) == 0.0).all()  # before x_0: no line
+    assert square.path_deviation(on_the_way, segments) == pytest.approx(np.zeros(3), abs=1e-15)
+    assert square.path_deviation(on_the_way + across, segments) == pytest.approx(np.full(3, 0.003))
+    assert (
+        square.path_deviation(on_the_way + across, np.zeros(3)) == 0.0
+    ).all()  # before x_0: no line

@@ -185,7 +185,7 @@ def test_a_robot_that_starts_again_from_elsewhere_has_the_task_begun_anew(cycles
     assert step is not None and step.reference is not None and step.reference.segment == 0
 
 
-def test_a_planner_that_was_held_up_hears_the_controller_before_it_goes_on() -> None:
+def test_a_planner_that_was_held_up_waits_for_the_controller_before_it_goes_on() -> None:
     arm = under_way()
     step = arm.tick(None, cycles=300)
     assert step is not None and step.reference is None

@@ -1,4 +1,4 @@
-"""`redres watch`: what its page says, and that it hears the nodes."""
+"""`redres watch`: what its page says, and that it receives the nodes."""
 
 import io
 import subprocess
@@ -37,7 +37,7 @@ def line_of(text: str, label: str) -> str:
 
 def test_where_nobody_is_the_page_says_so_and_what_to_do() -> None:
     text = text_of({}, 100.0)
-    assert 'Nobody is there' in text
+    assert 'Nothing to see' in text
     assert 'domain 7' in text
     assert '--domain' in text
     assert 'singular' not in text  # no table of dashes
@@ -63,7 +63,7 @@ def test_a_robot_that_has_stopped_comes_first() -> None:
 
 def test_after_the_graph_has_gone_everything_is_marked_as_old() -> None:
     text = text_of(FULL, 112.0)
-    assert 'The nodes have gone: nothing was heard for 12 s' in text
+    assert 'The nodes have gone: no message for 12 s' in text
     assert 'old, 12 s' in line_of(text, 'joint torque')
     assert 'old, 22 s' in line_of(text, 'session')
 
@@ -101,10 +101,10 @@ def test_a_line_reports_what_matters_most_and_who_is_not_there() -> None:
         source: received for source, received in FULL.items() if not source.startswith('planner')
     }
     assert line(there, 100.5, 7) == (
-        'session CMD, stop reason none, planner not heard, law minimum_torque'
+        'session CMD, stop reason none, planner no message, law minimum_torque'
     )
     assert 'controller silent for 12 s' in line(FULL, 112.0, 7)
-    assert line({}, 100.0, 7) == 'nobody is heard in domain 7'
+    assert line({}, 100.0, 7) == 'no node in domain 7'
 
 
 WATCH = [sys.executable, '-m', 'redres_ros.cli', 'watch', '--domain']
@@ -120,7 +120,7 @@ def run_watch(duration: float, domain: int) -> subprocess.CompletedProcess[str]:
     )
 
 
-def looked_until_heard(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
+def watch_until(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
     """What is shown by looks, each twice as long as the one before, until all words are among it.
 
     On a busy machine it takes long for the nodes to start, and for each look to find them.
@@ -140,7 +140,7 @@ def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
     streams = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
     with own_domain() as domain:
         process = subprocess.Popen([*WATCH, str(domain)], text=True, **streams)
-        assert process.stdout.readline() == f'nobody is heard in domain {domain}\n'
+        assert process.stdout.readline() == f'no node in domain {domain}\n'
         process.stdout.close()
         assert process.wait(60.0) == 1
         assert process.stderr.read() == ''
@@ -155,7 +155,7 @@ def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
         loop = {'rate': 100.0}
         nodes = [NodeProcess(name, tmp_path / name, loop) for name in ('controller', 'sim')]
         try:
-            done = looked_until_heard(domain, 'CMD', 'joint velocity', 'lwr_a3_joint')
+            done = watch_until(domain, 'CMD', 'joint velocity', 'lwr_a3_joint')
         finally:
             for node in nodes:
                 node.end()
@@ -164,5 +164,5 @@ def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
     assert title and len(lines.splitlines()) >= 2
     assert 'CMD' in line_of(shown, 'session')
     assert 'rad/s' in line_of(shown, 'joint velocity')
-    assert 'planner: not heard' in shown
+    assert 'planner: no message' in shown
     assert '●' in line_of(shown, 'lwr_a3_joint')

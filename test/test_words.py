@@ -13,7 +13,7 @@ from redres_ros.demo.words import after, before
 
 
 def outcome(**given: Any) -> Any:
-    motion = SimpleNamespace(aside=(0.0004, 3.0), acceleration=(8.7, 7.3))
+    motion = SimpleNamespace(path_deviation=(0.0004, 3.0), acceleration=(8.7, 7.3))
     usual = {'motion': motion, 'interrupted': False, 'stop_reason': '', 'succeeded': True}
     return SimpleNamespace(**{**usual, **given})
 

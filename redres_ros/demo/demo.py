@@ -40,7 +40,7 @@ SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _STATES = 'joint_states'
-_LOOK = 0.02  # [s] between looks at the state of things
+_LOOK = 0.02  # [s] between looks at the state
 _ANSWER = 30.0  # [s] for the answer of a node that is there, and may stall
 
 
@@ -49,14 +49,14 @@ class DemoMonitor(GraphMonitor):
 
     Attributes:
         newest: Stamp of the newest state [ns]; 0 before the first.
-        heard_at: When it came [s].
+        received_at: When it came [s].
         began: Stamp at which a task began last [ns]; 0 before the first.
     """
 
     def __init__(self) -> None:
         super().__init__('demo', patience=_ANSWER)
         self.newest = 0
-        self.heard_at = time.monotonic()
+        self.received_at = time.monotonic()
         self.began = 0
         self.samples.add(_STATES, JointState, NEWEST)
         self.create_subscription(Time, TASK_BEGUN, self._on_begun, LATCHED)
@@ -65,7 +65,7 @@ class DemoMonitor(GraphMonitor):
         """Take in the newest state; of each only the stamp is read."""
         for sample in self.samples.take(_STATES):
             self.newest = stamp_of(sample.data)
-            self.heard_at = time.monotonic()
+            self.received_at = time.monotonic()
 
     def has_finished(self, since: float) -> bool:
         """Whether a task has been finished since an instant [s]."""
@@ -124,10 +124,10 @@ class Demo:
         """From starting the processes to ending them; Ctrl-C ends it early.
 
         Args:
-            progress: is told the share done.
+            progress: Called with the fraction done, 0 to 1.
 
         Returns:
-            How it ended; outcome() tells what came of it.
+            How it ended; outcome() has the result.
 
         Raises:
             DemoError, GraphError, CallError: a node does not run, answer, or take a command.
@@ -237,10 +237,8 @@ class Demo:
     def _check(self, monitor: DemoMonitor) -> None:
         self._node_group.check()
         monitor.look()
-        if monitor.newest and time.monotonic() - monitor.heard_at > SILENCE:
-            raise DemoError(
-                f'nothing was heard of the robot for {SILENCE:g} s; see {self._out}/*.log'
-            )
+        if monitor.newest and time.monotonic() - monitor.received_at > SILENCE:
+            raise DemoError(f'no state from the robot for {SILENCE:g} s; see {self._out}/*.log')
 
     def outcome(self, ending: Ending) -> Outcome:
         """What came of the run that ended so, from the recordings, which are removed."""

@@ -140,7 +140,7 @@ class Log:
         return tuple(changes)
 
     def scaling_at(self, stamp: int) -> float:
-        """The share of the task velocity that the limits allowed; it is told when it changes."""
+        """The task scaling that the limits allowed; it is published when it changes."""
         return _latest(self.scalings, self._scaling_stamps, stamp) if self.scalings else 1.0
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The processes of a demo: what each of them is told, and the recordings that they write."""
+"""The processes of a demo: their parameters, and the recordings that they write."""
 
 import signal
 from collections.abc import Iterator

@@ -66,8 +66,8 @@ class MotionFigures:
     Attributes:
         seconds: How long it took.
         segments: How many the task has been on.
-        error: Of the task, also where the arm is only behind on its way [m].
-        aside: Distance from the straight way from point to point [m].
+        error: Of the task, also where the arm only lags on its path [m].
+        path_deviation: Distance from the straight line from point to point [m].
         final_error: Distance from the last point when the run ended [m].
         acceleration: Norm over the joints [rad/s^2].
         velocity: Norm over the joints [rad/s].
@@ -80,7 +80,7 @@ class MotionFigures:
     seconds: float
     segments: int
     error: tuple[float, float]
-    aside: tuple[float, float]
+    path_deviation: tuple[float, float]
     final_error: float
     acceleration: tuple[float, float]
     velocity: tuple[float, float]
@@ -102,13 +102,13 @@ class MotionFigures:
         moves = recording['joint_velocity_norm'] > STILL
         dq = recording.vectors('dq1')  # (N, n)
         steps = np.abs(np.diff(dq, axis=0, prepend=0.0))  # from rest
-        aside = task.aside(recording.vectors('x'), recording['segment'])
-        farthest = int(np.argmax(aside))
+        path_deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
+        farthest = int(np.argmax(path_deviation))
         return cls(
             seconds=float(t[-1]),
             segments=int(recording['segment'].max()),
             error=recording.peak('task_error'),
-            aside=(float(aside[farthest]), float(t[farthest])),
+            path_deviation=(float(path_deviation[farthest]), float(t[farthest])),
             final_error=final_error,
             acceleration=recording.peak('joint_acceleration_norm'),
             velocity=recording.peak('joint_velocity_norm'),
@@ -206,22 +206,22 @@ class Outcome:
 
 
 def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
-    aside, aside_at = motion.aside
+    path_deviation, deviation_at = motion.path_deviation
     error, error_at = motion.error
     rows: list[tuple[str, ...]] = [
         ('motion',),
-        ('parts of the task begun', f'{motion.segments} in {motion.seconds:.3f} s'),
-        ('farthest off the way', f'{1e3 * aside:.3f} mm at {aside_at:.3f} s'),
-        ('largest error', f'{1e3 * error:.3f} mm at {error_at:.3f} s, on the way or off it'),
-        ('at the end', f'{1e3 * motion.final_error:.3f} mm from the last point'),
+        ('segments started', f'{motion.segments} in {motion.seconds:.3f} s'),
+        ('maximum path deviation', f'{1e3 * path_deviation:.3f} mm at {deviation_at:.3f} s'),
+        ('maximum error', f'{1e3 * error:.3f} mm at {error_at:.3f} s, along the path or off it'),
+        ('final error', f'{1e3 * motion.final_error:.3f} mm from the last point'),
     ]
     for name, unit in (('acceleration', 'rad/s²'), ('velocity', 'rad/s'), ('torque', 'Nm')):
         value, at = getattr(motion, name)
-        rows.append((f'largest joint {name}', f'{value:.3f} {unit} (norm) at {at:.3f} s'))
+        rows.append((f'maximum joint {name}', f'{value:.3f} {unit} (norm) at {at:.3f} s'))
     return [
         *rows,
         ('largest step at the start', f'{motion.jump:.2g} rad/s of one joint, in one cycle'),
-        ('arm stood still', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
+        ('time at rest', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
     ]
 
 

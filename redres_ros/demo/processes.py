@@ -87,7 +87,7 @@ def _in_use(domain: int) -> bool:
 class NodeProcess:
     """One of our nodes as a process of its own, which cannot outlive this one.
 
-    It does not get the terminal's Ctrl-C: whoever started it ends it.
+    It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
         name: of the executable in nodes/, or of a module of the package, as 'bench.echo'.

@@ -1,4 +1,4 @@
-"""What `redres demo` says before and after a run: what one sees, and why it matters."""
+"""The text that `redres demo` prints before and after a run: what happens, and why it matters."""
 
 from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.outcome import Outcome
@@ -39,13 +39,14 @@ def after(outcome: Outcome) -> str:
             'The robot stopped the arm, as a real one would: the law asked for more than the '
             'joints have. '
             'Within limits (without --limits none) the arm goes slower there instead, and '
-            '--law minimum_acceleration, which remembers its motion, passes smoothly.'
+            '--law minimum_acceleration, which limits the change of velocity, passes smoothly.'
         )
     if not outcome.succeeded:
         return ''
     acceleration, at = outcome.motion.acceleration
     return (
-        f'The arm came through, at most {1e3 * outcome.motion.aside[0]:.1f} mm off its way, and '
+        f'The arm came through, at most {1e3 * outcome.motion.path_deviation[0]:.1f} mm '
+        'off its path, and '
         f'its joints accelerated most at {at:.1f} s, by {acceleration:.1f} rad/s². '
         'See what the choice is worth: redres demo --law minimum_velocity --limits none takes '
         'the least velocity in every cycle, and is stopped.'

@@ -25,7 +25,9 @@ class ActiveLimits:
     limits: Limits
     period: float
 
-    @np.errstate(over='ignore', invalid='ignore')  # anybody can send a glance of an arm that flies
+    @np.errstate(
+        over='ignore', invalid='ignore'
+    )  # any node can publish a snapshot with absurd values
     def acting(self, snapshot: ControllerSnapshot) -> set[tuple[str, str]]:
         """The limits at whose bounds a command is: name, and joint or what else it is about."""
         state = self.model.state(snapshot.q_prev, snapshot.dq_prev)
@@ -40,5 +42,5 @@ class ActiveLimits:
 
 def _touched(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int]:
     """Which values are at, or beyond, one of their bounds."""
-    room = np.minimum(values - lower, upper - values)
-    return np.flatnonzero(room < _TOUCHING).tolist()
+    margin = np.minimum(values - lower, upper - values)
+    return np.flatnonzero(margin < _TOUCHING).tolist()

@@ -61,7 +61,7 @@ class GraphClient:
         """The response of a service.
 
         A server drops the answer to a client that it has not discovered yet, so the request is made
-        again after a second; the services of this package bear that.
+        again after a second; the services of this package tolerate that.
 
         Args:
             kind: Type of the service.

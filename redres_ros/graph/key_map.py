@@ -39,7 +39,7 @@ a d  left, right (y)        i k  turn about y
 r f  up, down (z)           u o  turn about z
 + -  faster, slower         space  stop        Ctrl-C  end"""
 
-_HELD = 0.6  # [s] a terminal tells no release of a key; it repeats one after half a second at most
+_HELD = 0.6  # [s] a terminal reports no release of a key; it repeats one within half a second
 _GAIN = 1.25  # of the speed, for each press of a key
 _SPEEDS = (0.001, 2.0)  # [m/s]
 _TURNS = (0.001, 6.0)  # [rad/s]

@@ -23,7 +23,7 @@ from redres_ros.nodes.wire import deserialised
 _STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _LOOK = 0.02  # [s] between looks at whether it has come
-_SILENCE = 1.0  # [s] without a glance after which the arm's own states are looked at
+_SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are looked at
 _LIVE = {'limits', 'limit_scale', 'torque_scale'}  # and gains, as velocity.margin
 _SHOWN = 0.5  # [s] for which a limit counts as acting after it did
 # Best effort: an observer must hold up nobody. Deep enough for one that was held up itself.
@@ -31,7 +31,7 @@ _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class LiveArm:
-    """What is known of an arm from the controller's glances.
+    """What is known of an arm from the controller's snapshots.
 
     While the controller is silent the arm is where its own states say.
 
@@ -51,8 +51,8 @@ class LiveArm:
         self._judge = judge_of(values, self.model)
         self._joints = JointMapper(self.model.joint_names)
         self._acted: dict[tuple[str, str], float] = {}  # limit and place: when it did [s]
-        self._now = 0.0  # [s] of the newest glance
-        self._heard_at = time.monotonic()  # [s] when a glance came last
+        self._now = 0.0  # [s] of the newest snapshot
+        self._received_at = time.monotonic()  # [s] when a snapshot came last
         self._is_silent = False  # then the states are looked at
         self._samples.add(controller_snapshot.TOPIC, Float64MultiArray, _QUALITY)
 
@@ -60,7 +60,7 @@ class LiveArm:
         """Take in changes of what the controller's parameters say of limits.
 
         Args:
-            changes: Of parameters, as told. What cannot be is passed over.
+            changes: Of parameters, as published. Impossible values are skipped.
         """
         live = {name: value for name, value in changes.items() if name in _LIVE or '.' in name}
         values = {**self._values, **credible(live, self._values)}
@@ -103,13 +103,13 @@ class LiveArm:
     def _enter(self, seen: ControllerSnapshot) -> None:
         self.q = seen.q
         self._now = seen.figures.time
-        self._heard_at = time.monotonic()
+        self._received_at = time.monotonic()
         self._acted.update(dict.fromkeys(self._judge.acting(seen), self._now))
 
     def _look_at_states(self) -> None:
         """While the controller is silent; states at every tick would cost the robot a message."""
         was_silent = self._is_silent
-        self._is_silent = time.monotonic() - self._heard_at > _SILENCE
+        self._is_silent = time.monotonic() - self._received_at > _SILENCE
         if self._is_silent and not was_silent:
             self._samples.add(_STATES, JointState, NEWEST)
         elif was_silent and not self._is_silent:

@@ -65,10 +65,10 @@ def judge_of(values: Values, model: RobotModel) -> ActiveLimits:
 
 
 def credible(changes: Values, known: Values) -> dict[str, Any]:
-    """Those of the changes that a node may have made: anybody can tell of changes.
+    """The changes that a node may have made: any participant can publish changes.
 
     Args:
-        changes: Of parameters, as told.
+        changes: Of parameters, as published.
         known: The parameters as they are, which says of what type each is.
     """
     return {

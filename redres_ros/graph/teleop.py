@@ -65,7 +65,7 @@ class Teleop(Node):
 
     @property
     def listeners(self) -> int:
-        """How many hear it."""
+        """Number of its subscribers."""
         return self._publisher.get_subscription_count()
 
 
@@ -122,7 +122,7 @@ def steer(node: Teleop, key_map: KeyMap) -> None:
 
 
 def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
-    told = ''
+    shown = ''
     while True:
         due = time.monotonic() + _PERIOD
         while (left := due - time.monotonic()) > 0.0:
@@ -135,9 +135,9 @@ def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
                 key_map.press(key, time.monotonic())
         dx = node.publish(time.monotonic())
         line = _line(dx, key_map, node.listeners)
-        if line != told:
+        if line != shown:
             print(f'\r{line:<78}', end='', flush=True)
-            told = line
+            shown = line
 
 
 def _line(dx: np.ndarray, key_map: KeyMap, listeners: int) -> str:

@@ -28,7 +28,7 @@ _TYPES = {
     'planner/segment': Int32,
     _TIP: PoseStamped,
 }  # all others are a Float64
-# Topics of which a glance says as much: to hear each at every tick would cost the controller time.
+# A snapshot contains these: subscribing to each at every tick would cost the controller time.
 _FIGURES = {
     'controller/task_scaling': 'scaling',
     'controller/joint_velocity_norm': 'speed',
@@ -152,7 +152,7 @@ class _Lines:
     """In the place of the page that changes: lines, and the last page.
 
     Args:
-        node: What they tell about.
+        node: The observer of the graph.
         console: Where they are printed.
     """
 

@@ -1,4 +1,4 @@
-"""What `redres watch` shows: a page made from what was heard, and when."""
+"""The page of `redres watch`, made from what was received, and when."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -80,41 +80,41 @@ class JointBar(NamedTuple):
 
 
 def page(
-    heard: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[JointBar] = ()
+    received: Mapping[str, LastValue], now: float, domain: int, joints: Sequence[JointBar] = ()
 ) -> RenderableType:
     """The whole page.
 
     Args:
-        heard: The newest of each topic; the NodeHealth of a node is under the node's name.
+        received: The newest of each topic; the NodeHealth of a node is under the node's name.
         now: The instant at which it is shown [s].
         domain: The ROS domain.
         joints: Those of the arm, as far as they are known.
     """
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
-    if not heard:
+    if not received:
         return Group(title, _nobody(domain))
     bars = [_joints(joints)] if joints else []
-    return Group(title, *_alarms(heard, now), *_panels(heard, now), *bars)
+    return Group(title, *_alarms(received, now), *_panels(received, now), *bars)
 
 
-def line(heard: Mapping[str, LastValue], now: float, domain: int) -> str:
+def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
     """What of the page matters most, in a line, as for a file.
 
     Args:
-        heard: As for the page.
-        now: The instant at which it is told [s].
+        received: As for the page.
+        now: The instant of printing [s].
         domain: The ROS domain.
     """
-    if not heard:
-        return f'nobody is heard in domain {domain}'
+    if not received:
+        return f'no node in domain {domain}'
     parts = []
     for node, rows in NODES.items():
-        quiet = silence(heard, node, now)
-        told = [row for row in rows if row.topic in _IN_LINE & heard.keys()]
+        quiet = silence(received, node, now)
+        rows_shown = [row for row in rows if row.topic in _IN_LINE & received.keys()]
         if quiet > STALE:
             parts.append(f'{node} {_absence(quiet)}')
         else:
-            parts += [f'{row.label} {_words(heard[row.topic].value, row)}' for row in told]
+            parts += [f'{row.label} {_words(received[row.topic].value, row)}' for row in rows_shown]
     return ', '.join(parts)
 
 
@@ -123,60 +123,60 @@ def is_near_an_end(share: float) -> bool:
     return min(share, 1.0 - share) < _NEAR
 
 
-def silence(heard: Mapping[str, LastValue], node: str, now: float) -> float:
-    """For how long nothing was heard of a node [s]; infinite if nothing ever was.
+def silence(received: Mapping[str, LastValue], node: str, now: float) -> float:
+    """Time since the last message of a node [s]; infinite if there was none.
 
     Args:
-        heard: What was heard last, by its source.
+        received: The last message of each source.
         node: Its name.
-        now: [s], on the clock of what was heard.
+        now: [s], on the clock of `received`.
     """
     sources = {node, *(row.topic for row in NODES[node])}
-    return min((now - heard[source].at for source in sources & heard.keys()), default=float('inf'))
+    return min(
+        (now - received[source].at for source in sources & received.keys()), default=float('inf')
+    )
 
 
 def _nobody(domain: int) -> Text:
     return Text(
-        f'Nobody is there: no node of redres_ros is heard in domain {domain}.\n'
+        f'Nothing to see: there is no node of redres_ros in domain {domain}.\n'
         'Start one, as with `redres demo`, which prints its domain, or name one with --domain.',
         style='yellow',
     )
 
 
-def _alarms(heard: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
+def _alarms(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
     """What must not be overlooked."""
-    reason = heard.get(REASON, LastValue('', now)).value
+    reason = received.get(REASON, LastValue('', now)).value
     if reason:
         text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')
         yield Panel(text, style='bold red', expand=False)
-    if all(silence(heard, node, now) > STALE for node in NODES):
-        last = min(silence(heard, node, now) for node in NODES)
-        text = Text(
-            f'The nodes have gone: nothing was heard for {last:.0f} s. What follows is old.'
-        )
+    if all(silence(received, node, now) > STALE for node in NODES):
+        last = min(silence(received, node, now) for node in NODES)
+        text = Text(f'The nodes have gone: no message for {last:.0f} s. What follows is old.')
         yield Panel(text, style='bold yellow', expand=False)
 
 
-def _panels(heard: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
+def _panels(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
     for node, rows in NODES.items():
-        quiet = silence(heard, node, now)
+        quiet = silence(received, node, now)
         table = Table(box=None, show_header=False, pad_edge=False)
         table.add_column(min_width=28)
         table.add_column(min_width=30)
         for row in rows:
-            table.add_row(row.label, _value(heard, row, quiet > STALE, now))
+            table.add_row(row.label, _value(received, row, quiet > STALE, now))
         if quiet > STALE:
             title = f'{node}: {_absence(quiet)}'
             style = 'dim' if quiet == float('inf') else 'yellow'
         else:
-            health = _health(heard, node)
+            health = _health(received, node)
             title = f'{node}: {health.text}'
             style = 'green' if health.is_well else 'yellow'
         yield Panel(table, title=Text(title), title_align='left', box=box.ROUNDED, style=style)
 
 
 def _absence(quiet: float) -> str:
-    return 'not heard' if quiet == float('inf') else f'silent for {quiet:.0f} s'
+    return 'no message' if quiet == float('inf') else f'silent for {quiet:.0f} s'
 
 
 def _joints(joints: Sequence[JointBar]) -> Panel:
@@ -202,14 +202,14 @@ def _bar(share: float) -> Text:
     return bar
 
 
-def _health(heard: Mapping[str, LastValue], node: str) -> NodeHealth:
+def _health(received: Mapping[str, LastValue], node: str) -> NodeHealth:
     """What the node said last; before it says anything, that it is there."""
-    value = heard[node].value if node in heard else None
+    value = received[node].value if node in received else None
     return value if isinstance(value, NodeHealth) else NodeHealth('is there', True)
 
 
-def _value(heard: Mapping[str, LastValue], row: Row, is_stale: bool, now: float) -> Text:
-    entry = heard.get(row.topic)
+def _value(received: Mapping[str, LastValue], row: Row, is_stale: bool, now: float) -> Text:
+    entry = received.get(row.topic)
     if entry is None:
         return Text('-', style='dim')
     text = _words(entry.value, row)

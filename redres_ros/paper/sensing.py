@@ -13,7 +13,7 @@ class Sensing:
     """How an experiment sees its arm. By default it sees every position exactly and at once.
 
     The encoders' figures act on the controller too. A position that is recorded late does not: the
-    robot's own cycle is not disturbed by whoever writes down what it does.
+    robot's own cycle is not disturbed by its recorder.
     """
 
     encoder_step: float = param(0.0, 'resolution of measured positions; 0: exact [rad]', 0.0, 0.1)

@@ -81,7 +81,7 @@ class Planner:
         self._points = task.waypoints.copy()  # (N, 3)
         self._turns = task.orientations  # (N, 3, 3), None until one is known
         self._first_segment = 1
-        if self._is_aside(x_start, R_start, start_tolerance):
+        if self._is_away(x_start, R_start, start_tolerance):
             self._approach_from(x_start, R_start)
         if self._turns is None and R_start is not None:
             self._hold(R_start)
@@ -216,7 +216,7 @@ class Planner:
         part: np.ndarray = (asked - unachieved) * (float(np.linalg.norm(error)) / size)
         return part
 
-    def _is_aside(
+    def _is_away(
         self, x_start: np.ndarray | None, R_start: np.ndarray | None, tolerance: float
     ) -> bool:
         """Whether the tip has to go to x_0 first."""

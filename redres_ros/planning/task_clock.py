@@ -1,6 +1,6 @@
-"""The time of a task, which goes on as the arm does."""
+"""The time of a task, which advances with the arm."""
 
-# [s] for which nothing may be carried out, or heard, until the controller counts as not following
+# [s] without motion, or without a message, after which the controller counts as not following
 _PATIENCE = 0.1
 _START_UP = 0.5  # [s] in which a task that was interrupted gets back to its pace
 
@@ -23,7 +23,7 @@ class TaskClock:
         self._limit = max(round(_PATIENCE / T), 1)  # cycles
         self._at_once = at_once
         self._scaling = 1.0 if at_once else 0.0
-        self._unheard = 0  # cycles since the controller was heard
+        self._silent = 0  # cycles since the last message of the controller
         self._standing = 0 if at_once else self._limit  # cycles in which nothing was carried out
 
     @property
@@ -34,12 +34,12 @@ class TaskClock:
     @property
     def is_receiving(self) -> bool:
         """Whether a scaling factor came lately."""
-        return self._unheard <= self._limit
+        return self._silent <= self._limit
 
     def set_scaling(self, scaling: float) -> None:
         """Take in what share of the task velocity is carried out."""
         self._scaling = min(max(scaling, 0.0), 1.0) if scaling == scaling else 0.0
-        self._unheard = 0
+        self._silent = 0
 
     def begin(self) -> None:
         """The task begins: from a standstill, so at its own pace."""
@@ -51,17 +51,17 @@ class TaskClock:
         self.rate = 0.0
 
     def interrupt(self) -> None:
-        """The controller has to be heard again before the task goes on, unless it need not be."""
+        """The task waits for a message of the controller, unless it need not send any."""
         if not self._at_once:
             self._scaling = 0.0
             self._standing = self._limit
 
     def advance(self, cycles: int) -> None:
         """Some cycles of the robot have passed; after more than the controller would go on without
-        a task velocity it has to be heard again.
+        a task velocity it has to report again.
         """
-        self._unheard += cycles
-        if self._unheard > self._limit:
+        self._silent += cycles
+        if self._silent > self._limit:
             self.interrupt()
         if self._scaling > 0.0:
             self._standing = 0

@@ -17,7 +17,7 @@ from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.waypoints import WaypointTask
 
 _SHORTEST = 0.5  # [s] that a way takes at least
-_ASTRAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
+_AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
 _HELD = 0.2  # [s] for which a controller that could move holds, until that counts as asked for
 _HOLDING = 'holding'  # modes of the controller
 _MOVING = 'moving'
@@ -176,9 +176,9 @@ class _Pursuit:
         """What keeps the goal from its end."""
         return f'{self.limits}; {self.distance}' if self.limits else self.distance
 
-    def is_astray(self, x: np.ndarray) -> bool:
+    def is_away(self, x: np.ndarray) -> bool:
         """Whether the tip at x (3,) [m] is far from what was asked for last."""
-        return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _ASTRAY)
+        return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _AWAY)
 
     def progress(self, t: float) -> float:
         """The share of its duration that is over, 0 to 1.
@@ -350,7 +350,7 @@ class TaskExecutor:
             return None
         if self._is_interrupted:
             return self._wait(pursuit, state)
-        if self.state is TaskState.WAITING and pursuit.is_astray(state.x):
+        if self.state is TaskState.WAITING and pursuit.is_away(state.x):
             pursuit.planner = None
             pursuit.at_home = False
         if not pursuit.at_home:

@@ -72,7 +72,7 @@ class WaypointTask:
                 f'start of a task of {self.robot} has {len(self.start)} joints; expected {n}'
             )
 
-    def aside(self, x: np.ndarray, segment: np.ndarray) -> np.ndarray:
+    def path_deviation(self, x: np.ndarray, segment: np.ndarray) -> np.ndarray:
         """Distances of positions from the straight lines of their segments, (N,) [m].
 
         Args:
@@ -107,7 +107,7 @@ def load_task(name_or_path: str) -> WaypointTask:
 
 
 def task_for(arm: Arm, name: str) -> WaypointTask:
-    """What an arm does unless it is told: its own task, or a small square before its tip.
+    """The default task of an arm: its own, or a small square in front of its tip.
 
     Args:
         arm: From the table, or from a URDF.

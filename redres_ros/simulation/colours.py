@@ -2,7 +2,7 @@
 
 from redres_ros.laws import LAWS
 
-LAW_COLOURS = {  # told apart by colour-blind readers too; red is left to limits and stops
+LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits and stops
     'minimum_velocity': '#e69f00',
     'minimum_acceleration': '#0072b2',
     'minimum_kinetic_energy': '#009e73',

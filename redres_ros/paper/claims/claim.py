@@ -72,7 +72,7 @@ def check_all(
     Args:
         claims: What to measure.
         runs: On what.
-        progress: Is told the share that is done.
+        progress: Called with the fraction done, 0 to 1.
     """
     claims = list(claims)
 

@@ -38,7 +38,7 @@ def figure_18(runs: Runs) -> Figure:
     """Torque limits that are kept through a position interface."""
     tried = {
         'limits without torque': runs['within_limits'],
-        f'and torque, {TORQUE_SCALE:g} of what the joints can bear': runs['within_torques'],
+        f'and torque, {TORQUE_SCALE:g} of the torque limits': runs['within_torques'],
     }
     heading = f'{title(18, "within_torques")},\ntorque limits kept through a position interface'
     figure, panels = _panels(heading)
