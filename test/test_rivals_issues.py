@@ -1,0 +1,266 @@
+"""What went wrong elsewhere must not go wrong here. Each test is named after the thread that tells
+of the failure; docs/failures_elsewhere.md lists them.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
+from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.robots import ARMS
+
+T = 0.002  # [s]
+BOX = ('position', 'velocity', 'acceleration')
+ROUNDING = 1e-9  # of a limit
+# tick, tip position (3,) [m] -> task velocity (3,) [m/s]
+Source = Callable[[int, np.ndarray], np.ndarray]
+
+
+def follow(
+    arm: str, q: np.ndarray, source: Source, ticks: int, law='minimum_velocity', limits=BOX
+) -> list[Command]:
+    """Commands to an ideal arm."""
+    model = RobotModel.named(arm)
+    controller = Controller(model, law, T, limits=limits)
+    commands = []
+    for tick in range(ticks):
+        command = controller.update(q, source(tick, model.tip(q)[0]))
+        commands.append(command)
+        q = command.q_ref
+    return commands
+
+
+def steady(*dx: float) -> Source:
+    """Always the same task velocity [m/s]."""
+    return lambda tick, x: np.array(dx)
+
+
+def start_of(arm: str) -> np.ndarray:
+    return np.array(ARMS[arm].start)
+
+
+def beyond_the_range(arm: str, joint: int, excess: float) -> np.ndarray:
+    """The start, but one joint [rad] beyond its upper end."""
+    q = start_of(arm)
+    q[joint] = RobotModel.named(arm).q_max[joint] + excess
+    return q
+
+
+def assert_speeds_kept(arm: str, commands: list[Command]) -> None:
+    """Velocities and accelerations within the joints' limits."""
+    dq_max = RobotModel.named(arm).dq_max * (1.0 + ROUNDING)
+    ddq_max = np.array(ARMS[arm].acceleration_limit) * (1.0 + ROUNDING)
+    for command in commands:
+        assert (np.abs(command.dq) <= dq_max).all()
+        assert (np.abs(command.ddq) <= ddq_max).all()
+
+
+def assert_range_kept(arm: str, positions: list[np.ndarray]) -> None:
+    model = RobotModel.named(arm)
+    assert (np.array(positions) <= model.q_max + ROUNDING).all()
+    assert (np.array(positions) >= model.q_min - ROUNDING).all()
+
+
+# --- limits ---------------------------------------------------------------------------------------
+
+
+def test_pink_206_a_start_beyond_the_range_is_left_within_the_speed_limits() -> None:
+    """There, position and velocity limits together had no solution."""
+    q = beyond_the_range('iiwa7', 1, 0.05)
+    commands = follow('iiwa7', q, steady(0.0, 0.05, 0.0), 1000)
+    assert_speeds_kept('iiwa7', commands)
+    assert commands[-1].q_ref[1] <= RobotModel.named('iiwa7').q_max[1]
+
+
+def test_pink_163_a_joint_beyond_its_range_by_rounding_is_no_error() -> None:
+    """There, 0.13 mrad beyond the range raised an exception."""
+    q = beyond_the_range('iiwa7', 1, 1.3e-4)
+    commands = follow('iiwa7', q, steady(0.0, 0.05, 0.0), 100)
+    assert commands[-1].J @ commands[-1].dq == pytest.approx([0.0, 0.05, 0.0], abs=1e-9)
+
+
+def test_pink_31_joints_without_a_range_have_velocity_limits_all_the_same() -> None:
+    """There, a model without position limits had no velocity limits either."""
+    model = RobotModel.named('gen3')
+    endless = model.q_max - model.q_min > 2.0 * np.pi
+    commands = follow('gen3', start_of('gen3'), steady(0.0, 9.0, 0.0), 500, limits=('velocity',))
+    used = np.array([np.abs(command.dq) / model.dq_max for command in commands])
+    assert used[:, endless].max() == pytest.approx(1.0, abs=ROUNDING)
+
+
+def test_mink_162_a_target_far_out_of_reach_asks_no_joint_for_more_than_it_has() -> None:
+    """There, 134 rad/s where 5 were allowed."""
+    target = np.array((3.0, 2.0, 1.0))  # [m]
+    commands = follow('fr3', start_of('fr3'), lambda tick, x: 10.0 * (target - x), 1000)
+    assert_speeds_kept('fr3', commands)
+    assert_range_kept('fr3', [command.q_ref for command in commands])
+
+
+@pytest.mark.parametrize('arm', ['fr3', 'iiwa7', 'lwr4'])
+def test_drake_20364_position_velocity_and_acceleration_limits_hold_together_at_an_end(
+    arm: str,
+) -> None:
+    """There, one of the three broke as a joint came near the end of its range."""
+    random = np.random.default_rng(0)
+    directions = random.normal(size=(6, 3))
+    for dx in directions / np.linalg.norm(directions, axis=1)[:, None]:
+        commands = follow(arm, start_of(arm), steady(*dx), 800)
+        assert_speeds_kept(arm, commands)
+        assert_range_kept(arm, [command.q_ref for command in commands])
+
+
+def test_cartesian_controllers_209_a_robot_that_takes_velocities_stays_within_its_range() -> None:
+    """There, position limits held for position commands alone."""
+    q = start_of('fr3')
+    model = RobotModel.named('fr3')
+    controller = Controller(model, 'minimum_velocity', T, limits=BOX, integrate_from='measurement')
+    positions = []
+    for _ in range(1500):
+        q = q + T * controller.update(q, np.array((0.0, 0.0, 0.5))).dq
+        positions.append(q)
+    assert_range_kept('fr3', positions)
+
+
+def test_cartesian_controllers_170_a_joint_beyond_its_range_is_not_thrown_back_to_its_end() -> None:
+    """There, the first reference was the end of the range: a step."""
+    q = beyond_the_range('iiwa7', 1, 0.3)
+    first = follow('iiwa7', q, steady(0.0, 0.05, 0.0), 1)[0]
+    step = np.array(ARMS['iiwa7'].acceleration_limit) * T * T  # [rad] from rest in one tick
+    assert (np.abs(first.q_ref - q) <= step * (1.0 + ROUNDING)).all()
+
+
+def test_lbr_fri_ros2_stack_194_noise_at_the_end_of_a_range_ends_no_session() -> None:
+    """There, a measurement just beyond the range made the client refuse its own command."""
+    arm = 'iiwa7'
+    model = RobotModel.named(arm)
+    gains = {'position.margin': 0.0}
+    controller = Controller(model, 'minimum_velocity', T, limits=BOX, limit_gains=gains)
+    random = np.random.default_rng(0)
+    q = beyond_the_range(arm, 1, -1e-3)
+    to_the_end = 0.05 * np.sign(model.jacobian(q, model.arm.tip_frame)[:3, 1])
+    measured = [q]
+    references = []
+    for _ in range(1000):
+        q = controller.update(measured[-1], to_the_end).q_ref
+        references.append(q)
+        measured.append(q + random.normal(0.0, 1e-4, model.n))
+    assert (np.array(measured) > model.q_max).any()
+    assert_range_kept(arm, references)
+
+
+# --- singularities --------------------------------------------------------------------------------
+
+
+def test_moveit2_3411_an_arm_that_always_lacks_a_direction_moves_in_the_others() -> None:
+    """There, an arm of four joints was in an emergency stop from the first twist on."""
+    commands = follow('planar4r', start_of('planar4r'), steady(0.02, 0.0, 0.02), 100)
+    assert commands[-1].J @ commands[-1].dq == pytest.approx([0.02, 0.0, 0.02], abs=1e-9)
+
+
+@pytest.mark.parametrize('arm', ['lwr4', 'iiwa7'])
+def test_moveit2_3573_an_arm_that_starts_stretched_moves_at_once(arm: str) -> None:
+    """There, joints at zero were a singularity in which nothing moves."""
+    commands = follow(arm, np.zeros(7), steady(0.05, 0.0, 0.0), 100)
+    assert np.abs(commands[2].dq).max() > 0.0
+    assert commands[-1].J @ commands[-1].dq == pytest.approx([0.05, 0.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_moveit_1616_out_of_a_singularity_one_gets_by_the_way_one_came(law: str) -> None:
+    """There, an arm that had been steered into one could not be steered out again."""
+    model = RobotModel.named('iiwa7')
+    x, _ = model.tip(np.zeros(7))
+    bent = follow('iiwa7', np.zeros(7), steady(0.0, 0.0, -0.05), 400, law)[-1].q_ref
+    stretched = follow('iiwa7', bent, steady(0.0, 0.0, 0.05), 600, law)[-1].q_ref
+    out = follow('iiwa7', stretched, steady(0.0, 0.0, -0.05), 400, law)[-1].q_ref
+    assert x[2] - model.tip(out)[0][2] > 0.7 * 400 * T * 0.05
+
+
+def test_fairo_1412_a_stretched_arm_is_pulled_back() -> None:
+    """There, an arm that had been stretched stayed so."""
+    q = np.zeros(7)
+    model = RobotModel.named('lwr4')
+    x, _ = model.tip(q)
+    out = follow('lwr4', q, steady(0.0, 0.0, -0.05), 400)[-1].q_ref
+    assert x[2] - model.tip(out)[0][2] > 0.7 * 400 * T * 0.05
+
+
+@pytest.mark.xfail(strict=True, reason='joints swing within their limits while the tip rests')
+def test_aceteleop_3_an_arm_pulled_beyond_its_reach_comes_to_rest_there() -> None:
+    """There, it shook."""
+    bent = follow('iiwa7', np.zeros(7), steady(0.0, 0.0, -0.05), 400)[-1].q_ref
+    commands = follow('iiwa7', bent, steady(0.0, 0.0, 0.1), 1500)
+    assert_speeds_kept('iiwa7', commands)
+    assert max(np.abs(command.dq).max() for command in commands[-100:]) < 1e-3
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_isaaclab_7063_in_a_singularity_velocities_and_torques_stay_finite(law: str) -> None:
+    """There, forces grew without bound until all was NaN."""
+    model = RobotModel.named('iiwa7')
+    for dx in np.vstack((np.eye(3), -np.eye(3))):
+        command = Controller(model, law, T, limits=BOX).update(np.zeros(7), 0.5 * dx)
+        assert np.isfinite(command.q_ref).all()
+        assert np.isfinite(command.tau).all()
+
+
+def test_pink_59_a_path_by_a_singularity_is_finished_though_velocity_limits_act() -> None:
+    """There, the arm got stuck with its joints at their velocity limits."""
+    task = load_task('rectangle')
+    model = RobotModel.named(task.robot)
+    law = make_law('minimum_velocity')
+    recording = run(Controller(model, law, 0.01, limits=BOX), task)
+    assert recording.ending.startswith('reached the last point')
+    assert recording['task_scaling'].min() < 1.0
+
+
+# --- twists ---------------------------------------------------------------------------------------
+
+
+def test_moveit2_3065_a_twist_from_rest_starts_within_the_acceleration_limits() -> None:
+    """There, only positions and velocities were limited, and joints started with a jolt."""
+    commands = follow('iiwa7', start_of('iiwa7'), steady(0.0, 0.3, 0.0), 500)
+    assert_speeds_kept('iiwa7', commands)
+    assert commands[-1].s == 1.0
+
+
+def speeds_of(sent: Callable[[int], bool]) -> np.ndarray:
+    """Tip speeds [m/s] while 0.1 m/s is asked for, by twists that come in some of the cycles."""
+    model = RobotModel.named('iiwa7')
+    loop = CommandLoop(Controller(model, 'minimum_velocity', T, limits=BOX))
+    q = start_of('iiwa7')
+    speeds = []
+    for cycle in range(1, 1000):
+        stamp = 10**18 + round(cycle * T * 1e9)
+        answers = [loop.enter_state(stamp, q, cycle * T)]
+        if sent(cycle):
+            answers.append(loop.enter_twist(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4))
+        for answer in filter(None, answers):
+            q = answer.command.q_ref
+            speeds.append(float(np.linalg.norm(answer.command.J @ answer.command.dq)))
+    return np.array(speeds)
+
+
+def test_moveit2_2136_a_twist_that_does_not_come_now_and_then_stops_nothing() -> None:
+    """There, the velocity dropped to zero now and then, and jumped up again."""
+    random = np.random.default_rng(0)
+    speeds = speeds_of(lambda cycle: bool(random.random() > 0.3))
+    assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_ros2_kortex_412_a_policy_of_60_hz_moves_the_arm_without_stops() -> None:
+    """There, a controller of trajectories stopped and started with every message."""
+    speeds = speeds_of(lambda cycle: cycle % 8 == 0)
+    assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_every_thread_is_on_the_page() -> None:
+    page = Path(__file__).parents[1] / 'docs' / 'failures_elsewhere.md'
+    listed = re.findall(r'^\| \[(\w+)#(\d+)\]', page.read_text(encoding='utf-8'), re.MULTILINE)
+    tests = [re.match(r'test_(\w+?)_(\d+)_', name) for name in globals()]
+    tested = [(found[1], found[2]) for found in tests if found]
+    assert sorted((name.lower(), number) for name, number in listed) == sorted(tested)
