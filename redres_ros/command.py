@@ -20,7 +20,7 @@ class Command(NamedTuple):
         T: Sampling time [s].
         J: Jacobian of the first task, (m, n).
         W: Weight of the law.
-        s: Share of dx that the limits allow.
+        s: Task scaling: the fraction of dx that the limits allow.
         active_limits: 'joint: limit' that acts; empty if none does.
         unachieved: The part of dx that a singularity does not let through, (m,).
     """

@@ -25,7 +25,7 @@ from redres_ros.kernels.solving import fill_factor, solve_rows
 
 # [rad/s] beyond which a direction of a lower task counts as lost; several times what arms can do
 FASTEST = 100.0
-# rows whose singular value is below this share are dependent: lower tasks may use what they leave
+# rows whose singular value is below this fraction are dependent: lower tasks may use the rest
 DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
@@ -93,8 +93,8 @@ def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> n
 
     Eq. (A.13) with y = dq, A = J, y_N = b. Near a singularity of J, where the solution would be
     unbounded, the lost direction u is executed only in part: with s its singular value and e =
-    SINGULAR_RATIO max(s) > s, the share s^2/e^2 of the motion that executes u, and the rest of the
-    motion that does without it (end of Appendix A). The other directions are executed exactly.
+    SINGULAR_RATIO max(s) > s, the fraction s^2/e^2 of the motion that executes u, and the rest of
+    the motion that does without it (end of Appendix A). The other directions are executed exactly.
 
     Args:
         J: (m, n) task Jacobian, m <= n; its rows are of one unit, or made comparable.
@@ -265,7 +265,7 @@ def _resolve_carefully(
 
         y = C' S (S C C' S + diag(d))^-1 rho,   d_i = |c_i|^2 (e_i^2 - s_i^2),
 
-    by which a lost direction is executed to the share s^2/e^2 and drops out for s = 0. With
+    by which a lost direction is executed to the fraction s^2/e^2 and drops out for s = 0. With
     |u_i' dx| / fastest for e_i, if that is larger, none takes more than `fastest`.
     """
     r = dx - J.dot(b)

@@ -1,4 +1,4 @@
-"""bound(): the box always, then rows, the largest share of the task, the law."""
+"""solve_constrained(): the box always, then rows, the largest task scaling, the law."""
 
 import numpy as np
 import pytest

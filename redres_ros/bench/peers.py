@@ -72,7 +72,7 @@ def limited_peers(arm: Arm, T: float, limit_scale: float) -> dict[str, Peer]:
     Args:
         arm: As for `peers`.
         T: Length of a tick [s].
-        limit_scale: The share of its velocities and accelerations that is allowed.
+        limit_scale: The fraction of its velocities and accelerations that is allowed.
     """
     if 'embodik' in missing_peers():
         return {}

@@ -9,7 +9,7 @@ _TICK = 0.01
 
 
 class ProcessorMeter:
-    """Share of a core that processes take, from the moment when it is made.
+    """Fraction of a core that processes take, from the moment when it is made.
 
     Args:
         processes: Their numbers by name.

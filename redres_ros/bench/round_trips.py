@@ -21,7 +21,7 @@ class RoundTrips:
         latencies: From a state's way out to its answer's arrival, (N,) [s]; infinite where none
             came.
         skipped: Cycles in which the robot itself was held up and sent nothing.
-        processors: Share of a core that each process took meanwhile, by name.
+        processors: Fraction of a core that each process took meanwhile, by name.
     """
 
     period: float
@@ -43,7 +43,7 @@ class RoundTrips:
             period: At which states should go out [s].
             sent: Instants in their order [s].
             answered: Of the same states [s]; infinite where no answer came.
-            processors: Share of a core by name.
+            processors: Fraction of a core by name.
         """
         due = round((sent[-1] - sent[0]) / period) + 1 if len(sent) else 0
         latencies = np.array(answered) - np.array(sent)
@@ -63,7 +63,7 @@ class RoundTrips:
             period: At which states should go out [s].
             messages: The states that it published and the commands that it received.
             window: The instants between which states count, time of day [s].
-            processors: Share of a core by name.
+            processors: Fraction of a core by name.
         """
         sent: dict[int, float] = {}
         answered: dict[int, float] = {}
@@ -97,12 +97,12 @@ class RoundTrips:
 
     @property
     def in_cycle(self) -> float:
-        """Share of the states that were answered within their cycle; NaN if none went out."""
+        """Fraction of the states that were answered within their cycle; NaN if none went out."""
         return _share(self.latencies <= self.period)
 
     @property
     def lost(self) -> float:
-        """Share of the states that were never answered; NaN if none went out."""
+        """Fraction of the states that were never answered; NaN if none went out."""
         return _share(~np.isfinite(self.latencies))
 
     def figures(self) -> dict[str, object]:

@@ -34,7 +34,7 @@ class Times:
         return self.quantile(0.99)
 
     def quantile(self, share: float) -> float:
-        """The smallest sample that this share of them does not exceed [s]; NaN without samples."""
+        """The smallest sample that this fraction does not exceed [s]; NaN without samples."""
         if not len(self.samples):
             return float('nan')
         return float(np.quantile(self.samples, share, method='higher'))

@@ -56,7 +56,7 @@ class Log:
         segments: The segment of the task.
         words: Of the planner.
         laws: Name of the law in force.
-        scalings: Share of the task velocity that the limits allow.
+        scalings: Fraction of the task velocity that the limits allow.
         reasons: Why the robot stopped itself; empty where it takes commands.
         session: States of the robot's session, one after the other.
     """

@@ -20,10 +20,10 @@ class Faults:
     state_delay_spread: int = param(
         0, 'random delay of states, at most [cycles]', 0, LONGEST, live=True
     )
-    state_loss: float = param(0.0, 'share of the states that are lost', 0.0, 1.0, live=True)
+    state_loss: float = param(0.0, 'fraction of the states that are lost', 0.0, 1.0, live=True)
     state_loss_burst: int = param(1, 'states lost in a row each time', 1, 10000, live=True)
     state_duplication: float = param(
-        0.0, 'share of the states that arrive twice', 0.0, 1.0, live=True
+        0.0, 'fraction of the states that arrive twice', 0.0, 1.0, live=True
     )
     state_reordering: float = param(
         0.0, 'chance of a state to arrive after the next one', 0.0, 1.0, live=True
@@ -34,10 +34,10 @@ class Faults:
     command_delay_spread: int = param(
         0, 'random delay of commands, at most [cycles]', 0, LONGEST, live=True
     )
-    command_loss: float = param(0.0, 'share of the commands that are lost', 0.0, 1.0, live=True)
+    command_loss: float = param(0.0, 'fraction of the commands that are lost', 0.0, 1.0, live=True)
     command_loss_burst: int = param(1, 'commands lost in a row each time', 1, 10000, live=True)
     command_duplication: float = param(
-        0.0, 'share of the commands that arrive twice', 0.0, 1.0, live=True
+        0.0, 'fraction of the commands that arrive twice', 0.0, 1.0, live=True
     )
     command_reordering: float = param(
         0.0, 'chance of a command to arrive after the next one', 0.0, 1.0, live=True

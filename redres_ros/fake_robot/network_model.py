@@ -15,9 +15,9 @@ class Link:
     Attributes:
         delay: Of every message [cycles].
         delay_spread: Up to so many more, evenly distributed [cycles]. No message overtakes another.
-        loss: Share of messages that are lost on an average.
+        loss: Fraction of messages that are lost on an average.
         loss_burst: How many are lost in a row each time.
-        duplication: Share of messages that arrive twice.
+        duplication: Fraction of messages that arrive twice.
         reordering: Chance of a message to arrive with the next one, but after it.
     """
 
@@ -80,7 +80,7 @@ class NetworkModel(Generic[M]):
 
     def _is_lost(self, chance: float) -> bool:
         """Whether the next message is lost. Losses come in bursts, so rarely that `loss` is their
-        mean share.
+        mean fraction.
         """
         loss = self.link.loss
         burst = self.link.loss_burst

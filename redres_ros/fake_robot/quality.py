@@ -37,10 +37,10 @@ class Statistics:
     """The five figures that FRI reports, over the last WINDOW packets.
 
     Attributes:
-        answer_rate: Share of cycles in which an answer arrived, late or not.
+        answer_rate: Fraction of cycles in which an answer arrived, late or not.
         latency: Mean time from a state to its answer, over the last WINDOW answers [s].
         jitter: Standard deviation of that time [s].
-        miss_rate: Share of cycles without an answer in time.
+        miss_rate: Fraction of cycles without an answer in time.
         miss_count: Cycles without an answer in time since the start.
     """
 
@@ -74,7 +74,7 @@ class Threshold:
             answer_rate: As in Statistics, like all that follow.
             latency: Mean time to an answer [s].
             jitter: Its standard deviation [s].
-            miss_rate: Share of the cycles without an answer.
+            miss_rate: Fraction of the cycles without an answer.
         """
         if not answer_rate >= self.answer_rate:
             return 'answer_rate'

@@ -4,7 +4,7 @@ import numpy as np
 
 from redres_ros.robots.joint_limits import JointLimits
 
-# share of the acceleration limit with which a lag is closed; the rest is left to the command itself
+# fraction of the acceleration limit that closes a lag; the rest is left to the command itself
 CATCH_UP = 0.5
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 NANOSECONDS = 1_000_000_000
 
-# Share of a cycle that is saved while the clock is behind: 0.3 s are caught up in 3 s, and a client
-# has nine tenths of the usual time to answer.
+# Fraction of a cycle that is saved while the clock is behind: 0.3 s are caught up in 3 s, and a
+# client has nine tenths of the usual time to respond.
 CATCH_UP = 0.1
 
 _REMEMBERED = 256  # states whose time of sending is kept, to know which one an answer answers

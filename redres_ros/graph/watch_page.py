@@ -49,7 +49,7 @@ NODES: dict[str, tuple[Row, ...]] = {
     'controller': (
         Row('controller/law', 'law'),
         Row('controller/tip_pose', 'tip', 'm'),
-        Row('controller/task_scaling', 'share of the task velocity', '%', 100.0),
+        Row('controller/task_scaling', 'task scaling s', '%', 100.0),
         Row('controller/active_limits', 'limited by'),
         Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s'),
         Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
@@ -119,7 +119,7 @@ def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
 
 
 def is_near_an_end(share: float) -> bool:
-    """Whether a joint at that share of its range, 0 to 1, is to be shown as near its limits."""
+    """Whether a joint at that fraction of its range, 0 to 1, is to be shown as near its limits."""
     return min(share, 1.0 - share) < _NEAR
 
 

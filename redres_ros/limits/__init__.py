@@ -41,8 +41,8 @@ def make_limits(
     Args:
         names: of the table LIMITS; a limit that was made already is taken as it is.
         model: the arm, from which they have their figures.
-        limit_scale: the share of its velocities and accelerations that is allowed.
-        torque_scale: the share of its torques that is allowed.
+        limit_scale: the fraction of its velocities and accelerations that is allowed.
+        torque_scale: the fraction of its torques that is allowed.
         acceleration: (n,) [rad/s^2], for an arm whose table has none.
         gains: as {'position.margin': 0.02}; those of limits that are not asked for do nothing.
 

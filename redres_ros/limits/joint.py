@@ -75,7 +75,7 @@ class AccelerationLimit(_Braking):
 
     reach: float = param(
         0.0,
-        'share of the largest singular value below which the tip brakes before the end of its '
+        'fraction of the largest singular value below which the tip brakes before the end of its '
         'reach and goes on along it; 0: nowhere; nodes begin with 0.02',
         0.0,
         0.1,

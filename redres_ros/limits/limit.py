@@ -52,14 +52,14 @@ class Limit(ABC):
 
     Args:
         model: the arm.
-        scale: the share of the arm's figures that is allowed.
+        scale: the fraction of the arm's figures that is allowed.
     """
 
     order: ClassVar[int]  # among boxes, and among rows: a lower number is kept before a higher one
     scaled_by: ClassVar[str] = 'limit_scale'  # the parameter that sets `scale` of all such limits
 
     model: RobotModel = field(repr=False)
-    scale: float = param(1.0, 'share of the limit that is allowed', 1e-3, 1.0, live=True)
+    scale: float = param(1.0, 'fraction of the limit that is allowed', 1e-3, 1.0, live=True)
 
     def __post_init__(self) -> None:
         check_parameters(self)

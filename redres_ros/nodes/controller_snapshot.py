@@ -33,7 +33,7 @@ class Figures(NamedTuple):
         null_speed: Norm of the part of the velocity that does not move the tip [rad/s].
         torque: Norm of the joint torques [Nm].
         singular_value: The smallest of the task's Jacobian.
-        scaling: Share of the task velocity that the limits allow, 0 to 1.
+        scaling: Fraction of the task velocity that the limits allow, 0 to 1.
     """
 
     time: float

@@ -42,7 +42,7 @@ class MotionTelemetry:
         self._unsaid_most = max(round(_REMINDER / T), 1)
 
     def publish_change(self, scaling: float) -> None:
-        """Publish the share of the task that is executed, if it is another one than before.
+        """Publish the task scaling, if it has changed.
 
         The planner listens, so every message of these would wake it up.
         """

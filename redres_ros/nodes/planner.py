@@ -81,7 +81,7 @@ class PlannerParameters(ListenerParameters):
         1.0, "largest age of a target_pose by the robot's clock [s]", 0.001, 1e6
     )
     home_speed: float = param(
-        0.25, "share of the arm's limits that the motion to the start of the task uses", 0.01, 1.0
+        0.25, "fraction of the arm's limits for the motion to the start of the task", 0.01, 1.0
     )
     home_tolerance: float = param(
         0.02,
@@ -97,7 +97,7 @@ class PlannerParameters(ListenerParameters):
     )
     headstart: float = param(
         0.15,
-        'share of a cycle that is left to the controller before a task velocity is computed, where '
+        'fraction of a cycle left to the controller before a task velocity is computed, where '
         'each has a process of its own; none in lock-step',
         0.0,
         0.5,

@@ -43,7 +43,7 @@ from redres_ros.robots.joint_limits import JointLimits
 # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
 LOCKSTEP_EPOCH = NANOSECONDS
 
-# Share of a cycle that is left to the client before the arm moves on: the two would compete for the
+# Fraction of a cycle left to the client before the arm moves on: the two would compete for the
 # processor.
 _HEADSTART = 0.5
 _ASK_AGAIN = 0.05  # [s] after which a state that is not answered is sent again: it may be lost

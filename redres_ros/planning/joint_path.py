@@ -76,7 +76,7 @@ class JointPath:
 
         Args:
             q: (n,) where the joints are [rad].
-            t: Time since the path began [s], which goes on by s T where limits leave the share s.
+            t: Time since the path began [s]; it advances by s T if limits leave the fraction s.
             rate: Factor on the velocity along the path while the clock goes slower.
         """
         s, ds = quintic(t / self.duration)

@@ -69,8 +69,8 @@ class Planner:
                 begins at x_0.
             R_start: (3, 3) how the tip is turned; None begins as at x_0. A task that says nothing
                 of orientations holds the one with which it begins.
-            start_tolerance: [m], and of the orientation [rad] the share that makes this length on a
-                lever of 0.1 m.
+            start_tolerance: [m]; for the orientation the angle [rad] of that arc at a radius of
+                0.1 m.
             feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
                 orientation. Errors that need more come from an interruption, and a jump in velocity
                 would be the answer to them.
@@ -106,7 +106,7 @@ class Planner:
         Args:
             x: (3,) where the tip is [m].
             t: Time of the task [s] since it began; it never goes back. Where the arm executes the
-                share s of the velocity, it goes on by s T.
+                fraction s of the velocity, it goes on by s T.
             R: (3, 3) how the tip is turned; None for the position alone.
             unachieved: (m,), the part of the last dx that a singularity blocks. A point that can be
                 reached no better does not keep a segment from ending; the last point must be
@@ -167,14 +167,14 @@ class Planner:
         return self._approach_time if is_approach else self._task.segment_time
 
     def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """x_d, (3,), at the share s of the way from a point to the next, and that way, (3,)."""
+        """x_d, (3,), at the fraction s of the line to the next point, and that line, (3,)."""
         A = self._points[start]
         B = self._points[start + 1]
         x_d = A + (B - A) * s if s < 1.0 else B.copy()
         return x_d, B - A
 
     def _on_the_arc(self, turns: np.ndarray, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """R_d, (3, 3), at the share s of the turn from a point to the next; and that turn, (3,)."""
+        """R_d, (3, 3), at the fraction s of the turn to the next point, and that turn, (3,)."""
         A = turns[start]
         B = turns[start + 1]
         turn = rotation_error(A, B)

@@ -8,8 +8,8 @@ _START_UP = 0.5  # [s] in which a task that was interrupted gets back to its pac
 class TaskClock:
     """Keeps the time of a task by what the controller says that it carries out.
 
-    Where limits let the arm carry out only a share of the task velocity, the task's time goes on by
-    that share: the path is kept. While the controller stands still or says nothing, the time does.
+    If limits leave only a fraction of the task velocity, the task's time advances by that fraction,
+    and the path is kept. While the controller holds or is silent, the time stands still.
 
     Args:
         T: The robot's cycle [s].
@@ -37,7 +37,7 @@ class TaskClock:
         return self._silent <= self._limit
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in what share of the task velocity is carried out."""
+        """Take in what fraction of the task velocity is carried out."""
         self._scaling = min(max(scaling, 0.0), 1.0) if scaling == scaling else 0.0
         self._silent = 0
 

@@ -181,7 +181,7 @@ class _Pursuit:
         return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _AWAY)
 
     def progress(self, t: float) -> float:
-        """The share of its duration that is over, 0 to 1.
+        """The fraction of its duration that is over, 0 to 1.
 
         Args:
             t: Time of the part under way [s].
@@ -259,7 +259,7 @@ class TaskExecutor:
         self.state = TaskState.IDLE
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in what share of the velocity the controller carries out."""
+        """Take in what fraction of the velocity the controller carries out."""
         self._task_clock.set_scaling(scaling)
 
     def set_mode(self, mode: str) -> None:
@@ -291,7 +291,7 @@ class TaskExecutor:
 
     @property
     def progress(self) -> float:
-        """The share of the goal's duration that is over, 0 to 1."""
+        """The fraction of the goal's duration that is over, 0 to 1."""
         if self.state is TaskState.FINISHED:
             return 1.0
         return 0.0 if self._pursuit is None else self._pursuit.progress(self._task_clock.t)

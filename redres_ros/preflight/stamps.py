@@ -9,9 +9,9 @@ from redres_ros.preflight.graph_snapshot import STATES, StateSeen
 from redres_ros.preflight.verdict import Level, Verdict
 
 _FEWEST = 10  # states for an estimate of the rate
-_RATE_ERROR = 0.02  # share by which the rate may differ
+_RATE_ERROR = 0.02  # fraction by which the rate may differ
 _HALF = 0.5  # of a period: stamps that jitter by more are ambiguous
-_FEW = 0.01  # share of stamps that may jitter by more
+_FEW = 0.01  # fraction of stamps that may jitter by more
 _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 
 

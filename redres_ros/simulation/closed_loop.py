@@ -98,7 +98,7 @@ def _switch(controller: Client, law: Law) -> None:
 class _Loop:
     """Planner, controller and an arm that is where its reference was some ticks ago.
 
-    Where limits allow only the share s of the task velocity, the planner's clock goes on by s T:
+    Where limits allow only the fraction s of the task velocity, the planner's clock goes on by s T:
     the path is kept, and time is stretched.
 
     Args:

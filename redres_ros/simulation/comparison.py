@@ -20,7 +20,7 @@ from redres_ros.simulation.report import table
 _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 
-_ROUNDING = 1e-9  # share of a limit by which rounding may exceed it
+_ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 
 _WORST = {  # figures of Effort, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',

@@ -56,7 +56,7 @@ class Trials:
 
     @property
     def good(self) -> np.ndarray:
-        """Share of the tasks on which a damping is at most GOOD times as bad as the best, (d,)."""
+        """Fraction of the tasks on which a damping is within GOOD times of the best, (d,)."""
         return (self.ratios <= GOOD).mean(axis=0)
 
     def quantiles(self, share: float) -> np.ndarray:
@@ -155,7 +155,7 @@ def damping_table(trials: Trials, title: str) -> Table:
 
 
 def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
-    """The share of the tasks on which a damping is good, and how bad it is on the others.
+    """The fraction of the tasks on which a damping is good, and how bad it is on the others.
 
     Args:
         results: One a law, of the same dampings.

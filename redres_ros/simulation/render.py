@@ -50,7 +50,7 @@ class Film:
 
     Attributes:
         q: Joint positions, one row a picture, (N, n) [rad].
-        traced: Share of the paths covered by then, 0 to 1, (N,).
+        traced: Fraction of the paths covered by then, 0 to 1, (N,).
         tip: Its path in the base frame, (K, 3) [m].
         elbow: The same of the elbow, (K, 3) [m].
         points: Those of the task, (P, 3) [m].

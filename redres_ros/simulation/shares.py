@@ -11,12 +11,12 @@ from redres_ros.simulation.colours import line_styles
 from redres_ros.simulation.plots import in_symbols
 from redres_ros.simulation.recording import Recording
 
-_HIGHEST = 3.0  # share that is shown
+_HIGHEST = 3.0  # fraction that is shown
 _ABOVE = 1.1  # of the highest curve, or of the limit, the axis ends
 
 
 def velocity_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Velocity of the joint that is nearest to its limit, or beyond, as a share, (ticks,).
+    """Velocity of the joint that is nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
         recording: Of commands.
@@ -41,12 +41,12 @@ def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
 def draw_shares(
     recordings: Mapping[str, Recording], model: RobotModel, allowed: float, title: str
 ) -> Figure:
-    """Velocity and acceleration as shares of the limits, and the task scaling, over time.
+    """Velocity and acceleration as fractions of the limits, and the task scaling, over time.
 
     Args:
         recordings: By law.
         model: The arm, with its limits.
-        allowed: Share of them that the motions may use, `limit_scale`.
+        allowed: Fraction of them that the motions may use, `limit_scale`.
         title: Says what was compared.
     """
     figure = Figure(figsize=(11.0, 8.0), layout='constrained')

@@ -29,7 +29,7 @@ _WAY = 100  # points of a way at most
 _PLOTTED = {
     'joint_velocity_norm': 'joint velocity, norm [rad/s]',
     'joint_acceleration_norm': 'joint acceleration, norm [rad/s²]',
-    'task_scaling': 'share of the task velocity',
+    'task_scaling': 'task scaling s',
 }
 _AT_LEAST = {'joint_velocity_norm': 1.0, 'joint_acceleration_norm': 10.0, 'task_scaling': 1.1}
 

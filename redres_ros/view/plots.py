@@ -27,7 +27,7 @@ _PLOTS = (
     _Plot('acceleration', 'joint acceleration, norm [rad/s²]', '#d62728', 10.0),
     _Plot('null_speed', 'null-space velocity, norm [rad/s]', '#2ca02c', 1.0),
     _Plot('torque', 'joint torque, norm [Nm]', '#9467bd', 50.0),
-    _Plot('scaling', 'share of the task velocity carried out', '#ff7f0e', 1.05),
+    _Plot('scaling', 'task scaling s', '#ff7f0e', 1.05),
     _Plot('singular_value', 'smallest singular value', '#7f7f7f', 0.5),
 )
 

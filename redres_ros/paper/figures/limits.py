@@ -52,7 +52,7 @@ def figure_18(runs: Runs) -> Figure:
 
 
 def torque_share(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Torque of Eq. (6) of the joint that is nearest to its limit, or beyond, as a share, (ticks,).
+    """Torque of Eq. (6) of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
         recording: Of commands.
