@@ -21,7 +21,7 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.comparison import Effort, first_violation, tables
+from redres_ros.simulation.comparison import Effort, conclusion, first_violation, tables
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording, columns
 from redres_ros.simulation.report import print_tables
@@ -83,6 +83,27 @@ def test_the_table_marks_the_least_of_each_column(capsys) -> None:
         for law in ('low', 'high')
     }
     assert marks == {'low': 6, 'high': 1}
+
+
+def test_figures_that_are_printed_alike_are_marked_alike(capsys) -> None:
+    low = Effort(1.62301, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, '', True, 'end')
+    tables_of = tables({'low': low, 'other': replace(low, acceleration=1.62302)}, 'title')
+    print_tables(*tables_of)
+    assert capsys.readouterr().out.count('1.623*') == 2
+
+
+@pytest.mark.parametrize(
+    ('peak', 'said'),
+    [
+        (1.04, 'the law does not matter'),
+        (2.7, 'accelerate 2.7 times as much with b as with a'),
+    ],
+)
+def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak: float, said: str) -> None:
+    a = Effort(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, '', True, 'end')
+    b = replace(a, acceleration=peak)
+    assert said in conclusion({'a': a, 'b': b})
+    assert conclusion({'a': a, 'b': replace(b, finished=False)}) == ''
 
 
 @pytest.mark.parametrize('width', [136, 80, 60, 40])

@@ -37,7 +37,7 @@ pytestmark = pytest.mark.slow
 
 JOINTS = slice(1, 8)  # columns q1..q7
 PERIOD = 0.004  # [s] of a run in lock-step: in so many cycles all that matters there can happen
-IN_LOCKSTEP = ('--lockstep', '--rate', f'{1.0 / PERIOD:g}')
+IN_LOCKSTEP = ('--lockstep', '--period', f'{PERIOD:g}')
 
 
 def command(out: Path) -> list[str]:
@@ -101,7 +101,7 @@ def short_task(tmp_path_factory: pytest.TempPathFactory) -> str:
 def lockstep(tmp_path_factory: pytest.TempPathFactory, short_task: str) -> Path:
     """A run in lock-step with an ideal arm."""
     out = tmp_path_factory.mktemp('lockstep')
-    to_mcap = ('--mcap', str(out / 'run.mcap'))
+    to_mcap = ('--save', str(out / 'run.mcap'))
     done = demo(out, *IN_LOCKSTEP, '--plant', 'ideal', '--task', short_task, *to_mcap)
     assert done.returncode == 0, done.stdout + done.stderr
     return out

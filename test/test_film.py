@@ -94,16 +94,21 @@ def test_a_page_replays_the_motion_without_asking_anybody(
 @pytest.mark.parametrize(
     ('option', 'said'),
     [
-        (['--video', 'film.avi'], 'expected a name that ends in .mp4, .webp, .gif'),
-        (['--video', '/dev/null/film.mp4'], 'cannot write /dev/null/film.mp4'),
+        (['--save', 'film.avi'], 'ends in one of .mp4, .webp, .gif, .html, .mcap'),
+        (['--save', '/dev/null/film.mp4'], 'cannot write /dev/null/film.mp4'),
+        (['--save', 'film.gif', '/dev/null/page.html'], 'cannot write /dev/null/page.html'),
+        (['--save', 'a.mcap', 'b.mcap'], 'the messages go to a.mcap already'),
         (['--save-page', '/dev/null/page.html'], 'cannot write /dev/null/page.html'),
-        (['--save-page', 'page.txt'], 'expected a name that ends in .html'),
-        (['--mcap', 'run.bag'], 'expected a name that ends in .mcap'),
     ],
 )
 def test_a_file_that_cannot_be_made_is_refused_before_anything_runs(
-    option: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    option: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(['demo', *option]) == 1
     assert said in capsys.readouterr().err
 
@@ -113,8 +118,8 @@ def test_a_window_without_a_display_is_refused(
 ) -> None:
     monkeypatch.delenv('DISPLAY', raising=False)
     monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
-    assert main(['demo', '--viewer']) == 1
-    assert '--viewer needs a display' in capsys.readouterr().err
+    assert main(['demo', '--view', 'window']) == 1
+    assert '--view window needs a display' in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 
 from extension.markdown import code, plain, table
 from redres_ros.cli.command import make_parser
+from redres_ros.cli.gains import Gain
+from redres_ros.cli.options import GAINS_HELP
 from redres_ros.cli.parser import Parser
 
 _DEFAULT = '; default: '  # what follows it in a help says a default in words
@@ -16,13 +18,20 @@ def commands() -> Iterator[str]:
     [choices] = [a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction)]
     for name, command in choices.choices.items():
         if isinstance(command, Parser):
-            command.declare_all(['--help'])
+            command.declare_all([GAINS_HELP])
         yield from (f'## redres {name}', '', plain(command.description or ''), '')
         yield from ('```sh', *_examples(command), '```', '')
         for group in command._action_groups:
-            actions = [a for a in group._group_actions if not isinstance(a, _NOT_SHOWN)]
+            actions = [a for a in group._group_actions if _is_shown(a)]
             if actions:
                 yield from table((group.title or '', 'default', 'is'), map(_option, actions))
+        gains = command.get_default('gains')
+        if gains:
+            yield from table(('gains', 'default', 'is'), map(_gain, gains))
+
+
+def _is_shown(action: argparse.Action) -> bool:
+    return not isinstance(action, _NOT_SHOWN) and action.help != argparse.SUPPRESS
 
 
 def _examples(command: argparse.ArgumentParser) -> list[str]:
@@ -38,6 +47,12 @@ def _option(action: argparse.Action) -> tuple[str, str, str]:
     if action.default not in (None, False, '', (), argparse.SUPPRESS):
         default = code(_shown(action.default))
     return f'{names} {value or ""}'.strip(), default, meaning
+
+
+def _gain(gain: Gain) -> tuple[str, str, str]:
+    """The option of a gain, as cells."""
+    meaning, _, default = plain(gain.help).replace('%%', '%').partition(_DEFAULT)
+    return f'{code(f"--{gain.key}")} {gain.metavar}', default, meaning
 
 
 def _shown(default: object) -> str:

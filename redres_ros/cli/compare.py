@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_loop, add_motion, add_pictures_out
-from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.cli.options import DEMO_LIMITS, add_loop, add_motion, add_pictures_out
+from redres_ros.cli.parser import NONE, OptionError, add_command
 
 if TYPE_CHECKING:
     from redres_ros.laws import Law
@@ -54,7 +54,7 @@ def add(commands: Any) -> None:
         commands,
         'compare',
         'laws side by side on a task, without ROS',
-        '--laws minimum_velocity,minimum_acceleration@5 --period 0.004',
+        '--law minimum_velocity,minimum_acceleration@5 --period 0.004',
         '--limits position,velocity,acceleration --limit-scale 0.5',
     )
     add_motion(compare, several_laws=_LAWS)
@@ -98,6 +98,8 @@ def _compare(options: argparse.Namespace) -> int:
     print(f'plots {norms} and {limits}')
     if writes_data:
         print(f'every tick in {options.out}/*.csv')
+    if options.limits == NONE:
+        print(f'no limits were kept; as in a demo: --limits {DEMO_LIMITS}')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
@@ -110,7 +112,7 @@ def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
         contender = _contender(options, text)
         label = contender.label
         if label in contenders:
-            raise OptionError(f'--laws {options.laws}; {label} is named twice')
+            raise OptionError(f'--law {options.laws}; {label} is named twice')
         contenders[label] = contender
     return contenders
 
@@ -121,10 +123,10 @@ def _contender(options: argparse.Namespace, text: str) -> _Contender:
         contender = _Contender(options, name, float(own) if at else None)
     except ValueError:
         raise OptionError(
-            f'--laws {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
+            f'--law {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
         ) from None
     if at and not contender.law.has_memory:
-        raise OptionError(f'--laws {text}; {name} has no memory, and so no damping')
+        raise OptionError(f'--law {text}; {name} has no memory, and so no damping')
     return contender
 
 

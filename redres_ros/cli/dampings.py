@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_pictures_out, add_robot
+from redres_ros.cli.options import add_laws, add_pictures_out, add_robot
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
         '--robot iiwa7 --tasks 20 --period 0.01',
     )
     add_robot(dampings, 'lwr4_paper')
-    dampings.add_argument('--laws', default=_LAWS, metavar='A,B,...', help='names of `redres laws`')
+    add_laws(dampings, _LAWS, 'names of `redres laws`')
     dampings.add_argument('--tasks', type=int, default=200, metavar='N', help='random tasks')
     dampings.add_argument(
         '--period', type=float, default=0.005, metavar='S', help='sampling time T [s]'
@@ -61,5 +61,5 @@ def _laws(text: str) -> list[str]:
     names = [name.strip() for name in text.split(',')]
     for name in names:
         if not make_law(name).has_memory:
-            raise OptionError(f'--laws {text}; {name} has no memory, and so no damping')
+            raise OptionError(f'--law {text}; {name} has no memory, and so no damping')
     return names

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import add_motion, add_out, check_duration
+from redres_ros.cli.options import DEMO_LIMITS, add_former, add_motion, add_out, check_duration
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
+_RATE = 500.0  # [Hz], unless another period is named
 _WIDTH = 100  # columns of what is said in sentences
 _LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
 
@@ -34,8 +35,9 @@ def add(commands: Any) -> None:
         '--switch minimum_weighted_torque@6.5  # another law on the way',
         '--robot my_arm.urdf --tip tool0  # your arm',
         '--view  # steer it in a browser',
+        '--save motion.mp4 motion.html  # a film, and a page that replays the motion',
     )
-    add_motion(demo, limits='position,velocity,acceleration')
+    add_motion(demo, limits=DEMO_LIMITS)
     _add_run(demo.add_argument_group('run'))
     _add_pages(demo.add_argument_group('what shows it while it runs'))
     _add_files(demo.add_argument_group('files'))
@@ -44,7 +46,10 @@ def add(commands: Any) -> None:
 
 def _add_run(group: Any) -> None:
     """How the nodes run, and for how long."""
-    group.add_argument('--rate', type=float, default=500.0, metavar='HZ', help='cycles per second')
+    group.add_argument(
+        '--period', type=float, metavar='S', help=f'sampling time T [s]; default: {1.0 / _RATE:g}'
+    )
+    add_former(group, '--rate', type=float)
     group.add_argument(
         '--switch',
         action='append',
@@ -82,27 +87,29 @@ def _add_pages(group: Any) -> None:
     """Where one can look at the arm."""
     group.add_argument(
         '--view',
-        action='store_true',
-        help='a page in the browser to see and steer the nodes, which stay until Ctrl-C',
+        nargs='?',
+        const='page',
+        choices=('page', 'window'),
+        help='page (if nothing is named): in the browser, to see and steer the nodes, which stay '
+        "until Ctrl-C; window: MuJoCo's, where there is a display",
     )
-    group.add_argument(
-        '--viewer', action='store_true', help="MuJoCo's window, where there is a display"
-    )
+    add_former(group, '--viewer', dest='view', action='store_const', const='window')
 
 
 def _add_files(group: Any) -> None:
     """What is kept of the run."""
     add_out(group, 'redres_demo', 'plot, data and logs')
     group.add_argument(
-        '--video', type=Path, metavar='FILE', help='a film of the motion: .mp4, .webp or .gif'
-    )
-    group.add_argument(
-        '--save-page',
+        '--save',
         type=Path,
-        metavar='FILE.html',
-        help='a page that replays the motion in any browser',
+        nargs='+',
+        action='extend',
+        metavar='FILE',
+        help='by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in '
+        'any browser (.html), or all messages of the nodes (.mcap); may be several',
     )
-    group.add_argument('--mcap', type=Path, metavar='FILE.mcap', help='all messages of the nodes')
+    for former in ('--video', '--save-page', '--mcap'):
+        add_former(group, former, dest='save', type=Path, nargs=1, action='extend')
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -112,7 +119,8 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.files.signals import handled
     from redres_ros.simulation.report import progress_bar
 
-    check_files(options)
+    options.rate = _rate(options)
+    check_files(options.save or ())
     demo = _make_demo(options)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
     with (
@@ -139,6 +147,7 @@ def _demo(options: argparse.Namespace) -> int:
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
     from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
+    from redres_ros.cli.demo_results import recording_in
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
     from redres_ros.demo.demo import Demo
@@ -160,7 +169,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         options.composed,
         options.duration,
         views,
-        options.mcap,
+        recording_in(options.save or ()),
         {'plant': options.plant, **node_parameters(options, motion)},
     )
     out = made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS)
@@ -178,14 +187,24 @@ def _say_where(domain: int, demo: 'Demo') -> None:
         print(f'page {address}, as soon as the nodes run; they stay until Ctrl-C', flush=True)
 
 
+def _rate(options: argparse.Namespace) -> float:
+    """Cycles a second [Hz], from --period or the former --rate. Raises OptionError."""
+    former: float | None = getattr(options, 'rate', None)
+    if options.period is None:
+        return _RATE if former is None else former
+    if former is not None:
+        raise OptionError('--period and --rate say the same; expected one of them')
+    return 1.0 / options.period if options.period else math.inf
+
+
 def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """What shows the nodes: modules of the package with their parameters."""
     views: dict[str, dict[str, Any]] = {}
-    if options.viewer:
+    if options.view == 'window':
         if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
-            raise OptionError('--viewer needs a display, and none is there; --view needs none')
+            raise OptionError('--view window needs a display, and there is none; try --view page')
         views['view.window'] = {}
-    if options.view:
+    if options.view == 'page':
         from redres_ros.demo.demo import START_PATIENCE
         from redres_ros.view.origin_check import free_port
 

@@ -1,6 +1,7 @@
 """What `redres demo` leaves behind: tables in the terminal, and files."""
 
 import argparse
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,29 +14,31 @@ if TYPE_CHECKING:
     from redres_ros.demo.outcome import Outcome
 
 _PAGE = '.html'
+_MESSAGES = '.mcap'
+_FILMS = {'.mp4': 'imageio_ffmpeg', '.webp': 'PIL', '.gif': 'PIL'}  # and what writes them
 
 
-def check_files(options: argparse.Namespace) -> None:
+def check_files(paths: Iterable[Path]) -> None:
     """Make the folders of files; refuse those that could not be written at the end, or whose
     libraries are missing.
 
-    Raises OptionError, FileError or FilmError.
+    Raises OptionError, FileError or ImportError.
     """
-    if options.mcap:
-        from redres_ros.cli.record import check_recording
+    libraries = {**_FILMS, _PAGE: 'viser', _MESSAGES: 'mcap'}
+    for path in paths:
+        if path.suffix not in libraries:
+            endings = ', '.join(libraries)
+            raise OptionError(f'--save {path}; expected a name that ends in one of {endings}')
+        import_module(libraries[path.suffix])
+        prepare(path)
 
-        check_recording(options.mcap)
-    if options.video:
-        from redres_ros.view.film import check_film
 
-        check_film(options.video)
-        import_module('imageio_ffmpeg' if options.video.suffix == '.mp4' else 'PIL')
-        prepare(options.video)
-    if options.save_page:
-        if options.save_page.suffix != _PAGE:
-            raise OptionError(f'the page {options.save_page}; expected a name that ends in {_PAGE}')
-        prepare(options.save_page)
-        import_module('viser')
+def recording_in(paths: Iterable[Path]) -> Path | None:
+    """The file among these that takes all messages. Raises OptionError for a second one."""
+    wanted = [path for path in paths if path.suffix == _MESSAGES]
+    if len(wanted) > 1:
+        raise OptionError(f'--save {wanted[1]}; the messages go to {wanted[0]} already')
+    return wanted[0] if wanted else None
 
 
 def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
@@ -63,25 +66,27 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
             _draw(outcome, demo, picture)
             print(f'plot {picture}')
         print(f'data {out}/motion.csv')
-        _show(outcome, demo, options)
+        for path in options.save or ():
+            _save(outcome, demo, path)
     else:
         print('no plot and no data: the task did not begin')
 
 
-def _show(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace) -> None:
-    """The film and the page that are asked for."""
-    if options.video:
+def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
+    """A file that is asked for; that of the messages is there by now."""
+    motion = (outcome.recording, demo.model, demo.task, demo.title)
+    kind = 'messages'
+    if path.suffix in _FILMS:
         from redres_ros.view.film import write_film
 
-        write_film(outcome.recording, demo.model, demo.task, demo.title, options.video)
-        print(f'film {options.video}')
-    if options.save_page:
+        write_film(*motion, path)
+        kind = 'film'
+    elif path.suffix == _PAGE:
         from redres_ros.view.saved import write_page
 
-        write_page(outcome.recording, demo.model, demo.task, demo.title, options.save_page)
-        print(f'page {options.save_page}')
-    if options.mcap:
-        print(f'messages {options.mcap}')
+        write_page(*motion, path)
+        kind = 'page'
+    print(f'{kind} {path}')
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:

@@ -37,6 +37,21 @@ class Gain:
 
         return gain_key(self.owner, self.name)
 
+    @property
+    def metavar(self) -> str:
+        """What stands for a value in the help."""
+        return 'X,Y,Z' if isinstance(self.default, tuple) else 'X'
+
+    @property
+    def help(self) -> str:
+        """The description with the default, as argparse takes it."""
+        shown = str(self.default) or NONE
+        if isinstance(self.default, tuple):
+            shown = ','.join(f'{member:g}' for member in self.default) or NONE
+        elif isinstance(self.default, float):
+            shown = f'{self.default:g}'
+        return f'{self.description}; default: {shown}'.replace('%', '%%')
+
     def read(self, text: str) -> Any:
         """A value from its text. Raises argparse's own error."""
         kind = type(self.default)

@@ -2,12 +2,19 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.parser import NONE, Parser
 from redres_ros.errors import RangeError
+
+if TYPE_CHECKING:
+    from redres_ros.cli.gains import Gain
+
+DEMO_LIMITS = 'position,velocity,acceleration'
+GAINS_HELP = '--help-gains'
 
 _LONGEST = 1e6  # [s]
 _NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
@@ -24,7 +31,8 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     _add_arm(parser.add_argument_group('arm and task'))
     law = parser.add_argument_group('law')
     if several_laws:
-        _add_laws(law, several_laws)
+        each = 'names from `redres laws`, each with a damping of its own if wanted, '
+        add_laws(law, several_laws, f'{each}as minimum_acceleration@5')
     else:
         law.add_argument(
             '--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`'
@@ -75,15 +83,27 @@ def add_robot(group: Any, default: str | None = None) -> None:
     )
 
 
-def _add_laws(group: Any, default: str) -> None:
-    group.add_argument(
-        '--laws',
-        '--law',
-        default=default,
-        metavar='A,B,...',
-        help='names from `redres laws`, each with a damping of its own if wished, '
-        'as minimum_acceleration@5',
-    )
+def add_laws(group: Any, default: str, says: str) -> None:
+    """--law of what takes several of them.
+
+    Args:
+        group: Of the subcommand's options.
+        default: The laws, unless others are named.
+        says: What can be named.
+    """
+    group.add_argument('--law', dest='laws', default=default, metavar='A,B,...', help=says)
+    add_former(group, '--laws', dest='laws')
+
+
+def add_former(group: Any, option: str, **declared: Any) -> None:
+    """An option under the name that it had before, which no help shows.
+
+    Args:
+        group: Of the subcommand's options.
+        option: The former name.
+        declared: What argparse takes.
+    """
+    group.add_argument(option, default=argparse.SUPPRESS, help=argparse.SUPPRESS, **declared)
 
 
 def _add_damping(group: Any) -> None:
@@ -158,28 +178,47 @@ def _add_gains(parser: Parser, words: Sequence[str]) -> None:
     gains = tuple(gains_in(find_tables(limits=wanted)))
     parser.set_defaults(gains=gains)
     group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
+    group.add_argument(GAINS_HELP, action=_GainsHelp, gains=gains, help='list them, and end')
     for gain in gains:
         group.add_argument(
-            f'--{gain.key}',
-            type=gain.read,
-            metavar='X',
-            help=f'{gain.description}; default: {_shown(gain.default)}'.replace('%', '%%'),
+            f'--{gain.key}', type=gain.read, metavar=gain.metavar, help=argparse.SUPPRESS
         )
+
+
+class _GainsHelp(argparse.Action):
+    """Lists the gains as options.
+
+    Args:
+        option_strings: As of argparse.Action, like all that follow.
+        dest: Where a value would go.
+        gains: Those that are listed.
+        help: What it does.
+    """
+
+    def __init__(
+        self,
+        option_strings: Sequence[str],
+        dest: str,
+        gains: 'Sequence[Gain]',
+        help: str = '',  # noqa: A002
+    ) -> None:
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
+        self._gains = gains
+
+    def __call__(self, parser: argparse.ArgumentParser, *args: Any) -> None:
+        """Print them, and end."""
+        listed = argparse.ArgumentParser(parser.prog, add_help=False)
+        listed.formatter_class = parser.formatter_class
+        for gain in self._gains:
+            listed.add_argument(f'--{gain.key}', metavar=gain.metavar, help=gain.help)
+        sys.stdout.write(listed.format_help())
+        parser.exit()
 
 
 def _concerns_limits(word: str) -> bool:
     """Whether a word of the command line may have to do with limits or their gains."""
     option = word.partition('=')[0]
-    return option in ('-h', '--help', '--limits') or (option.startswith('--') and '.' in option)
-
-
-def _shown(default: Any) -> str:
-    """A default as one would write it."""
-    if isinstance(default, tuple):
-        return ','.join(f'{member:g}' for member in default) or NONE
-    if isinstance(default, float):
-        return f'{default:g}'
-    return str(default) or NONE
+    return option in (GAINS_HELP, '--limits') or (option.startswith('--') and '.' in option)
 
 
 def add_loop(parser: Parser) -> Any:

@@ -21,6 +21,7 @@ _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 
 _ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
+_ALIKE = 1.05  # ratio of two peaks that hardly differ
 
 _WORST = {  # figures of Effort, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',
@@ -139,10 +140,11 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
     for law, effort in efforts.items():
         worst.append([law, *(marked[name][law] for name in _WORST), _answer(effort)])
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
+    notes = filter(None, ('* least', conclusion(efforts)))
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
     return (
         table(['law', *_WORST.values(), 'within the limits?'], worst, title=title),
-        table(['law', *_WHOLE.values()], whole, note='\n'.join(['* least', *unfinished])),
+        table(['law', *_WHOLE.values()], whole, note='\n'.join([*notes, *unfinished])),
     )
 
 
@@ -154,8 +156,30 @@ def _answer(effort: Effort) -> str:
 def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
     """One figure of every law as text, the least of them with a star."""
     values = {law: getattr(effort, name) for law, effort in efforts.items()}
-    least = min(values.values())
-    return {law: f'{value:.4g}{"*" if value == least else " "}' for law, value in values.items()}
+    shown = {law: f'{value:.4g}' for law, value in values.items()}
+    least = shown[min(values, key=values.__getitem__)]
+    return {law: f'{text}{"*" if text == least else " "}' for law, text in shown.items()}
+
+
+def conclusion(efforts: Mapping[str, Effort]) -> str:
+    """What is worth knowing of a comparison, in a line; empty where one law is alone.
+
+    Args:
+        efforts: By law.
+    """
+    finished = {law: effort for law, effort in efforts.items() if effort.finished}
+    if len(finished) < 2:
+        return ''
+    peaks = {law: effort.acceleration for law, effort in finished.items()}
+    best = min(peaks, key=peaks.__getitem__)
+    worst = max(peaks, key=peaks.__getitem__)
+    if peaks[worst] < _ALIKE * peaks[best]:
+        return (
+            'The peaks of acceleration hardly differ: on this task the law does not matter. '
+            'It does near singularities and on long paths.'
+        )
+    ratio = peaks[worst] / peaks[best]
+    return f'The joints accelerate {ratio:.2g} times as much with {worst} as with {best}, at most.'
 
 
 def label(law: Law) -> str:

@@ -1,4 +1,4 @@
-"""MuJoCo's window beside a running graph: `redres demo --viewer`."""
+"""MuJoCo's window beside a running graph: `redres demo --view window`."""
 
 import os
 import sys
