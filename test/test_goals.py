@@ -258,6 +258,6 @@ def test_a_motion_that_gets_nowhere_is_reported_and_then_given_up() -> None:
         assert made.run_until(lambda: logged(made, 'no progress for 2 s'), 30.0)
         assert state(made) is not TaskState.STUCK
         assert made.run_until(lambda: state(made) is TaskState.STUCK, 30.0)
-        assert logged(made, 'no progress for 6 s', 'm from where it should be')
+        assert logged(made, 'no progress for 6 s', 'm from the next point')
         made.run(1.0)  # to rest
         assert_nothing_moves(made)

@@ -11,6 +11,7 @@ _PEAK_SPEED = 15.0 / 8.0  # of Eq. (36): largest ds/dxi
 _PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)  # largest d2s/dxi2
 _SHORTEST = 0.5  # [s]
 _TURN = 2.0 * np.pi  # [rad]
+_MARGIN = 0.1  # [rad] between an equal angle, a turn away, and the end of the range
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def path_to(
     """
     turning = model.q_max - model.q_min > _TURN
     nearest = q_end + whole_turns(q - q_end, turning)
-    is_allowed = (nearest >= model.q_min) & (nearest <= model.q_max)
+    is_allowed = (nearest >= model.q_min + _MARGIN) & (nearest <= model.q_max - _MARGIN)
     q_end = np.where(is_allowed, nearest, q_end)
     if np.abs(q_end - q).max() < tolerance:
         return None

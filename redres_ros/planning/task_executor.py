@@ -421,9 +421,12 @@ class TaskExecutor:
             pursuit.at_home = True
             return None
         self.state = TaskState.HOMING
+        left = max(path.duration - t, 0.0)
         error = float(np.abs(reference.error).max())
-        pursuit.distance = f'a joint is {error:.3g} rad from where it should be'
-        self._watch(pursuit, 0, max(path.duration - t, 0.0), error)
+        pursuit.distance = f'a joint is {error:.3g} rad from the start of the task'
+        if left > 0.0:
+            pursuit.distance = f'{left:.3g} s before the start of the task'
+        self._watch(pursuit, 0, left, error)
         return Step(state.stamp, dq=reference.dq) if self._pursuit else None
 
     def _follow_path(
@@ -454,13 +457,16 @@ class TaskExecutor:
             self.state = TaskState.FINISHED
             return Step(state.stamp, reference.dx, None, reference)
         self.state = TaskState.MOVING
+        left = planner.time_left(t)
         error = float(np.linalg.norm(reference.error))
-        pursuit.distance = f'the tip is {error:.3g} m from where it should be'
+        pursuit.distance = f'the tip is {error:.3g} m from the next point'
         if reference.orientation_error is not None:
-            turn = float(np.linalg.norm(reference.orientation_error))
-            pursuit.distance += f', and turned by {turn:.3g} rad'
-            error = max(error, _LEVER * turn)
-        self._watch(pursuit, reference.segment, planner.time_left(t), error)
+            angle = float(np.linalg.norm(reference.orientation_error))
+            pursuit.distance += f', and turned by {angle:.3g} rad'
+            error = max(error, _LEVER * angle)
+        if left > 0.0:
+            pursuit.distance = f'{left:.3g} s before the next point'
+        self._watch(pursuit, reference.segment, left, error)
         return Step(state.stamp, reference.dx, None, reference) if self._pursuit else None
 
     def _watch(self, pursuit: _Pursuit, segment: int, left: float, error: float) -> None:
