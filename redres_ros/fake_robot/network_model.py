@@ -1,4 +1,4 @@
-"""Carries messages from one end to the other, with a network's faults. Time counts in ticks."""
+"""A model of a network with delay, loss, duplication and reordering. Time counts in ticks."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ M = TypeVar('M')
 
 @dataclass(frozen=True)
 class Link:
-    """What happens to messages on their way; nothing by default.
+    """Faults of a network; none by default.
 
     Attributes:
         delay: Of every message [cycles].
-        delay_spread: Up to so many more, evenly distributed [cycles]. No message overtakes another.
+        delay_spread: Random delay on top, uniform [cycles]. No message overtakes another.
         loss: Fraction of messages that are lost on an average.
-        loss_burst: How many are lost in a row each time.
+        loss_burst: Messages lost in a row each time.
         duplication: Fraction of messages that arrive twice.
-        reordering: Chance of a message to arrive with the next one, but after it.
+        reordering: Probability that a message arrives right after the next one.
     """
 
     delay: int = 0
@@ -30,7 +30,7 @@ class Link:
 
 
 class NetworkModel(Generic[M]):
-    """Takes messages in and gives them out as `link` says, which may be set at any time.
+    """Delivers messages with the faults of `link`, which may be set at any time.
 
     Faults are random but repeatable: the same seed, messages and links give the same result. Every
     message draws four random numbers whatever the link, so setting one fault does not move the

@@ -1,4 +1,4 @@
-"""What moves when the reference does: an arm in MuJoCo, or an ideal one."""
+"""The simulated arm: in MuJoCo, or ideal."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from redres_ros.robots import Arm
 
 
 class IdealPlant:
-    """An arm that is exactly where its reference says, one cycle later: the paper's assumption.
+    """An arm that reaches its reference exactly, one cycle later: the paper's assumption.
 
     Args:
         joint_names: In the order of every array.
@@ -48,7 +48,7 @@ class IdealPlant:
         self._q = np.array(q_ref, dtype=np.float64)
 
     def push(self, force: np.ndarray) -> None:
-        """Do nothing: an arm that is where its reference says yields to no force at its tip."""
+        """Do nothing: an ideal arm does not yield to forces at its tip."""
 
     @property
     def wrench(self) -> np.ndarray:

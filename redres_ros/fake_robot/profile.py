@@ -1,6 +1,4 @@
-"""Kinds of session as tables: their states, what leads from one to another, and what each asks
-of the timing.
-"""
+"""Session profiles as tables: states, transitions, and thresholds of the timing."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +19,7 @@ from redres_ros.fake_robot.reflex import KUKA_NAMES, Reflex
 
 
 class State(Enum):
-    """States of a session, those of every profile. The arm follows its client in CMD,
+    """Session states of all profiles. The arm follows its client in CMD,
     COMMANDING_ACTIVE and MOVE only.
     """
 

@@ -53,7 +53,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Threshold:
-    """What a quality asks for: bounds on the statistics, for times in units of the cycle."""
+    """Thresholds of a quality: bounds on the statistics, times in units of the cycle."""
 
     answer_rate: float
     miss_rate: float

@@ -1,4 +1,4 @@
-"""The reference that the arm's servos get: it follows the commands, or brakes, and never jumps."""
+"""The reference of the arm's servos: it follows the commands, or brakes, and never jumps."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ CATCH_UP = 0.5
 
 
 class ReferenceInterpolator:
-    """Moves the reference of one arm cycle by cycle.
+    """Advances the reference of one arm, cycle by cycle.
 
     The reference is the command, bit for bit, as long as the command keeps the velocity limits. A
     faster one is followed as fast as they allow; the lag is then closed without overshoot. Position
@@ -42,7 +42,7 @@ class ReferenceInterpolator:
         return not self._step.any()
 
     def begin(self, command: np.ndarray) -> None:
-        """Take up commands that stand still at `command` (n,) [rad]; the way there is a lag."""
+        """Follow constant commands at `command` (n,) [rad]; the distance to it is a lag."""
         self._lag = command - self._reference  # (n,)
         self._closing = np.zeros_like(self._lag)  # (n,) part of the lag that the last cycle closed
 
@@ -65,7 +65,7 @@ class ReferenceInterpolator:
         self._lag = command - self._reference
 
     def brake(self) -> None:
-        """Come to a standstill, each joint as fast as its acceleration allows; at rest, stay."""
+        """Decelerate to rest, each joint as fast as its acceleration limit allows."""
         self._move(self._reference + (self._step - _bounded(self._step, self._max_change)))
 
     def _move(self, target: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""What a robot controller reacts to by ending command mode."""
+"""Causes for which a robot controller ends command mode."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 
 class Reflex(Enum):
-    """Causes of a stop. Every profile has its own names for them, with which reasons begin."""
+    """Causes of a stop. Each profile has its own names for them; a stop reason begins with one."""
 
     TIMING = 'answers are missing or come too late'
     START_POSE = 'the first command is not where the arm is'

@@ -1,4 +1,4 @@
-"""The fake robot controller as one object: session, guard, follower and plant, cycle by cycle."""
+"""The fake robot controller as one object: session, validator, interpolator and plant."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -12,7 +12,7 @@ from redres_ros.fake_robot.session import Session
 
 
 class Plant(Protocol):
-    """What moves when the reference does.
+    """The simulated arm.
 
     Attributes:
         joint_names: In the order of every array.
@@ -50,7 +50,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Course:
-    """Where the commands are going: extrapolation through the last answers.
+    """Extrapolation of the commands through the last answers.
 
     What was extrapolated before must not enter: fed back like that, a client that is always late
     would be unstable.
@@ -186,7 +186,7 @@ class FakeRobot:
         self.session.reset()
 
     def _receive(self, answers: tuple[Answer | None, ...]) -> None:
-        """Enter the cycle in the session's books; the answers give the commands' course."""
+        """Count the cycle in the session; extrapolate the commands from the answers."""
         lateness = None
         latency = 0.0
         for answer in answers:
@@ -211,7 +211,7 @@ class FakeRobot:
             self._guard.begin()
 
     def _execute(self, command: np.ndarray) -> None:
-        """Follow the command (n,) [rad], unless the guard has a reason to stop."""
+        """Follow the command (n,) [rad], unless the validator has a reason to stop."""
         step = command - self._command  # (n,)
         if reason := self._guard.violation(command, step / self.period):
             self.session.stop(reason)

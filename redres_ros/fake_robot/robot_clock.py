@@ -14,7 +14,7 @@ _REMEMBERED = 256  # states whose time of sending is kept, to know which one an 
 
 
 class _Sent(NamedTuple):
-    """A state that went out."""
+    """A state that was sent."""
 
     tick: int
     time: float  # [s], on a clock that stands still when the robot's does
@@ -64,7 +64,7 @@ class RobotClock:
         return None if sent is None else sent.tick
 
     def latency(self, stamp: int, arrived: float) -> float:
-        """From sending a state to an answer, without what the clock stood still [s].
+        """From sending a state to its answer, without the time in which the clock stood still [s].
 
         For an answer that came before the clock stood still this is too little, but never below 0.
 
@@ -79,8 +79,8 @@ class RobotClock:
         self._due = time.monotonic()
 
     def wait(self, sleep: Callable[[float], None] = time.sleep) -> None:
-        """Sleep until the next tick is due; after being held up for more than a period go on from
-        here, in no burst.
+        """Sleep until the next tick is due; after a delay of more than a period go on from here,
+        without a burst.
         """
         period = self.period / NANOSECONDS
         saved = min(self.lag, CATCH_UP * period)  # [s]

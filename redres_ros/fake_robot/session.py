@@ -14,7 +14,7 @@ from redres_ros.parameter import check_parameters, param
 
 
 class Refusal(Enum):
-    """Why an answer is no valid command: kinds that are counted apart."""
+    """Why an answer is no valid command; each kind is counted."""
 
     WRONG_NAMES = 'wrong joint names'
     WRONG_LENGTH = 'wrong length'
@@ -26,7 +26,7 @@ class Refusal(Enum):
 
 
 class AnswerError(RedresError):
-    """An answer that is no valid command: of what kind, and in words what was got.
+    """An answer that is no valid command: its kind, and what was got.
 
     Args:
         kind: The kind that is counted.
@@ -132,17 +132,17 @@ class Session:
 
     @property
     def counts(self) -> Counts:
-        """What became of every cycle so far."""
+        """Counts of cycles by their outcome, so far."""
         return self._timing.counts(self._bridged, self._refusals.total())
 
     @property
     def refusals(self) -> dict[Refusal, int]:
-        """How many answers were refused, for every kind of refusal."""
+        """Number of refused answers by kind."""
         return {kind: self._refusals[kind] for kind in Refusal}
 
     @property
     def answer_error(self) -> AnswerError | None:
-        """What is wrong with the answer that was refused last; None if a valid one came since."""
+        """The error of the last refused answer; None if a valid one came since."""
         return self._answer_error
 
     @property
@@ -222,7 +222,7 @@ class Session:
         return ''
 
     def _timing_event(self) -> Event:
-        """What the timing up to this cycle is to the session."""
+        """The event that the timing up to this cycle is to the session."""
         if self._timing.silent:
             return Event.SILENCE
         if self.quality < self._profile.entry:

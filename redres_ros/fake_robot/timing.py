@@ -1,5 +1,5 @@
-"""How well a client answers: statistics over the last packets, the quality they add up to, counts
-since the start.
+"""Timing of a client: statistics over the last packets, the resulting quality, counts since the
+start.
 """
 
 import math
@@ -19,7 +19,7 @@ _HOUR = 3600.0  # [s] a longer latency, or one that is no number, counts as this
 
 @dataclass(frozen=True)
 class Counts:
-    """What became of every cycle since the start.
+    """Counts of cycles by their outcome, since the start.
 
     Attributes:
         cycles: in_time + late + missed.
@@ -41,7 +41,7 @@ class Counts:
 
 
 class TimingMonitor:
-    """Keeps the books on one client, packet by packet.
+    """Monitors the timing of one client, packet by packet.
 
     Recording only counts; the figures are computed when they are asked for.
 
@@ -89,7 +89,7 @@ class TimingMonitor:
 
     @property
     def age(self) -> int:
-        """Cycles by which the newest answer is older than it should be: they have to be bridged."""
+        """Cycles by which the newest answer is too old: they have to be bridged."""
         return self._age
 
     @property
@@ -123,7 +123,7 @@ class TimingMonitor:
         )
 
     def counts(self, bridged: int, refused: int) -> Counts:
-        """What became of every cycle so far.
+        """Counts of cycles by their outcome, so far.
 
         Args:
             bridged: Cycles that were bridged, which the session knows.
@@ -169,7 +169,7 @@ class TimingMonitor:
 
 
 class _Verdict(NamedTuple):
-    """What the packets so far amount to."""
+    """The verdict on the packets so far."""
 
     figures: tuple[float, float, float, float]
     quality: IntEnum

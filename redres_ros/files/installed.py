@@ -1,4 +1,4 @@
-"""What other packages that are installed add to the tables, by entry point."""
+"""Entries of the tables that installed packages declare as entry points."""
 
 import sys
 import warnings

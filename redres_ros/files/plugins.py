@@ -19,7 +19,7 @@ _loaded: dict[Path, tuple[str, ...]] = {}  # file -> names that it brought
 
 
 class PluginError(RedresError):
-    """A file that cannot be loaded, or brings nothing new."""
+    """A file that cannot be loaded, or defines no new class."""
 
 
 def register(base: type, table: dict[str, type]) -> None:

@@ -1,4 +1,4 @@
-"""Signals of the operating system, handled in another way for a while."""
+"""Signals of the operating system, handled otherwise within a block."""
 
 import signal
 import sys
@@ -13,7 +13,7 @@ Handler = Callable[[int, FrameType | None], object] | signal.Handlers
 
 @contextmanager
 def handled(handler: Handler, *numbers: signal.Signals) -> Iterator[None]:
-    """Have signals go to a handler within the block, and then where they went before.
+    """Send signals to a handler within the block; restore the previous handler afterwards.
 
     Args:
         handler: What `signal.signal` takes.

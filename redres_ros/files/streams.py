@@ -1,11 +1,11 @@
-"""The standard streams of a process, which may have been started without one."""
+"""The standard streams of a process, which may be missing."""
 
 import os
 import sys
 
 
 def open_error_output() -> None:
-    """Have errors go nowhere where there is no place for them, as after `redres demo 2>&-`.
+    """Discard errors if standard error is closed, as after `redres demo 2>&-`.
 
     Python then has no sys.stderr, which rclpy needs. And the first file that is opened would take
     its number, into which libraries in C write.

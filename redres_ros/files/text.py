@@ -1,4 +1,4 @@
-"""Files that users name, read so that none can keep a program waiting or fill its memory."""
+"""Reads files named by users, within limits of size and time."""
 
 import os
 import stat
@@ -8,7 +8,7 @@ from redres_ros.errors import FileError
 
 
 def read_file(path: Path, largest: int) -> bytes:
-    """What a file holds.
+    """The content of a file.
 
     Args:
         path: Of a regular file; a pipe or a device may never end.

@@ -1,4 +1,4 @@
-"""YAML files as people write them, read so that no file can keep a program busy for long."""
+"""Reads YAML files within limits of size and depth."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ _DEEPEST = 50  # lists within lists; PyYAML's time grows with the square of them
 
 
 class _Loader(yaml.SafeLoader):
-    """As safe_load's, but it gives up on a document that is larger or deeper than any of ours."""
+    """The loader of safe_load, which refuses documents larger or deeper than any of ours."""
 
     def fetch_flow_collection_start(self, TokenClass: Any) -> None:
         if self.flow_level >= _DEEPEST:
@@ -29,7 +29,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def read_yaml(path: Path) -> Any:
-    """What the file holds. Raises FileError for a file that cannot be read, is too large, or is no
+    """The content of a file. Raises FileError if it cannot be read, is too large, or is no
     YAML.
     """
     try:

@@ -13,7 +13,7 @@ _TOUCHING = 1e-6  # [rad/s] from a bound: what is commanded there, is commanded 
 
 @dataclass(frozen=True)
 class ActiveLimits:
-    """Knows arm and limits, and says which of them a command touches.
+    """The active limits of a command, for one arm and its limits.
 
     Args:
         model: The arm.
@@ -29,7 +29,7 @@ class ActiveLimits:
         over='ignore', invalid='ignore'
     )  # any node can publish a snapshot with absurd values
     def acting(self, snapshot: ControllerSnapshot) -> set[tuple[str, str]]:
-        """The limits at whose bounds a command is: name, and joint or what else it is about."""
+        """The active limits: name, and the joint or pair of bodies."""
         state = self.model.state(snapshot.q_prev, snapshot.dq_prev)
         bounds = self.limits.at(state, self.period)
         touched: list[tuple[Limit, int]] = []
@@ -41,6 +41,6 @@ class ActiveLimits:
 
 
 def _touched(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int]:
-    """Which values are at, or beyond, one of their bounds."""
+    """Indices of the values at or beyond one of their bounds."""
     margin = np.minimum(values - lower, upper - values)
     return np.flatnonzero(margin < _TOUCHING).tolist()

@@ -1,4 +1,4 @@
-"""Calls to the nodes' services, for those who have no ros2 command line."""
+"""A client of the nodes' services and parameters."""
 
 import threading
 import time
@@ -18,7 +18,7 @@ from redres_ros.nodes.runtime import Waiting
 
 
 class CallError(RedresError):
-    """A service that is not there, does not answer, or says no."""
+    """A service that is missing, does not respond, or refuses."""
 
 
 PATIENCE = 5.0  # [s] for a service to be found, and for its answer
@@ -92,11 +92,11 @@ class GraphClient:
         raise CallError(f'{client.srv_name} did not answer within {self._patience:g} s')
 
     def trigger(self, service: str) -> str:
-        """What the node says to a call of a Trigger service. Raises CallError."""
+        """The message of a Trigger service. Raises CallError."""
         return _message(service, self.call(Trigger, service, Trigger.Request()))
 
     def hold(self, held: bool) -> str:
-        """What the controller says to holding the arm, or following again. Raises CallError."""
+        """The controller's message to hold or resume. Raises CallError."""
         service = 'controller/hold'
         return _message(service, self.call(SetBool, service, SetBool.Request(data=held)))
 
@@ -138,7 +138,7 @@ class GraphClient:
         return {name: value for name, value in read.items() if names or value is not None}
 
     def offers(self, of: str) -> bool:
-        """Whether a node is there, as far as is known by now."""
+        """Whether a node has been discovered."""
         client = self._client(GetParameters, f'{of}/get_parameters')
         return bool(client.service_is_ready())
 

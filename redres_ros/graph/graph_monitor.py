@@ -1,5 +1,5 @@
-"""A running graph from outside: the newest words of its nodes, their health and parameters, samples
-of fast topics, and calls to its services.
+"""A running graph from outside: the newest messages of its nodes, their health and parameters,
+samples of fast topics, and calls to its services.
 """
 
 import time
@@ -37,7 +37,7 @@ class LastValue:
 
 
 class NodeHealth(NamedTuple):
-    """What a node reports of itself, and whether all is well."""
+    """A node's own report, and whether all is well."""
 
     text: str
     is_well: bool
@@ -74,7 +74,7 @@ class GraphMonitor(Node):
         return str(self.values[topic].value) if topic in self.values else ''
 
     def health(self) -> dict[str, str]:
-        """What each node reported of itself last, or for how long it has been silent."""
+        """The last report of each node, or the duration of its silence."""
         now = time.monotonic()
         health = {}
         for node in NODES:
@@ -87,7 +87,7 @@ class GraphMonitor(Node):
         return health
 
     def keep(self, source: str, value: object) -> None:
-        """Note what came now.
+        """Store a value with the present time.
 
         Args:
             source: A topic, or the name of a node.

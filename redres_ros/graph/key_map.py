@@ -1,4 +1,4 @@
-"""From keys to task velocities: which key is which way, and for how long one counts as held."""
+"""Maps keys to task velocities: axis and sign of each key, and how long a key counts as held."""
 
 import math
 from typing import NamedTuple
@@ -46,7 +46,7 @@ _TURNS = (0.001, 6.0)  # [rad/s]
 
 
 class KeyMap:
-    """The task velocity that the keys ask for.
+    """The task velocity of the held keys.
 
     Args:
         speed: Of a key that moves [m/s].
@@ -65,7 +65,7 @@ class KeyMap:
         self._until = np.full(6, -math.inf)  # [s] when a row's key counts as released
 
     def press(self, key: str, now: float) -> None:
-        """Take in a key; those without a meaning stop the arm, as a hand on the keyboard would.
+        """Process a key; any key without a meaning stops the arm.
 
         Args:
             key: A single character.

@@ -1,4 +1,4 @@
-"""A running arm, looked at now and then: where it is, what was commanded, which limits act."""
+"""A running arm, sampled: positions, commands, and the active limits."""
 
 import time
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class LiveArm:
-    """What is known of an arm from the controller's snapshots.
+    """The state of an arm from the controller's snapshots.
 
     While the controller is silent the arm is where its own states say.
 
@@ -57,7 +57,7 @@ class LiveArm:
         self._samples.add(controller_snapshot.TOPIC, Float64MultiArray, _QUALITY)
 
     def apply(self, changes: Mapping[str, Any]) -> None:
-        """Take in changes of what the controller's parameters say of limits.
+        """Apply changes of the controller's limit parameters.
 
         Args:
             changes: Of parameters, as published. Impossible values are skipped.
@@ -69,7 +69,7 @@ class LiveArm:
             self._values = values
 
     def look(self) -> list[Figures]:
-        """Take in what has come since the last look.
+        """Process the messages since the last call.
 
         Returns:
             Its figures, in their order.
@@ -86,14 +86,14 @@ class LiveArm:
 
     @property
     def shares(self) -> np.ndarray:
-        """Where each joint is in its range, 0 to 1, (n,)."""
+        """Position of each joint in its range, 0 to 1, (n,)."""
         model = self.model
         shares: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
         return shares
 
     @property
     def acting(self) -> dict[str, set[str]]:
-        """Names of the limits that acted a moment ago, by joint or what else they are about."""
+        """Names of the recently active limits, by joint or pair of bodies."""
         acting: dict[str, set[str]] = {}
         for (limit, place), at in self._acted.items():
             if 0.0 <= self._now - at <= _SHOWN:
@@ -120,7 +120,7 @@ class LiveArm:
                 self.q = self._joints.positions(state)
 
     def _description(self, values: Mapping[str, Any]) -> str:
-        """The URDF on the topic, where the controller has it from there; empty if none comes."""
+        """The URDF on the topic if the controller uses that; empty if none comes."""
         if values['robot'] != TOPIC:
             return ''
         self._samples.add(DESCRIPTION, String, LATCHED)

@@ -1,4 +1,4 @@
-"""Messages in the MCAP format, which Foxglove, PlotJuggler and rosbag2 read: written and read."""
+"""Writes and reads MCAP files, which Foxglove, PlotJuggler and rosbag2 can read."""
 
 import struct
 from collections.abc import Iterable, Iterator, Mapping
@@ -49,7 +49,7 @@ class RecordedMessage(NamedTuple):
 
 
 class McapFile:
-    """Writes messages as they go over the wire.
+    """Writes serialised messages.
 
     Args:
         path: Of the file, which is made anew.
@@ -105,7 +105,7 @@ class McapFile:
         self._writer.add_message(channel, received, data, sent)
 
     def attach_urdf(self, text: str, time: int) -> None:
-        """Put the arm's URDF beside the messages.
+        """Add the arm's URDF to the file.
 
         Args:
             text: The URDF.
@@ -114,7 +114,7 @@ class McapFile:
         self._attach(_URDF, 'text/xml', text, time)
 
     def attach_parameters(self, nodes: Mapping[str, Mapping[str, Any]], time: int) -> None:
-        """Put the nodes' parameters beside them, as a file that nodes can be started with.
+        """Add the nodes' parameters, as a file that nodes can be started with.
 
         Args:
             nodes: Values of parameters by the names of node and parameter.
@@ -128,7 +128,7 @@ class McapFile:
 
 
 def read_messages(path: Path) -> Iterator[RecordedMessage]:
-    """The messages in their order; up to the last whole one, if the writer was killed.
+    """The messages in order; up to the last complete one if the writer was killed.
 
     Memory is taken for one message only: a demo that runs for an hour makes a long file.
     """

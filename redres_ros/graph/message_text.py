@@ -1,4 +1,4 @@
-"""Types of messages as text, so that a file of messages can be read without ROS."""
+"""Message definitions as text, so that a recording can be read without ROS."""
 
 import importlib
 import importlib.util
@@ -19,7 +19,7 @@ _WORDS = {
 
 
 class TypeTextError(RedresError):
-    """A type of messages that is not installed here, or that is not understood."""
+    """A message type that is not installed or not supported."""
 
 
 def find_type(name: str) -> Any:
@@ -53,7 +53,7 @@ def name_of(kind: Any) -> str:
 
 
 def definition_of(kind: Any) -> str:
-    """A type's fields, one a line, followed by the types that they are made of.
+    """The definition of a type: one field per line, followed by its component types.
 
     That is what the MCAP format calls ros2msg. Constants and comments of the type are left out.
     """
@@ -77,7 +77,7 @@ def _fields(kind: Any) -> str:
 
 
 def _used(kind: Any) -> Iterator[str]:
-    """Names of the types that stand in a type, as 'std_msgs/Header'."""
+    """Names of the component types of a type, such as 'std_msgs/Header'."""
     for field_type in kind.get_fields_and_field_types().values():
         yield from re.findall(r'\w+/\w+', field_type)
 

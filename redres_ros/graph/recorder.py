@@ -1,4 +1,4 @@
-"""`redres record`: every message of a graph into a file, without rosbag."""
+"""`redres record`: records every message of a graph in a file, without rosbag."""
 
 import threading
 import time
@@ -26,7 +26,7 @@ _KEPT = QoSProfile(depth=_WAITING, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class GraphRecorder(GraphMonitor):
-    """Finds the topics of a graph and writes their messages.
+    """Records the messages of all topics of a graph.
 
     Args:
         file: To be written.

@@ -1,4 +1,4 @@
-"""The messages of fast topics, taken when somebody looks."""
+"""Samples of fast topics, taken on request."""
 
 from typing import Any, NamedTuple
 
@@ -9,7 +9,7 @@ from redres_ros.nodes.wire import EncodingError, deserialised
 
 
 class Sample(NamedTuple):
-    """A message as it goes over the wire, and when it was sent and received, time of day [ns]."""
+    """A serialised message, and when it was sent and received, time of day [ns]."""
 
     data: bytes
     sent: int
@@ -37,7 +37,7 @@ class Sampler:
         self._subscriptions: dict[str, Any] = {}
 
     def add(self, topic: str, kind: type, quality: QoSProfile) -> None:
-        """Have the messages of a topic wait from now on.
+        """Start to collect the messages of a topic.
 
         Args:
             topic: Its name.
@@ -49,11 +49,11 @@ class Sampler:
         )
 
     def remove(self, topic: str) -> None:
-        """Stop listening to a topic."""
+        """Stop collecting a topic."""
         self._node.destroy_subscription(self._subscriptions.pop(topic))
 
     def take(self, topic: str) -> list[Sample]:
-        """What came on a topic since it was asked last, the oldest first."""
+        """The messages of a topic since the last call, oldest first."""
         subscription = self._subscriptions[topic]
         taken = []
         handle = subscription.handle
@@ -64,7 +64,7 @@ class Sampler:
         return taken
 
     def newest(self, topic: str) -> Any:
-        """The newest message that came on a topic since it was asked last; None for none."""
+        """The newest message of a topic since the last call; None if there is none."""
         taken = self.take(topic)
         if not taken:
             return None

@@ -1,4 +1,4 @@
-"""What a graph's parameters say of its arm, task and limits."""
+"""Arm, task and limits of a graph, from its parameters."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -52,7 +52,7 @@ def points_of(planner: Values, model: RobotModel) -> np.ndarray:
 
 
 def judge_of(values: Values, model: RobotModel) -> ActiveLimits:
-    """What says which limits of a controller with these parameters act.
+    """The active limits of a controller with these parameters.
 
     Args:
         values: The controller's parameters.

@@ -34,7 +34,7 @@ class TerminalError(RedresError):
 
 
 class Teleop(Node):
-    """Publishes what the keys ask for, and nothing while nobody steers.
+    """Publishes the task velocity of the keys, and nothing while none was pressed lately.
 
     Args:
         key_map: What the keys ask for.
@@ -59,7 +59,7 @@ class Teleop(Node):
         return dx
 
     def stop(self) -> None:
-        """Ask for a standstill, whatever was pressed."""
+        """Publish a zero task velocity."""
         if np.isfinite(self._moved_at):
             self._publisher.publish(to_twist(_NOW, self._frame, np.zeros(6)))
 
@@ -77,7 +77,7 @@ def check_terminal() -> None:
 
 @contextmanager
 def keyboard() -> Iterator[int]:
-    """The terminal's keys one by one and without an echo; afterwards it is as before.
+    """Read single keys without echo; restore the terminal afterwards.
 
     Ctrl-C stays a signal. Ctrl-Z is off: in the background nobody could stop the arm.
 
@@ -106,7 +106,7 @@ def _interrupt(*_: object) -> None:
 
 
 def steer(node: Teleop, key_map: KeyMap) -> None:
-    """Publish what is typed until Ctrl-C; then ask for a standstill.
+    """Publish the keys' task velocity until Ctrl-C, then zero.
 
     Args:
         node: Publishes.

@@ -40,7 +40,7 @@ _FIGURES = {
 
 
 class Watch(GraphMonitor):
-    """Keeps the newest word and figure of every topic on the page, and when it came.
+    """Keeps the newest value of every topic on the page, and when it came.
 
     Args:
         namespace: Of the arm's nodes; empty: none.
@@ -60,11 +60,11 @@ class Watch(GraphMonitor):
         return page(dict(self.values), time.monotonic(), domain, self._joints())
 
     def line(self) -> str:
-        """What matters most, in a line."""
+        """The most important values, in a line."""
         return line(dict(self.values), time.monotonic(), self.context.get_domain_id())
 
     def look(self) -> None:
-        """Take in what the arm does; find out which one it is, once its controller is there."""
+        """Update the arm's state; identify the arm once its controller is there."""
         self._look_at_samples()
         if self._arm is not None:
             self._look_at(self._arm)
@@ -101,7 +101,7 @@ class Watch(GraphMonitor):
         return bars
 
     def _listen(self, node: str) -> None:
-        """Listen to all that the page shows of a node."""
+        """Subscribe to all topics of a node on the page."""
         for row in NODES[node]:
             topic = row.topic
             if topic not in WORDS:
@@ -149,7 +149,7 @@ def watch(node: Watch, stopped: threading.Event, duration: float | None = None) 
 
 
 class _Lines:
-    """In the place of the page that changes: lines, and the last page.
+    """Output for a pipe or a file: lines, and the last page.
 
     Args:
         node: The observer of the graph.

@@ -98,7 +98,7 @@ def page(
 
 
 def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
-    """What of the page matters most, in a line, as for a file.
+    """The most important values of the page, in a line.
 
     Args:
         received: As for the page.
@@ -119,7 +119,7 @@ def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
 
 
 def is_near_an_end(share: float) -> bool:
-    """Whether a joint at that fraction of its range, 0 to 1, is to be shown as near its limits."""
+    """Whether a joint at that fraction of its range, 0 to 1, is near its limits."""
     return min(share, 1.0 - share) < _NEAR
 
 
@@ -146,7 +146,7 @@ def _nobody(domain: int) -> Text:
 
 
 def _alarms(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
-    """What must not be overlooked."""
+    """The alarms."""
     reason = received.get(REASON, LastValue('', now)).value
     if reason:
         text = Text(f'The robot has stopped: {reason}\nThe service sim/reset clears it.')

@@ -13,8 +13,8 @@ from redres_ros.robot_model import RobotState
 
 @dataclass(frozen=True)
 class MinimumKineticEnergy(Law):
-    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M. Has no memory, so damping changes
-    nothing.
+    """Least kinetic energy 1/2 dq' M dq, Eq. (A.13) with W = M. It has no history, and damping
+    has no effect.
     """
 
     has_memory: ClassVar[bool] = False

@@ -11,7 +11,9 @@ from redres_ros.robot_model import RobotState
 
 @dataclass(frozen=True)
 class MinimumVelocity(Law):
-    """Least joint velocity, Eq. (2) with dq_N = 0. Has no memory, so damping changes nothing."""
+    """Least joint velocity, Eq. (2) with dq_N = 0. It has no history, and damping has no
+    effect.
+    """
 
     has_memory: ClassVar[bool] = False
 

@@ -1,4 +1,4 @@
-"""What a law is: a choice of weight W and bias b in the one formula of resolution.py."""
+"""The base class of laws: a weight W and a bias b for the formula in resolution.py."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Law(ABC):
 
     @abstractmethod
     def bias(self, state: RobotState, T: float) -> np.ndarray:
-        """b, the joint velocity that the law would like best, (n,) [rad/s].
+        """The bias b, (n,) [rad/s].
 
         Args:
             state: Of the arm at this tick.
@@ -37,7 +37,7 @@ class Law(ABC):
         """
 
     def bias_with(self, state: RobotState, T: float, ddq_N: np.ndarray | None) -> np.ndarray:
-        """b + T ddq_N, (n,) [rad/s], Eq. (19); b itself for a law without memory.
+        """b + T ddq_N, (n,) [rad/s], Eq. (19); b itself for a law without velocity history.
 
         Args:
             state: The state of the tick.

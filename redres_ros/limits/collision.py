@@ -1,4 +1,4 @@
-"""No collision of the arm with itself, the floor, or balls: a velocity damper for each pair."""
+"""Collision avoidance with itself, the floor, and spheres: a velocity damper for each pair."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -117,7 +117,7 @@ class CollisionLimit(RowLimit):
 
 
 def _distances() -> ModuleType:
-    """The compiled ground. It is loaded only where this limit is wanted."""
+    """The compiled kernels. They are loaded only if this limit is used."""
     from redres_ros.kernels import distances
 
     return distances

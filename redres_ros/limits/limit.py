@@ -1,4 +1,4 @@
-"""What a limit is: a box lower <= dq <= upper, or rows low <= C dq <= high, at one state."""
+"""The base classes of limits: a box lower <= dq <= upper, or rows low <= C dq <= high."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from redres_ros.robot_model import RobotModel
 
 
 class ReferenceState(Protocol):
-    """What a limit may ask: the reference that is integrated, the last command, the dynamics."""
+    """The state that a limit gets: reference, last command, dynamics."""
 
     @property
     def q(self) -> np.ndarray:
@@ -65,7 +65,7 @@ class Limit(ABC):
         check_parameters(self)
 
     def place(self, state: ReferenceState, index: int) -> str:
-        """What one of its bounds at a state is about: a joint, unless a limit says otherwise.
+        """The name of a bound's joint, or pair of bodies.
 
         Args:
             state: Of the reference at this tick.
@@ -75,7 +75,7 @@ class Limit(ABC):
 
 
 class BoxLimit(Limit):
-    """A limit whose rows bound one joint each."""
+    """A limit on single joints, as a box."""
 
     @abstractmethod
     def box(self, state: ReferenceState, T: float) -> Box:
@@ -88,7 +88,7 @@ class BoxLimit(Limit):
 
 
 class RowLimit(Limit):
-    """A limit whose rows tie joints together."""
+    """A limit that couples joints, as rows."""
 
     @abstractmethod
     def rows(self, state: ReferenceState, T: float) -> Rows:

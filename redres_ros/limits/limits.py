@@ -1,4 +1,4 @@
-"""Several limits kept together: one box and the other rows, in order of priority."""
+"""Several limits together: one box and the other rows, in order of priority."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -14,7 +14,7 @@ UPPER = 1  # the place of the upper bound in a box
 
 
 class Bounds(NamedTuple):
-    """What the limits say at one state."""
+    """The bounds at one state."""
 
     box: Box  # lower, upper, (n,) [rad/s]
     rows: list[Rows]  # in order of priority
@@ -102,7 +102,7 @@ class Limits:
         return not self._rows or keeps_rows(dq, [limit.rows(state, T) for limit in self._rows])
 
     def at(self, state: ReferenceState, T: float) -> Bounds:
-        """What they say at a state.
+        """Their bounds at a state.
 
         Args:
             state: Of the reference at this tick.

@@ -1,4 +1,4 @@
-"""The topics by which a robot is commanded."""
+"""The command topics of a robot."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from redres_ros.nodes.wire import JointStateWriter
 
 
 class CommandPublisher:
-    """Publishes references, each with the stamp of the state that it answers.
+    """Publishes joint references, each with the stamp of its state.
 
     Args:
         node: Publishes.

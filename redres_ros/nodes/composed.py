@@ -20,7 +20,7 @@ def run_composed(
     adapt: Callable[[type[Node]], type[Node]] = lambda cls: cls,
     arguments: list[str] | None = None,
 ) -> int:
-    """Run the three until they are asked to end; a state is answered by the controller before the
+    """Run the three until they are asked to end; the controller gets a state before the
     planner gets it.
 
     Args:

@@ -115,7 +115,7 @@ def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
 
 
 class SnapshotPublisher:
-    """Publishes them, while somebody listens.
+    """Publishes snapshots while there is a subscriber.
 
     Args:
         node: The controller.
@@ -128,7 +128,7 @@ class SnapshotPublisher:
         self._acceleration = 0.0  # the same [rad/s^2]
 
     def see(self, stamp: int, command: Command) -> None:
-        """Take in an answer, and publish if it is time.
+        """Take in a command, and publish if it is time.
 
         Args:
             stamp: Of the state [ns].

@@ -1,4 +1,4 @@
-"""Every message to arrays and back."""
+"""Messages to arrays and back."""
 
 import math
 from collections.abc import Callable, Collection, Sequence
@@ -23,11 +23,11 @@ _REMEMBERED = 100  # sets of joint names: of as many devices as may share a topi
 
 
 class FrameError(RedresError):
-    """A message in a frame that is not known."""
+    """A message in an unknown frame."""
 
 
 class LengthError(ArrayError):
-    """Another number of values than of joints."""
+    """The number of values is not the number of joints."""
 
 
 class JointMapper:

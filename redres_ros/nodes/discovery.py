@@ -1,4 +1,4 @@
-"""Who may find the nodes, and on what way messages go: by environment variables, which ROS and Fast
+"""Discovery and transport of the nodes, set by environment variables that ROS and Fast
 DDS read when a process joins.
 """
 
@@ -31,7 +31,7 @@ _LOOPBACK = Path(__file__).with_name('loopback.xml')
 
 
 def prepare() -> None:
-    """Set what the user has left open: this host alone, and no shared memory.
+    """Set what the user has not set: discovery on this host only, and no shared memory.
 
     Where nothing is set ROS would find everybody on the network, and anybody there could command
     the arm. Shared memory of Fast DDS is left out, because opening it for a process that has just

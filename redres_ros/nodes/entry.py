@@ -61,7 +61,7 @@ def run_node(name: str, arguments: list[str]) -> int:
 
 
 def _help(name: str) -> str:
-    """How the executable is used; its description is that of its module, which is not loaded."""
+    """The help text of an executable, from its module's docstring without loading it."""
     from redres_ros.files.share import share_path
 
     source = Path(__file__).with_name(f'{name}.py').read_text(encoding='utf-8')

@@ -1,6 +1,6 @@
 """Intra-process communication: messages between nodes of one process, handed over directly.
 
-rclpy sends even these through DDS, which takes a fair part of a cycle each way.
+rclpy sends even these through DDS, which takes a large part of a cycle in each direction.
 """
 
 from collections.abc import Callable, Collection
@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 
 
 class IntraProcess:
-    """Makes nodes that hand each other their messages on some topics within publish().
+    """Makes nodes that pass their messages on some topics directly within publish().
 
     Receivers are called in the thread of the publisher and in the order of their creation, before
     the message goes out to other processes.
@@ -44,7 +44,7 @@ class IntraProcess:
         return self._receivers.setdefault(node.resolve_topic_name(topic), [])
 
     def is_open(self, topic: str) -> bool:
-        """Whether nodes of other processes are listened to."""
+        """Whether messages of other processes are received."""
         return topic in self._open
 
 

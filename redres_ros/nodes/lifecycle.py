@@ -15,7 +15,7 @@ _DONE = TransitionCallbackReturn.SUCCESS
 
 
 class LifeError(RedresError):
-    """Something that the node does only while it is active."""
+    """An action that needs an active node."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class ManagedNode(LifecycleNode):
         """Stop acting."""
 
     def _forget(self) -> None:
-        """Become as when just made."""
+        """Return to the initial state."""
 
     @property
     def life(self) -> str:
@@ -84,17 +84,17 @@ class ManagedNode(LifecycleNode):
         return _DONE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget everything, and stop listening."""
+        """Reset, and stop listening."""
         self.configured = False
         self._forget()
         return _DONE
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Never act again; what was under way ends softly, as on_deactivate leaves it."""
+        """Never act again; a motion decelerates to rest, as in on_deactivate."""
         return self.on_deactivate(state) if self.active else _DONE
 
     def _refuse_impossible_transitions(self) -> None:
-        """Answer a request that does not suit the present state with no success.
+        """Reject a transition that the present state does not allow.
 
         rclpy 7.1 raises an error there, which would end the node.
         """

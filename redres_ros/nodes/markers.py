@@ -1,4 +1,4 @@
-"""`markers` for RViz: the ways of tip and elbow, the points of the task, and obstacles."""
+"""`markers` for RViz: the paths of tip and elbow, the points of the task, and obstacles."""
 
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -24,7 +24,7 @@ _GREY = ColorRGBA(r=0.5, g=0.5, b=0.5, a=1.0)
 
 
 class Markers:
-    """Publishes `markers` a few times a second, while somebody listens.
+    """Publishes `markers` a few times a second, while there is a subscriber.
 
     Args:
         node: Publishes.
@@ -86,7 +86,7 @@ class Markers:
 
 
 def show_obstacles(node: Node, frame: str) -> None:
-    """Have a node publish the balls and the floor that its limit `collision` keeps the arm from.
+    """Have a node publish the spheres and the floor of its limit `collision`.
 
     Args:
         node: With the parameters of that limit.
@@ -123,7 +123,7 @@ def _obstacles(node: Node) -> Iterator[Marker]:
 
 
 def _ball(number: int, ball: np.ndarray) -> Marker:
-    """A ball, (4,): centre and radius [m]."""
+    """A sphere, (4,): centre and radius [m]."""
     marker = _marker('obstacles', Marker.SPHERE, 2.0 * float(ball[3]), _RED)
     marker.id = number
     marker.pose.position = _point(ball)

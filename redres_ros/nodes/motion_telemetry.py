@@ -55,7 +55,7 @@ class MotionTelemetry:
         self._scaling_telemetry.publish(_SCALING, lambda: scaling)
 
     def publish(self, answer: Response, law: Law) -> None:
-        """Publish all that is listened to, and now and then what was published before.
+        """Publish every topic with a subscriber, and repeat the task scaling now and then.
 
         Args:
             answer: Of this tick.

@@ -137,7 +137,7 @@ def _is_array(parameter: RosParameter) -> bool:
 
 
 def _as_declared(node: Node, given: RosParameter) -> RosParameter:
-    """The same value in the type that the parameter has, where nothing is lost by that."""
+    """The value in the parameter's type, if the conversion is exact."""
     if not node.has_parameter(given.name):
         return given
     return _as_type(given, node.get_parameter(given.name).type_)

@@ -1,6 +1,4 @@
-"""What the kernel can do for a node that must answer in time: scheduling, locked memory, processors
-of its own.
-"""
+"""Real-time settings of the kernel: scheduling priority, locked memory, processor affinity."""
 
 import ctypes
 import os
@@ -40,7 +38,7 @@ class RealTime:
 
 
 def ask_kernel(node: Node) -> None:
-    """Ask for what the node's parameters want; what is not permitted gets one warning, and the node
+    """Apply the node's real-time parameters; what is not permitted gets one warning, and the node
     runs without it.
     """
     wanted = declare(node, RealTime())

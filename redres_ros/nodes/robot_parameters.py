@@ -1,4 +1,4 @@
-"""Which arm a node is for: by name, from a file, or from what the graph says of it."""
+"""The arm of a node: by name, from a file, or from robot_description."""
 
 import signal
 import time
@@ -30,7 +30,7 @@ _WAIT = 0.1  # [s] after which Python's signal handlers have their turn
 
 @dataclass(frozen=True)
 class RobotParameters:
-    """Which arm, and which of its links have a part to play."""
+    """The arm, and its tip and elbow links."""
 
     robot: str = param(
         'lwr4_paper',
@@ -69,7 +69,7 @@ class MountingParameters:
     )
 
     def mount(self, arm: Arm) -> Arm:
-        """An arm so mounted."""
+        """The arm with this mounting."""
         return replace(
             arm,
             dynamics=self.dynamics,

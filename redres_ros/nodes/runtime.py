@@ -40,7 +40,7 @@ _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits 
 
 
 class StartError(RedresError):
-    """ROS cannot be started as the environment asks for."""
+    """ROS cannot be started with this environment."""
 
 
 class Arrival(threading.Event):
@@ -161,7 +161,7 @@ def start(arguments: list[str] | None = None) -> None:
 
 
 def _made(make: Callable[[], N]) -> N:
-    """A node. Raises StartError where DDS has not got what it needs, as enough open files."""
+    """A node. Raises StartError if DDS lacks a resource, such as open files."""
     try:
         return make()
     except RuntimeError as error:
@@ -260,9 +260,7 @@ def _log_misspelt(nodes: list[Node]) -> None:
 
 
 def _end_with_parent(stopped: threading.Event) -> None:
-    """Have the kernel send SIGTERM when the process that the environment names has died, however
-    that came about.
-    """
+    """Have the kernel send SIGTERM when the process named in the environment dies."""
     parent = os.environ.get(PARENT)
     if parent:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -70,7 +70,7 @@ class SimParameters(LoopParameters):
 
 
 class SimNode(ManagedNode):
-    """Publishes a state each cycle, and moves the arm while the answer is being computed.
+    """Publishes a state each cycle, and moves the arm while the response is computed.
 
     The clock stands still while this process is held up, and while it waits for an answer with
     patience: as long as the arm moves, stamps are exactly one period apart, whatever the machine
@@ -194,7 +194,7 @@ class SimNode(ManagedNode):
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
     def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Wait until the next tick is due, and for a late answer until patience ends."""
+        """Wait until the next tick is due, and up to `patience` for a late response."""
         self._robot_clock.wait(waiting.sleep)
         if self._settings.patience and self._client_lives and self._unanswered:
             self._await_answer(stopped, waiting, self._settings.patience)
@@ -216,7 +216,7 @@ class SimNode(ManagedNode):
 
     @property
     def _unanswered(self) -> bool:
-        """Whether a state that got out, not lost or delayed by a fault, has no answer."""
+        """Whether a published state, not lost or delayed by a fault, has no response."""
         return self._receiver.newest < self._state_publisher.newest
 
     def _on_command(self, message: JointState | bytes) -> None:

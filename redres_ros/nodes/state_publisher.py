@@ -1,4 +1,4 @@
-"""The robot's states on their way out, over a link that may have faults."""
+"""Publishes the robot's states through a network with faults."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -33,7 +33,7 @@ class StatePublisher:
     Args:
         node: The sim.
         joint_names: In the order of every array.
-        network: What the states pass on their way out.
+        network: Carries the states.
     """
 
     def __init__(self, node: Node, joint_names: Sequence[str], network: Network) -> None:
@@ -45,11 +45,11 @@ class StatePublisher:
 
     @property
     def newest(self) -> int:
-        """Stamp of the newest state that got out [ns]; 0 before the first."""
+        """Stamp of the newest published state [ns]; 0 before the first."""
         return stamp_of(self._newest)
 
     def send(self, stamp: int, q: np.ndarray, dq: np.ndarray, tick: int) -> None:
-        """Put a state on its way.
+        """Send a state into the network.
 
         Args:
             stamp: Of the state [ns].
@@ -60,11 +60,11 @@ class StatePublisher:
         self._network.send(self._writer.written(stamp, q, dq), tick)
 
     def publish(self, tick: int) -> None:
-        """Publish what has come through by this tick."""
+        """Publish what has arrived by this tick."""
         for arriving in self._network.receive(tick):
             self._publisher.publish(arriving)
             self._newest = max(self._newest, arriving, key=stamp_of)
 
     def publish_again(self) -> None:
-        """Publish the newest state once more: it may have got lost."""
+        """Publish the newest state again: it may have been lost."""
         self._publisher.publish(self._newest)

@@ -46,7 +46,7 @@ class TaskTopics:
             self._state_publisher.publish(String(data=self._published_state.value))
 
     def show(self, step: Step, R: np.ndarray) -> None:
-        """Publish where the task is, to those who listen.
+        """Publish the reference of the task.
 
         Args:
             step: What the task asks for.

@@ -1,4 +1,4 @@
-"""Preferences for where the joints are."""
+"""Preferences for joint positions."""
 
 from dataclasses import dataclass, replace
 from typing import Self

@@ -1,4 +1,4 @@
-"""What a preference is: an auxiliary joint acceleration, Eq. (19)."""
+"""The base class of preferences: an auxiliary joint acceleration, Eq. (19)."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from redres_ros.robot_model import RobotState
 
 @dataclass(frozen=True)
 class Preference(ABC):
-    """Where the arm would rather be, within what its tasks leave free.
+    """A null-space objective, as a joint acceleration.
 
     It adds T ddq_N to the bias of every law that remembers the last velocity; several of them add
     up. A subclass is a frozen dataclass whose fields are declared with `param`.
@@ -28,5 +28,5 @@ class Preference(ABC):
         """ddq_N, (n,) [rad/s^2]."""
 
     def with_initial_targets(self, state: RobotState) -> Self:
-        """The same preference; what was left open is what it is at this state."""
+        """A copy with unset targets taken from the current state."""
         return self

@@ -37,9 +37,9 @@ class Manipulability(Preference):
 
 @dataclass(frozen=True)
 class ElbowHeight(Preference):
-    """A high elbow: ddq_N = k dz/dq; or one at a wanted height z*: ddq_N = -k (z - z*) dz/dq."""
+    """A high elbow: ddq_N = k dz/dq; or one at a desired height z*: ddq_N = -k (z - z*) dz/dq."""
 
-    height: float = param(math.inf, 'z*, wanted height of the elbow [m]; inf: as high as may be')
+    height: float = param(math.inf, 'z*, desired height of the elbow [m]; inf: as high as possible')
 
     def acceleration(self, state: RobotState) -> np.ndarray:
         frame = state.model.elbow_frame

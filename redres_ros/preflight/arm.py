@@ -1,4 +1,4 @@
-"""Joints, positions, limits and frames: whether the arm is the one that is expected."""
+"""Joints, positions, limits and frames: whether the arm is the expected one."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -19,11 +19,11 @@ _SAME = 1e-3  # [rad] by which two sources of limits may differ
 
 
 class NoDescriptionError(RedresError):
-    """Nobody publishes the URDF that is expected."""
+    """There is no robot_description."""
 
 
 def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
-    """Joints, positions, limits and frames of the arm that is expected.
+    """Checks joints, positions, limits and frames against the expected arm.
 
     Args:
         seen: What was received from the robot.

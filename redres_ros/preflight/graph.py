@@ -1,4 +1,4 @@
-"""Who publishes and who listens, and how the controller is set."""
+"""Publishers, subscribers and parameters of the graph."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a listener has seen of a running graph in a few seconds, before the arm moves."""
+"""A snapshot of a running graph over a few seconds, before the arm moves."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -97,7 +97,7 @@ class SnapshotNode(GraphMonitor):
         self.samples.add(DESCRIPTION, String, LATCHED)
 
     def look(self, seconds: float) -> GraphSnapshot:
-        """What is seen in that time, or in a little more while states or a controller are missing.
+        """A snapshot over that time, longer while states or a controller are missing.
 
         Args:
             seconds: How long to look at least; the node must be spun by somebody else.

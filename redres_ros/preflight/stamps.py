@@ -16,7 +16,7 @@ _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 
 
 def judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict]:
-    """What the stamps of the states are worth.
+    """Verdicts on the stamps of the states.
 
     Args:
         states: In the order in which they came.
@@ -47,7 +47,7 @@ def judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict
 
 
 def _judge_jitter(states: tuple[StateSeen, ...], rate: float) -> Verdict:
-    """Whether the controller, which counts cycles in the same way, can make out every state's."""
+    """Whether the controller, which counts cycles in the same way, can number every state."""
     cycles = CycleCounter(round(NANOSECONDS / rate))
     stamps: list[int] = []  # [ns]
     numbers: list[int] = []

@@ -1,4 +1,4 @@
-"""What the check says, and what it measures the graph against."""
+"""Verdicts of the check, and the arm it expects."""
 
 from dataclasses import dataclass
 from enum import Enum

@@ -1,4 +1,4 @@
-"""The arms: one URDF each, and a table of what a URDF does not say."""
+"""The arms: one URDF each, and a table of the data a URDF lacks."""
 
 from redres_ros.robots.arm import Arm
 from redres_ros.robots.choice import choose_arm, choose_tip

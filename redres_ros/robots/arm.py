@@ -1,4 +1,4 @@
-"""An arm: its URDF with offsets and dynamics filled in, and what a URDF has no place for."""
+"""An arm: its URDF with offsets and dynamics filled in, and the data a URDF lacks."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -129,7 +129,7 @@ class Arm:
         return self._prepared().urdf.text()
 
     def remarks(self) -> tuple[str, ...]:
-        """What a user should know: figures that were assumed, joints that are held still.
+        """Remarks for the user: assumed data, locked joints.
 
         Raises:
             As `description`.
@@ -137,7 +137,7 @@ class Arm:
         return (*self.assumptions, *self._prepared().remarks)
 
     def kinematics(self) -> Kinematics:
-        """The moving joints, and the way to the tip.
+        """The moving joints, and the chain to the tip.
 
         Raises:
             As `description`.

@@ -6,11 +6,11 @@ import numpy as np
 
 from redres_ros.robots.kinematics import Kinematics
 
-SHORTEST = 0.02  # [m] of a way from joint to joint that gets a body
+SHORTEST = 0.02  # [m] between joints that gets a body
 
 
 class Bodies(NamedTuple):
-    """Capsules around the ways from joint to joint, from the base to the tip, B of them.
+    """B capsules around the lines from joint to joint, from base to tip.
 
     Args:
         links: The name of the link that each belongs to; that of the base is 'base'.

@@ -1,4 +1,4 @@
-"""An arm as users name it: by a name of the table, or by the file or the text of a URDF."""
+"""Finds an arm by its name in the table, or by the file or the text of a URDF."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What to begin with for an arm of which only the URDF is known."""
+"""Defaults for an arm of which only the URDF is known."""
 
 import math
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ def default_start(kinematics: Kinematics) -> np.ndarray:
 
 
 def _bends(n: int) -> Iterator[np.ndarray]:
-    """All ways to bend up to three of n joints to the one or to the other side."""
+    """All combinations of up to three of n joints, bent to either side."""
     seen = 0
     for count in range(min(n, _BENT_JOINTS) + 1):
         seen += math.comb(n, count) * 2**count

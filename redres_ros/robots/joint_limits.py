@@ -1,4 +1,4 @@
-"""Limits of an arm's joints: from its URDF, and from the table of arms what a URDF does not say."""
+"""Limits of an arm's joints: from its URDF, and accelerations from the table of arms."""
 
 from dataclasses import dataclass
 

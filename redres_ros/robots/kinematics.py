@@ -1,4 +1,4 @@
-"""Where an arm's joints and tip are: enough to choose defaults with, and not for any loop."""
+"""Kinematics from a URDF, to choose defaults; not for use in a loop."""
 
 from dataclasses import dataclass
 

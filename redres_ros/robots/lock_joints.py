@@ -1,4 +1,4 @@
-"""What hangs on an arm beside the chain to its tip, such as a gripper: held still."""
+"""Locks joints outside the chain to the tip, such as a gripper's."""
 
 from redres_ros.robots.chain import axis_of, limits_of
 from redres_ros.robots.urdf import Urdf, UrdfJoint, motion_of, set_placement

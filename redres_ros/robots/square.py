@@ -1,4 +1,4 @@
-"""A small square before the tip: a first task for an arm of which only the URDF is known."""
+"""A small square in front of the tip: the default task of an arm known only by its URDF."""
 
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class SquareTask(NamedTuple):
 def square_before_tip(
     kinematics: Kinematics, start: np.ndarray, acceleration: np.ndarray
 ) -> SquareTask | None:
-    """A square from the tip's place at the start that the arm can go round.
+    """A feasible square from the initial position of the tip.
 
     It stands before the arm if that can be: its sides are along y and z. Else they are along x and
     z, or x and y. It reaches from the tip towards the base, if that can be. The sides are a tenth
@@ -61,7 +61,7 @@ def square_before_tip(
 def _square(
     kinematics: Kinematics, start: np.ndarray, acceleration: np.ndarray, side: float
 ) -> SquareTask | None:
-    """The first square of that side [m] that the arm can go round."""
+    """The first feasible square of that side [m]."""
     base, *_, x = kinematics.poses(start)[:, :3, 3]
     inward = np.where(x > base + 1e-6, -1.0, 1.0)  # stretched out, an arm cannot go outward
     for axes in _PLANES:
@@ -83,7 +83,7 @@ def _corners(x: np.ndarray, axes: tuple[int, int], sides: np.ndarray) -> np.ndar
 def _way_of_joints(
     kinematics: Kinematics, start: np.ndarray, waypoints: np.ndarray
 ) -> np.ndarray | None:
-    """Joint positions (4 _STEPS + 1, n) with the tip on the way; None where it cannot be gone."""
+    """Joint positions (4 _STEPS + 1, n) with the tip on the path; None if it is not feasible."""
     margin = _MARGIN * (kinematics.upper - kinematics.lower)
     way = [start]
     for begin, end in pairwise(waypoints):

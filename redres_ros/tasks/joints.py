@@ -1,4 +1,4 @@
-"""Tasks of the arm's inside: the elbow, and single joints."""
+"""Tasks of the elbow and of single joints."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self

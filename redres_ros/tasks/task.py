@@ -1,4 +1,4 @@
-"""What a task is: the rows J of one aim, and the velocity that brings it about."""
+"""The base class of tasks: the Jacobian J of one aim, and its task velocity."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -32,20 +32,20 @@ class Task(ABC):
 
     @abstractmethod
     def error(self, state: RobotState) -> np.ndarray:
-        """e, (m,): what J dq has to bring about to reach the target; the target is not open."""
+        """The task error e, (m,), towards the target, which is set."""
 
     @abstractmethod
     def with_initial_targets(self, state: RobotState) -> Self:
-        """The same task; an open target is what it is at this state."""
+        """A copy with an unset target taken from the current state."""
 
     def velocity(self, state: RobotState) -> np.ndarray:
         """dx = k e, (m,)."""
         return self.gain * self.error(state)
 
     def derivatives(self, state: RobotState) -> np.ndarray | None:
-        """dJ/dq_i, (n, m, n), by which the arm finds the way out of a singularity.
+        """dJ/dq_i, (n, m, n), by which the arm finds the escape direction from a singularity.
 
-        None for a task that does not know them; it is stuck where J alone shows no way.
+        None for a task that does not know them; it is stuck where J alone shows none.
         """
         return None
 

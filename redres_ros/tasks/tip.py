@@ -1,4 +1,4 @@
-"""Tasks of a frame, most often the tip: where it is and how it is turned."""
+"""Tasks of a frame, most often the tip: position and orientation."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -16,7 +16,7 @@ from redres_ros.tasks.task import FrameTask, check_target
 
 @dataclass(frozen=True)
 class Position(FrameTask):
-    """Where a frame's origin is: 3 rows [m/s]."""
+    """Position of a frame's origin: 3 rows [m/s]."""
 
     size: ClassVar[int] = 3
     target: tuple[float, ...] = param(
@@ -43,7 +43,7 @@ class Position(FrameTask):
 
 @dataclass(frozen=True)
 class Orientation(FrameTask):
-    """How a frame is turned: 3 rows [rad/s]; the error is the rotation vector to the target."""
+    """Orientation of a frame: 3 rows [rad/s]; the error is the rotation vector to the target."""
 
     size: ClassVar[int] = 3
     target: tuple[float, ...] = param(
@@ -83,7 +83,7 @@ class Orientation(FrameTask):
 
 @dataclass(frozen=True)
 class Pose(FrameTask):
-    """Where a frame is and how it is turned: 3 rows [m/s], then 3 rows [rad/s]."""
+    """Position and orientation of a frame: 3 rows [m/s], then 3 rows [rad/s]."""
 
     size: ClassVar[int] = 6
     target: tuple[float, ...] = param(
@@ -123,7 +123,7 @@ class Pose(FrameTask):
 
 @dataclass(frozen=True)
 class Axis(FrameTask):
-    """Where an axis of a frame points, free to turn about itself: 2 rows [rad/s].
+    """Direction of an axis of a frame, free to turn about it: 2 rows [rad/s].
 
     The rows are the angular velocities about two directions that stand on the axis.
     """

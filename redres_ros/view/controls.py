@@ -1,4 +1,4 @@
-"""Buttons, menus and sliders: each gives one order to a node, and shows what the node has."""
+"""Buttons, menus and sliders: each controls one parameter or service, and shows its state."""
 
 import threading
 from collections.abc import Callable, Mapping

@@ -44,7 +44,7 @@ Answer = Callable[[Any, Any], Any]  # (connection, request) to a response; None 
 
 
 class OriginError(RedresError):
-    """A page that cannot be opened, or would let in anybody."""
+    """A page that cannot be opened, or is not protected."""
 
 
 def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
@@ -80,7 +80,7 @@ def free_port(first: int = PORT) -> int:
 
 
 def open_server(port: int, label: str) -> viser.ViserServer:
-    """A server of viser behind the gate.
+    """A viser server with the origin check.
 
     Args:
         port: Wanted; the next free one is taken.
@@ -106,7 +106,7 @@ def close_server(server: viser.ViserServer) -> None:
 
 @contextmanager
 def _guarded() -> Iterator[None]:
-    """Have the next server of websockets judge every request; viser offers no way to do that."""
+    """Have the next websocket server check every request; viser has no option for that."""
     module = websockets.asyncio.server
     serve = module.serve
 
@@ -142,7 +142,7 @@ def _judging(answer: Answer) -> Answer:
 
 
 def _check(server: viser.ViserServer) -> None:
-    """Ask as a stranger would; close a server that answers."""
+    """Send a foreign request; close a server that accepts it."""
     connection = HTTPConnection(ADDRESS, server.get_port(), timeout=_TIMEOUT)
     try:
         connection.request('GET', '/', headers={'Host': _FOREIGN})

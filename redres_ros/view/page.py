@@ -86,7 +86,7 @@ class Page:
                 self._ways[way].add(figures[-1].time, place)
 
     def _forget(self) -> None:
-        """Forget what was plotted and traced, so that nobody sees a leap over the gap."""
+        """Clear plots and traces, so that no line bridges the gap."""
         for trail in (self._figures, *self._ways.values()):
             trail.clear()
 
@@ -106,7 +106,7 @@ class Page:
             self._plots.show(self._figures.times, self._figures.values)
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
-        """Somebody, perhaps this page, has set something."""
+        """Show parameters that were changed, by this page or elsewhere."""
         self._controls.show(node, values)
         if node == 'controller':
             self._arm.apply(values)

@@ -1,4 +1,4 @@
-"""The newest values of something that changes, and when it had them."""
+"""A ring buffer of values with their times."""
 
 from collections import deque
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class RingBuffer:
-    """The newest values of something, each with its instant.
+    """The newest values of a signal, each with its time.
 
     Args:
         span: How long they are kept [s].
@@ -18,7 +18,7 @@ class RingBuffer:
         self._kept: deque[tuple[float, Any]] = deque()
 
     def add(self, time: float, value: Any) -> None:
-        """Keep a value; a clock that went back begins anew.
+        """Append a value; a clock that went back clears the buffer.
 
         Args:
             time: [s].

@@ -1,4 +1,4 @@
-"""The arm in three dimensions: its shapes, the points of its task, the ways of tip and elbow."""
+"""The arm in three dimensions: its shapes, the points of its task, the paths of tip and elbow."""
 
 import numpy as np
 import trimesh
@@ -68,14 +68,14 @@ class ArmScene:
                 link.wxyz = _wxyz(moved)
 
     def ways(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """Where tip and elbow are at q (n,) [rad], each (3,) [m]; an arm may have no elbow."""
+        """Positions of tip and elbow at q (n,) [rad], each (3,) [m]; an arm may have no elbow."""
         places = {'tip': self._model.tip(q)[0]}
         if self._model.arm.elbow_frame:
             places['elbow'] = self._model.position(q, self._model.elbow_frame)
         return places
 
     def trace(self, way: str, points: np.ndarray) -> None:
-        """Draw the way of tip or elbow.
+        """Draw the path of tip or elbow.
 
         Args:
             way: 'tip' or 'elbow'.

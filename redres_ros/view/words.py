@@ -1,4 +1,4 @@
-"""What the page says in words and bars. What comes from the graph is not ours, and is escaped."""
+"""Texts and bars of the page as HTML. Texts from the graph are escaped."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -91,7 +91,7 @@ def _tag(limit: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """What somebody said, so that it is text and nothing else, and no longer than can be read."""
+    """A text from the graph, escaped and of limited length."""
     return escape(text[:_LONGEST])
 
 
