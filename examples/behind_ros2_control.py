@@ -14,11 +14,13 @@ and beside it, with the same rate:
 import argparse
 import contextlib
 import random
+import signal
 import time
 
 import numpy as np
 import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -83,9 +85,10 @@ parser.add_argument('--seconds', type=float, default=20.0, help='of motion')
 parser.add_argument('--rate', type=float, default=100.0, help='cycles per second')
 options = parser.parse_args()
 
-rclpy.init()
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 robot = Robot(options.rate)
 with contextlib.suppress(KeyboardInterrupt):
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     run(robot, options.seconds)
 print(f'answered {100.0 * len(robot.way) / max(robot.states, 1):.1f} % of {robot.states} states')
 if robot.way:

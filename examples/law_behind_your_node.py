@@ -4,11 +4,13 @@ Start a robot first, the fake one with `redres_sim`, then: python examples/law_b
 """
 
 import math
+import signal
 
 import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -59,11 +61,12 @@ class UpAndDown(Node):
         self.commands.publish(answer)
 
 
-rclpy.init()
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = UpAndDown()
 try:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     while node.t < DURATION:
-        rclpy.spin_once(node)
+        rclpy.spin_once(node, timeout_sec=0.1)
 except KeyboardInterrupt:
     pass
 if node.heights:

@@ -14,12 +14,15 @@ to the next in a straight line.
 import argparse
 import contextlib
 import math
+import signal
+import sys
 
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 CAMERA = 1.0 / 30.0  # [s] from one picture to the next
@@ -105,12 +108,15 @@ parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument('--seconds', type=float, default=10.0)
 options = parser.parse_args()
 
-rclpy.init()
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 servo = Servo()
 with contextlib.suppress(KeyboardInterrupt):
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     while servo.pictures * CAMERA < options.seconds:
-        rclpy.spin_once(servo)
+        rclpy.spin_once(servo, timeout_sec=0.1)
 servo.steer(np.zeros(3), '')
+if not servo.errors:
+    sys.exit('no states of the robot came: start redres_sim and redres_controller first')
 late = servo.errors[len(servo.errors) // 3 :]
 behind = 1e3 * float(np.median(late))
 print(

@@ -96,7 +96,7 @@ def test_figures_that_are_printed_alike_are_marked_alike(capsys) -> None:
     ('peak', 'said'),
     [
         (1.04, 'the law does not matter'),
-        (2.7, 'accelerate 2.7 times as much with b as with a'),
+        (2.7, 'acceleration with b is 2.7 times that with a'),
     ],
 )
 def test_a_line_says_what_is_worth_knowing_of_a_comparison(peak: float, said: str) -> None:

@@ -2,8 +2,10 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -70,6 +72,33 @@ def test_a_node_of_ones_own_moves_the_robot(tmp_path: Path) -> None:
             robot.end()
     # Half a period of the sine: 0.05 m/s * 2 / pi.
     assert height == pytest.approx(0.032, abs=0.005)
+
+
+@pytest.mark.parametrize('name', ['law_behind_your_node', 'visual_servoing', 'behind_ros2_control'])
+def test_a_node_that_is_asked_to_end_shows_no_traceback(name: str) -> None:
+    pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+    from redres_ros.demo.processes import own_domain
+
+    with (
+        own_domain(),
+        subprocess.Popen(
+            [sys.executable, str(EXAMPLES / f'{name}.py')], stderr=subprocess.PIPE, text=True
+        ) as process,
+    ):
+        deadline = time.monotonic() + 60.0
+        while not has_handler_of_sigterm(process.pid):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        process.terminate()
+        _, complaint = process.communicate(timeout=60.0)
+    assert 'Traceback' not in complaint
+
+
+def has_handler_of_sigterm(pid: int) -> bool:
+    """Whether a process has asked the kernel for the signal."""
+    status = Path(f'/proc/{pid}/status').read_text()
+    caught = int(re.search(r'SigCgt:\s*(\w+)', status)[1], 16)
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
 
 
 def test_the_notebook_runs_and_prints_what_it_says_that_it_prints() -> None:

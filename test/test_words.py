@@ -8,8 +8,10 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from redres_ros import RobotModel
-from redres_ros.demo.demo import DemoOptions
+from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.words import after, before
+
+PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'limits': ('none',)})
 
 
 def outcome(**given: Any) -> Any:
@@ -36,10 +38,24 @@ def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel)
 def test_after_it_says_what_came_of_it_and_what_to_try_next(
     given: dict[str, Any], words: tuple[str, ...]
 ) -> None:
-    said = after(outcome(**given))
+    said = after(outcome(**given), PAPERS, 'lwr4_paper')
     assert all(word in said for word in words)
 
 
 @pytest.mark.parametrize('given', [{'interrupted': True}, {'motion': None}, {'succeeded': False}])
 def test_where_there_is_nothing_to_learn_it_says_nothing(given: dict[str, Any]) -> None:
-    assert after(outcome(**given)) == ''
+    assert after(outcome(**given), PAPERS, 'lwr4_paper') == ''
+
+
+@pytest.mark.parametrize(
+    ('options', 'robot'),
+    [
+        (DemoOptions('', 'minimum_acceleration', 500.0), 'xarm7.urdf'),
+        (DemoOptions('rectangle', 'minimum_velocity', 500.0), 'lwr4_paper'),
+    ],
+)
+def test_what_holds_for_the_papers_task_alone_is_said_of_no_other_run(
+    options: DemoOptions, robot: str
+) -> None:
+    said = after(outcome(), options, robot)
+    assert 'came through' in said and 'is stopped' not in said

@@ -128,8 +128,10 @@ def _demo(options: argparse.Namespace) -> int:
         progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
     ):
         _say(before(demo.options, demo.model))
-        _say_where(domain, demo)
-        ending = demo.run(progress)
+        print(
+            f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True
+        )
+        ending = demo.run(progress, _say)
     if ending.interrupted:
         print(
             f'ended; what came of it goes to {options.out}, unless Ctrl-C comes again', flush=True
@@ -138,7 +140,7 @@ def _demo(options: argparse.Namespace) -> int:
     with handled(partial(_end_at_once, demo), signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome(ending)
         write_results(outcome, demo, options)
-        _say(after(outcome))
+        _say(after(outcome, demo.options, demo.task.robot))
     if outcome.interrupted:
         return 130
     return 0 if outcome.succeeded else 1
@@ -176,15 +178,6 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law, period), out)
     make_controller(options, motion, find_law(options, options.law, period), period)
     return demo
-
-
-def _say_where(domain: int, demo: 'Demo') -> None:
-    """Print where the run can be looked at."""
-    print(f'ROS domain {domain}; in another terminal: redres watch --domain {domain}', flush=True)
-    page = demo.options.views.get(_PAGE)
-    if page:
-        address = f'http://127.0.0.1:{page["port"]}'
-        print(f'page {address}, as soon as the nodes run; they stay until Ctrl-C', flush=True)
 
 
 def _rate(options: argparse.Namespace) -> float:

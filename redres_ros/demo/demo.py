@@ -108,6 +108,8 @@ class Demo:
         for name in (options.law, *(name for name, _ in options.switches)):
             law(name).check_damping(self._T)
         self._node_group = NodeGroup(options, task, law(options.law), out)
+        self._report: Callable[[str], None] = print
+        self._page = ''  # where it is served
         self._first_began = 0  # stamp at which the first task began [ns]
         self._node_parameters: dict[str, dict[str, Any]] = {}  # as the nodes have them, by name
 
@@ -120,11 +122,12 @@ class Demo:
             title += f', k_d = {law.damping:g} 1/s, λ = {law.forgetting_factor(self._T):g}'
         return title
 
-    def run(self, progress: Callable[[float], None]) -> Ending:
+    def run(self, progress: Callable[[float], None], report: Callable[[str], None]) -> Ending:
         """From starting the processes to ending them; Ctrl-C ends it early.
 
         Args:
             progress: Called with the fraction done, 0 to 1.
+            report: Takes a line for the user.
 
         Returns:
             How it ended; outcome() has the result.
@@ -132,6 +135,7 @@ class Demo:
         Raises:
             DemoError, GraphError, CallError: a node does not run, answer, or take a command.
         """
+        self._report = report
         interrupted = False
         endurance = None
         last = math.inf
@@ -237,6 +241,10 @@ class Demo:
     def _check(self, monitor: DemoMonitor) -> None:
         self._node_group.check()
         monitor.look()
+        if not self._page:
+            self._page = self._node_group.page
+            if self._page:
+                self._report(f'page {self._page}; the nodes stay until Ctrl-C')
         if monitor.newest and time.monotonic() - monitor.received_at > SILENCE:
             raise DemoError(f'no state from the robot for {SILENCE:g} s; see {self._out}/*.log')
 

@@ -16,6 +16,8 @@ from redres_ros.planning.waypoints import WaypointTask
 
 NODES = ('sim', 'controller', 'planner')
 
+_PAGE = 'page: '  # how the line begins in which it reports its address
+
 _LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
 # [s] that an ordinary machine may stall; the fake arm's clock then stands still
 _CLOCK_PATIENCE = 5.0
@@ -76,6 +78,12 @@ class NodeGroup:
     def is_watched(self) -> bool:
         """Whether something that shows the nodes still runs."""
         return any(view.status is None for view in self._views)
+
+    @property
+    def page(self) -> str:
+        """Where the page is served; empty before it is."""
+        pages = [view.last_line().partition(_PAGE)[2] for view in self._views]
+        return next(filter(None, pages), '')
 
     @property
     def recordings(self) -> list[Path]:

@@ -19,6 +19,7 @@ MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and ag
 STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still
 
 _START = 0.1  # [s] that count as the start
+_QUIET = 0.95  # of the cycles are answered in time on a computer that does nothing else
 
 # What a robot does in its session states, for those who do not know their names.
 _MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
@@ -237,7 +238,10 @@ def _cycle_rows(cycles: CycleCounts) -> list[tuple[str, ...]]:
         ('cycles of the robot',),
         ('in all', f'{cycles.total}, and the clock stood still for {cycles.stood_still:.3f} s'),
     ]
-    return rows + [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
+    rows += [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
+    if cycles.in_time < _QUIET * total:
+        rows.append(('why', 'this computer was busy; while the clock waits, no motion is lost'))
+    return rows
 
 
 def _endurance_rows(endurance: Endurance) -> list[tuple[str, ...]]:

@@ -2,6 +2,7 @@
 
 import os
 import select
+import shutil
 import signal
 import sys
 import termios
@@ -26,6 +27,7 @@ _PERIOD = 0.02  # [s] between messages
 _LAST_WORDS = 0.3  # [s] for which zeros follow a motion; then others may have the topic
 _MOST_KEYS = 64  # read at once
 _ENDING = (signal.SIGTERM, signal.SIGHUP)  # these would end the process without clean-up
+_CLEAR = '\r\x1b[K'  # a terminal's line
 _NOW = 0  # a stamp that means: as soon as it comes
 
 
@@ -118,7 +120,7 @@ def steer(node: Teleop, key_map: KeyMap) -> None:
             _steer(node, key_map, terminal)
         finally:
             node.stop()
-            print(flush=True)
+            print(_CLEAR, end='', flush=True)
 
 
 def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
@@ -136,7 +138,8 @@ def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
         dx = node.publish(time.monotonic())
         line = _line(dx, key_map, node.listeners)
         if line != shown:
-            print(f'\r{line:<78}', end='', flush=True)
+            width = shutil.get_terminal_size().columns - 1
+            print(f'{_CLEAR}{line[:width]}', end='', flush=True)
             shown = line
 
 

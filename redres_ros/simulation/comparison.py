@@ -179,7 +179,7 @@ def conclusion(efforts: Mapping[str, Effort]) -> str:
             'It does near singularities and on long paths.'
         )
     ratio = peaks[worst] / peaks[best]
-    return f'The joints accelerate {ratio:.2g} times as much with {worst} as with {best}, at most.'
+    return f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.'
 
 
 def label(law: Law) -> str:

@@ -22,6 +22,7 @@ DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
 GOOD = 1.25  # times the least peak of a task
 
 _QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # of the ratios, and how they are drawn
+_MOST = 0.9  # of the tasks, if there are enough of them
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # marked, if they are on the axis
 
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
@@ -58,6 +59,10 @@ class Trials:
     def good(self) -> np.ndarray:
         """Fraction of the tasks on which a damping is within GOOD times of the best, (d,)."""
         return (self.ratios <= GOOD).mean(axis=0)
+
+    def tells(self, share: float) -> bool:
+        """Whether there are enough tasks for that quantile to be another than the maximum."""
+        return len(self.ratios) * (1.0 - share) >= 1.0 - 1e-9
 
     def quantiles(self, share: float) -> np.ndarray:
         """Of the ratios, (d,)."""
@@ -139,7 +144,9 @@ def damping_table(trials: Trials, title: str) -> Table:
         trials: Of one law.
         title: Says what was tried.
     """
-    columns = (trials.good, trials.quantiles(0.5), trials.quantiles(0.9), trials.kept.mean(axis=0))
+    share = _MOST if trials.tells(_MOST) else 1.0
+    most = trials.quantiles(share)
+    columns = (trials.good, trials.quantiles(0.5), most, trials.kept.mean(axis=0))
     rows = [
         [f'{damping:g}', f'{good:.0%}', f'{half:.2f}', f'{most:.3g}', f'{kept:.0%}']
         for damping, good, half, most, kept in zip(trials.dampings, *columns, strict=True)
@@ -148,7 +155,7 @@ def damping_table(trials: Trials, title: str) -> Table:
         'k_d [1/s]',
         f'within {GOOD:g} x the best',
         'median of peak / best',
-        'nine in ten below',
+        'nine in ten below' if share < 1.0 else 'largest',
         'joints within limits',
     )
     return table(heads, rows, title=f'{trials.law}, {title}')
@@ -164,15 +171,17 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     figure = Figure(figsize=(9.0, 6.5), layout='constrained')
     good, bad = figure.subplots(2, 1, sharex=True)
     good.set_title(title)
+    shares = {s: style for s, style in _QUANTILES.items() if all(t.tells(s) for t in results)}
     for trials in results:
         places = np.arange(len(trials.dampings))
         colour = law_colour(trials.law)
         good.plot(places, 100.0 * trials.good, 'o-', color=colour, label=trials.law)
-        for share, style in _QUANTILES.items():
+        for share, style in shares.items():
             bad.plot(places, trials.quantiles(share), style, color=colour)
     good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
     good.set_ylim(0.0, 105.0)
-    bad.set_ylabel('peak / least peak [-]\n(of 100 tasks 50, 90, 99 are below)')
+    below = ', '.join(f'{100.0 * share:g}' for share in shares)
+    bad.set_ylabel(f'peak / least peak [-]\n(of 100 tasks {below} are below)')
     bad.set_yscale('log')
     bad.minorticks_off()
     top = max(bad.get_ylim()[1], _RATIOS[1])
