@@ -17,7 +17,7 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.render import Film
 from redres_ros.view import film
 
-SIZE = (60, 48)
+SIZE = (300, 240)
 
 
 @pytest.fixture(scope='module')
@@ -26,7 +26,8 @@ def motion() -> SimpleNamespace:
     task = load_task('planar4r_hexagon')
     whole = run(Controller(model, make_law('minimum_velocity'), 0.02), task)
     recording = replace(whole, data=whole.data[:80])
-    return SimpleNamespace(model=model, task=task, recording=recording)
+    filmed = film.FilmedMotion(recording, 'a title', 'minimum_velocity')
+    return SimpleNamespace(model=model, task=task, recording=recording, filmed=filmed)
 
 
 @pytest.fixture
@@ -48,7 +49,7 @@ def test_a_film_shows_the_motion_from_its_start_to_its_end(
 ) -> None:
     image = pytest.importorskip('PIL.Image')
     path = tmp_path / 'film.webp'
-    film.write_film(motion.recording, motion.model, motion.task, 'a title', path)
+    film.write_film([motion.filmed], motion.model, motion.task, path)
     q = motion.recording.vectors('q1')
     assert (shown[0].q[0] == q[0]).all() and (shown[0].q[-1] == q[-1]).all()
     assert shown[0].traced[0] == 0.0 and shown[0].traced[-1] == 1.0
@@ -62,20 +63,34 @@ def test_a_film_is_as_long_as_the_motion(
 ) -> None:
     ffmpeg = pytest.importorskip('imageio_ffmpeg')
     path = tmp_path / 'film.mp4'
-    film.write_film(motion.recording, motion.model, motion.task, 'a title', path)
+    film.write_film([motion.filmed], motion.model, motion.task, path)
     frames, seconds = ffmpeg.count_frames_and_secs(str(path))
     assert frames == len(shown[0].q)
     assert motion.recording['t'][-1] < seconds < motion.recording['t'][-1] + 3.0
 
 
 def test_curves_grow_with_time(motion: SimpleNamespace) -> None:
-    plots = film._Plots(motion.recording, 'a title', (300, 240))
-    first = plots.at(0)
-    last = plots.at(len(motion.recording.data) - 1)
-    half = plots.at(len(motion.recording.data) // 2)
+    t = motion.recording['t']
+    plots = film._Plots([motion.filmed], ('joint_velocity_norm',), (300, 240))
+    first, half, last = (plots.at(t[row]) for row in (0, len(t) // 2, -1))
     assert (half[:, :100] == last[:, :100]).all()
     assert (half[:, -60:] == first[:, -60:])[:, :50].all()
     assert (first != last).any()
+
+
+def test_motions_side_by_side_end_each_at_its_own_time(
+    motion: SimpleNamespace, shown: list[Film], tmp_path: Path
+) -> None:
+    image = pytest.importorskip('PIL.Image')
+    short = replace(motion.recording, data=motion.recording.data[:40])
+    other = film.FilmedMotion(short, 'another', 'minimum_torque')
+    path = tmp_path / 'film.webp'
+    film.write_film([motion.filmed, other], motion.model, motion.task, path)
+    assert len(shown[0].q) == len(shown[1].q)  # pictures
+    assert (shown[1].q[-1] == short.vectors('q1')[-1]).all()
+    width, height = image.open(path).size
+    assert width == 2 * round(0.75 * 2 * SIZE[1] / 2)
+    assert height > SIZE[0]
 
 
 def test_a_page_replays_the_motion_without_asking_anybody(

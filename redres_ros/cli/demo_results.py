@@ -77,9 +77,10 @@ def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     motion = (outcome.recording, demo.model, demo.task, demo.title)
     kind = 'messages'
     if path.suffix in _FILMS:
-        from redres_ros.view.film import write_film
+        from redres_ros.view.film import FilmedMotion, write_film
 
-        write_film(*motion, path)
+        filmed = FilmedMotion(outcome.recording, demo.title, demo.options.law)
+        write_film([filmed], demo.model, demo.task, path)
         kind = 'film'
     elif path.suffix == _PAGE:
         from redres_ros.view.saved import write_page

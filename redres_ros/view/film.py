@@ -1,8 +1,10 @@
-"""A film of a recorded motion: the arm on the left, its norms over time on the right."""
+"""A film of a recorded motion: the arm on the left, its norms over time on the right; or of several
+motions, side by side above their accelerations.
+"""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +14,7 @@ from matplotlib.figure import Figure
 from redres_ros.errors import FileError, RedresError
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.render import Film, render
 
@@ -22,15 +25,18 @@ _SHARE = {'.mp4': 1.0, '.webp': 0.75, '.gif': 0.6}  # of the size in which the a
 _QUALITY = 55  # of a webp, 0 to 100
 _LAST = 1.5  # [s] for which the last picture stays
 _DOTS = 100.0  # a matplotlib inch
-_PAST = '#1f77b4'
 _COMING = '#d9dde3'
 _CURSOR = np.array((214, 39, 40), dtype=np.uint8)
-_WAY = 100  # points of a way at most
+_PATH = 100  # points of a path at most
 _PLOTTED = {
     'joint_velocity_norm': 'joint velocity, norm [rad/s]',
     'joint_acceleration_norm': 'joint acceleration, norm [rad/s²]',
     'task_scaling': 'task scaling s',
 }
+_COMPARED = ('joint_acceleration_norm',)  # of several motions
+_COMPARED_HEIGHT = 0.4  # of the plot of several motions, for that of the arm
+_BANNER = 44  # height [pixels]
+_STOPPED = '#d62728'
 _AT_LEAST = {'joint_velocity_norm': 1.0, 'joint_acceleration_norm': 10.0, 'task_scaling': 1.1}
 
 
@@ -44,16 +50,30 @@ def check_film(path: Path) -> None:
         raise FilmError(f'the film {path}; expected a name that ends in {", ".join(FORMATS)}')
 
 
+@dataclass(frozen=True)
+class FilmedMotion:
+    """A motion in a film.
+
+    Attributes:
+        recording: The motion.
+        title: Above its plots, or above its arm.
+        law: Whose colour the curves have.
+    """
+
+    recording: Recording
+    title: str
+    law: str
+
+
 def write_film(
-    recording: Recording, model: RobotModel, task: WaypointTask, title: str, path: Path
+    motions: Sequence[FilmedMotion], model: RobotModel, task: WaypointTask, path: Path
 ) -> None:
     """Write a film in real time.
 
     Args:
-        recording: The motion.
+        motions: One, or several that are shown side by side.
         model: Of the arm that moved.
         task: What it was to do.
-        title: Above the plots.
         path: Of the file; its ending is one of FORMATS.
 
     Raises:
@@ -62,14 +82,13 @@ def write_film(
         FileError: The file cannot be written.
     """
     check_film(path)
-    ticks = _ticks(recording, _RATE[path.suffix])
-    arm = render(model.arm, _scene(recording, model, task, ticks))
-    plots = _Plots(recording, title, arm.shape[1:3])
-    share = _SHARE[path.suffix]
-    pictures = (
-        _scaled(np.concatenate((shot, plots.at(tick)), axis=1), share)
-        for shot, tick in zip(arm, ticks, strict=True)
-    )
+    end = max(motion.recording['t'][-1] for motion in motions)
+    start = min(motion.recording['t'][0] for motion in motions)
+    times = np.arange(start, end + _LAST, 1.0 / _RATE[path.suffix])
+    scenes = [_scene(motion.recording, model, task, times) for motion in motions]
+    arms = [render(model.arm, scene) for scene in scenes]
+    frames = _one(motions[0], arms[0], times) if len(arms) == 1 else _several(motions, arms, times)
+    pictures = (_scaled(frame, _SHARE[path.suffix]) for frame in frames)
     try:
         if path.suffix == '.mp4':
             _write_video(path, pictures)
@@ -79,17 +98,40 @@ def write_film(
         raise FileError(f'cannot write {path}: {error.strerror or error}') from None
 
 
-def _ticks(recording: Recording, rate: float) -> np.ndarray:
-    """The row of each picture, (N,); the last one stays for a while."""
+def _one(motion: FilmedMotion, arm: np.ndarray, times: np.ndarray) -> Iterator[np.ndarray]:
+    """The arm with its plots on the right."""
+    plots = _Plots([motion], tuple(_PLOTTED), arm.shape[1:3], motion.title)
+    for shot, t in zip(arm, times, strict=True):
+        yield np.concatenate((shot, plots.at(t)), axis=1)
+
+
+def _several(
+    motions: Sequence[FilmedMotion], arms: Sequence[np.ndarray], times: np.ndarray
+) -> Iterator[np.ndarray]:
+    """The arms beside each other, under what became of each, with one plot below."""
+    height, width = arms[0].shape[1:3]
+    size = (round(_COMPARED_HEIGHT * height), len(arms) * width)
+    plots = _Plots(motions, _COMPARED, size)
+    banners = [_Banner(motion, width) for motion in motions]
+    for shots, t in zip(zip(*arms, strict=True), times, strict=True):
+        columns = [
+            np.concatenate((banner.at(t), shot), axis=0)
+            for banner, shot in zip(banners, shots, strict=True)
+        ]
+        yield np.concatenate((np.concatenate(columns, axis=1), plots.at(t)), axis=0)
+
+
+def _rows(recording: Recording, times: np.ndarray) -> np.ndarray:
+    """The row of each picture, (N,); the last one stays."""
     t = recording['t']
-    times = np.arange(t[0], t[-1] + _LAST, 1.0 / rate)
     rows: np.ndarray = np.minimum(np.searchsorted(t, times), len(t) - 1)
     return rows
 
 
-def _scene(recording: Recording, model: RobotModel, task: WaypointTask, ticks: np.ndarray) -> Film:
+def _scene(recording: Recording, model: RobotModel, task: WaypointTask, times: np.ndarray) -> Film:
+    ticks = _rows(recording, times)
     q = recording.vectors('q1')
-    rows = np.linspace(0, len(q) - 1, min(_WAY, len(q))).astype(int)
+    rows = np.linspace(0, len(q) - 1, min(_PATH, len(q))).astype(int)
     elbow = np.zeros((0, 3))
     if model.arm.elbow_frame:
         elbow = np.array([model.position(q[row], model.arm.elbow_frame) for row in rows])
@@ -102,62 +144,103 @@ def _scene(recording: Recording, model: RobotModel, task: WaypointTask, ticks: n
     )
 
 
+class _Banner:
+    """The title of a motion, and how it ended once it has."""
+
+    def __init__(self, motion: FilmedMotion, width: int) -> None:
+        recording = motion.recording
+        ending = recording.ending.partition(':')[0]
+        self._end = recording['t'][-1]
+        self._moving = _text(motion.title, width, law_colour(motion.law))
+        colour = law_colour(motion.law) if recording.finished else _STOPPED
+        self._ended = _text(f'{motion.title}: {ending}', width, colour)
+
+    def at(self, t: float) -> np.ndarray:
+        """The picture (height, width, 3) at the time t [s]."""
+        return self._moving if t < self._end else self._ended
+
+
+def _text(text: str, width: int, colour: str) -> np.ndarray:
+    """White letters on a colour, (height, width, 3)."""
+    figure = Figure(figsize=(width / _DOTS, _BANNER / _DOTS), dpi=_DOTS, facecolor=colour)
+    figure.text(0.5, 0.48, text, color='white', ha='center', va='center', fontsize=11.5)
+    return _drawn(figure)
+
+
+def _drawn(figure: Figure) -> np.ndarray:
+    """The pixels (height, width, 3) of a figure."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+
 class _Plots:
     """The plots, whose curves grow: all of them are drawn twice, as the future and as the past."""
 
-    def __init__(self, recording: Recording, title: str, size: tuple[int, int]) -> None:
-        self._t = recording['t']
-        self._coming, corners = _draw(recording, title, size, _COMING)
-        self._past, _ = _draw(recording, title, size, _PAST)
+    def __init__(
+        self,
+        motions: Sequence[FilmedMotion],
+        norms: Sequence[str],
+        size: tuple[int, int],
+        title: str = '',
+    ) -> None:
+        self._start = min(motion.recording['t'][0] for motion in motions)
+        self._end = max(motion.recording['t'][-1] for motion in motions)
+        self._coming, _ = self._draw(motions, norms, size, title, _COMING)
+        self._past, corners = self._draw(motions, norms, size, title)
         self._columns = corners[:, 0]
-        self._rows = (size[0] - corners[:, 1]).astype(int)  # of pixels, counted from above
+        self._pixel_rows = (size[0] - corners[:, 1]).astype(int)  # counted from above
 
-    def at(self, tick: int) -> np.ndarray:
-        """The picture (height, width, 3) at a row of the recording."""
+    def at(self, t: float) -> np.ndarray:
+        """The picture (height, width, 3) at the time t [s]."""
         first, last = self._columns
-        top, bottom = self._rows
-        share = (self._t[tick] - self._t[0]) / max(self._t[-1] - self._t[0], 1e-9)
-        column = round(first + share * (last - first))
+        top, bottom = self._pixel_rows
+        fraction = (min(t, self._end) - self._start) / max(self._end - self._start, 1e-9)
+        column = round(first + fraction * (last - first))
         picture = self._coming.copy()
         picture[:, :column] = self._past[:, :column]
         cursor = picture[top:bottom, column : column + 2]
         cursor[:] = _CURSOR // 2 + cursor // 2
         return picture
 
+    def _draw(
+        self,
+        motions: Sequence[FilmedMotion],
+        norms: Sequence[str],
+        size: tuple[int, int],
+        title: str,
+        colour: str = '',
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The plots (height, width, 3), and two of their corners (2, 2) [pixels from below].
 
-def _draw(
-    recording: Recording, title: str, size: tuple[int, int], colour: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """The plots (height, width, 3), and two of their corners (2, 2) [pixels from below].
+        One is where time begins, above all plots, the other where it ends, below them.
+        """
+        height, width = size
+        figure = Figure(figsize=(width / _DOTS, height / _DOTS), dpi=_DOTS, layout='constrained')
+        if title:
+            figure.suptitle(title, fontsize=9.5, wrap=True)
+        panels = list(np.atleast_1d(figure.subplots(len(norms), 1, sharex=True)))
+        for ax, norm in zip(panels, norms, strict=True):
+            self._draw_norm(ax, norm, motions, colour)
+        panels[-1].set_xlabel('time [s]', fontsize=8)
+        picture = _drawn(figure)
+        top = panels[0].get_window_extent().y1
+        begin, end = panels[-1].transData.transform(((self._start, 0.0), (self._end, 0.0)))
+        return picture, np.array(((begin[0], top), (end[0], end[1])))
 
-    One is where time begins, above all plots, the other where it ends, below them.
-    """
-    height, width = size
-    figure = Figure(figsize=(width / _DOTS, height / _DOTS), dpi=_DOTS)
-    figure.subplots_adjust(left=0.13, right=0.95, top=0.86, bottom=0.09, hspace=0.42)
-    figure.text(0.5, 0.955, title, ha='center', va='center', fontsize=9.5, wrap=True)
-    panels: Any = figure.subplots(len(_PLOTTED), 1, sharex=True)
-    for ax, (name, label) in zip(panels, _PLOTTED.items(), strict=True):
-        _draw_curve(ax, recording, name, label, colour)
-    panels[-1].set_xlabel('time [s]', fontsize=8)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    t = recording['t']
-    top = panels[0].get_window_extent().y1
-    begin, end = panels[-1].transData.transform(((t[0], 0.0), (t[-1], 0.0)))
-    corners = np.array(((begin[0], top), (end[0], end[1])))
-    return np.asarray(canvas.buffer_rgba())[:, :, :3].copy(), corners
-
-
-def _draw_curve(ax: Axes, recording: Recording, name: str, label: str, colour: str) -> None:
-    t = recording['t']
-    values = recording[name]
-    ax.plot(t, values, color=colour, lw=1.6)
-    ax.set_title(label, fontsize=8.5, loc='left')
-    ax.set_xlim(t[0], max(t[-1], t[0] + recording.T))
-    ax.set_ylim(0.0, max(_AT_LEAST[name], 1.05 * float(values.max())))
-    ax.tick_params(labelsize=7.5)
-    ax.grid(alpha=0.25)
+    def _draw_norm(self, ax: Axes, norm: str, motions: Sequence[FilmedMotion], colour: str) -> None:
+        """One norm of every motion, in a colour or, if there is none, in that of its law."""
+        highest = _AT_LEAST[norm]
+        for motion in motions:
+            values = motion.recording[norm]
+            highest = max(highest, 1.05 * float(values.max()))
+            color = colour or law_colour(motion.law)
+            ax.plot(motion.recording['t'], values, color=color, lw=1.6)
+        ax.set_title(_PLOTTED[norm], fontsize=8.5, loc='left')
+        ax.set_xlim(self._start, max(self._end, self._start + motions[0].recording.T))
+        ax.set_ylim(0.0, highest)
+        ax.tick_params(labelsize=7.5)
+        ax.grid(alpha=0.25)
 
 
 def _scaled(picture: np.ndarray, share: float) -> np.ndarray:
