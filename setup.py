@@ -36,6 +36,7 @@ DOCS = [
     'myst-parser>=4.0.1',
     'furo>=2025.7.19',
     'sphinx-copybutton>=0.5.2',
+    'latex2mathml>=3.77',
 ]
 
 

@@ -20,12 +20,15 @@ extensions = [
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
     'sphinx_copybutton',
+    'extension.formulas',
     'extension.long_names',
     'extension.tables',
 ]
 exclude_patterns = ['Thumbs.db', '.DS_Store']
 
-myst_enable_extensions = ['attrs_block', 'deflist']
+myst_enable_extensions = ['attrs_block', 'deflist', 'dollarmath']
+myst_dmath_double_inline = False
+html_math_renderer = 'mathml'
 myst_heading_anchors = 3  # headings down to this level can be linked to
 
 smartquotes = False  # options begin with two hyphens
