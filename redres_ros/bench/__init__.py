@@ -1,1 +1,1 @@
-"""How fast it is: a tick beside its peers, the loop over DDS beside bare echoes."""
+"""Benchmarks: a tick beside its peers, the loop over DDS beside bare echoes."""

@@ -20,7 +20,7 @@ _REMINDER = 4  # cycles from one word on the scaling to the next, as the control
 
 
 class CourierNode(Node):
-    """The answer to every state is a command to stay there."""
+    """Responds to every state with a command to stay there."""
 
     def __init__(self) -> None:
         super().__init__('controller')

@@ -13,7 +13,7 @@ from redres_ros.nodes.runtime import run_nodes
 
 
 class EchoNode(Node):
-    """The answer to every state is that state."""
+    """Responds to every state with that state."""
 
     def __init__(self) -> None:
         super().__init__('echo')

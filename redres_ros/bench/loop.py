@@ -1,4 +1,4 @@
-"""The loop over DDS at several rates: from a state's way out of the robot to its answer."""
+"""The loop over DDS at several rates: the time from a state to its command."""
 
 import os
 import time
@@ -47,17 +47,17 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 
 
 class BenchError(RedresError):
-    """A measurement that did not come about."""
+    """A measurement that failed."""
 
 
 @dataclass(frozen=True)
 class LoopResult:
-    """Round trips by rate [Hz] and by who answers."""
+    """Round trips by rate [Hz] and by responder."""
 
     round_trips: Mapping[float, Mapping[str, RoundTrips]]
 
     def table(self) -> Table:
-        """One line for each rate and who answers."""
+        """One line for each rate and responder."""
         heads = ('median', 'p99', 'p99.9', 'max')
         rows: list[tuple[str, ...]] = []
         for rate, kinds in self.round_trips.items():
@@ -78,7 +78,7 @@ class LoopResult:
 
 
 def graphs() -> dict[str, tuple[str, ...]]:
-    """Those of GRAPHS that are possible here."""
+    """The entries of GRAPHS that can run here."""
     if os.access(LATENCY, os.W_OK):
         return GRAPHS
     return {name: nodes for name, nodes in GRAPHS.items() if not name.endswith(_AWAKE)}

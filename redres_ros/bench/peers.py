@@ -1,4 +1,4 @@
-"""Others' ways to the same joint velocity: embodik, pink and mink; and Pinocchio's bare calls.
+"""Other libraries for the same joint velocity: embodik, pink and mink; and Pinocchio's bare calls.
 
 Beside robot_model.py and the fake robot the one place that calls pinocchio and mujoco: what a peer
 costs must not depend on our own wrappers. Peers are imported when asked for, since they are no
@@ -67,7 +67,7 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
 
 
 def limited_peers(arm: Arm, T: float, limit_scale: float) -> dict[str, Peer]:
-    """Those that keep accelerations too, under limits so narrow that they act.
+    """The peers that keep acceleration limits too, under limits narrow enough to act.
 
     Args:
         arm: As for `peers`.
@@ -144,7 +144,7 @@ def _mink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
 
 
 def _bare_mujoco_model(arm: Arm) -> Any:
-    """The arm without shapes, which would only cost time."""
+    """The arm without shapes, which would cost time."""
     import mujoco
 
     spec = mujoco.MjSpec.from_string(arm.description())
@@ -154,7 +154,7 @@ def _bare_mujoco_model(arm: Arm) -> Any:
 
 
 def floors(arm: Arm) -> dict[str, Floor]:
-    """Pinocchio's calls for what a law needs: kinematics; M and n besides; and all it knows."""
+    """Pinocchio's calls for a law: kinematics; with M and n; and all terms."""
     import pinocchio as pin
 
     model = pin.buildModelFromXML(arm.description())

@@ -1,4 +1,4 @@
-"""All that was measured in one run as a file, with the machine and the versions."""
+"""Writes the results of a run to a file, with the machine and the versions."""
 
 import json
 import math

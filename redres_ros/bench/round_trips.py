@@ -1,4 +1,4 @@
-"""States that went out and their answers: how long that took, how many were late or lost."""
+"""Round trips from states to commands: times, and how many were late or lost."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _QUANTILES = {'median_us': 0.5, 'p99_us': 0.99, 'p99_9_us': 0.999, 'max_us': 1.0
 
 @dataclass(frozen=True)
 class RoundTrips:
-    """What became of N states that went out, one every period.
+    """The round trips of N states, one every period.
 
     Attributes:
         period: [s].
@@ -37,7 +37,7 @@ class RoundTrips:
         answered: Sequence[float],
         processors: Mapping[str, float],
     ) -> 'RoundTrips':
-        """From the instants at which states went out and were answered.
+        """From the times at which states were sent and answered.
 
         Args:
             period: At which states should go out [s].
@@ -80,7 +80,7 @@ class RoundTrips:
 
     @classmethod
     def joined(cls, parts: Sequence['RoundTrips']) -> 'RoundTrips':
-        """Repetitions of the same as one; at least one of them, all of one period."""
+        """Merges repetitions; at least one, all of one period."""
         latencies = np.concatenate([part.latencies for part in parts])
         counts = [len(part.latencies) for part in parts]
         processors = {}

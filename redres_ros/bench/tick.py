@@ -205,6 +205,6 @@ def deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
 def _over(
     call: Callable[[np.ndarray, np.ndarray], object], first: np.ndarray, second: np.ndarray
 ) -> Callable[[int], object]:
-    """The call with the rows of two arrays, round and round."""
+    """A call with the rows of two arrays, cyclically."""
     rows = list(zip(first, second, strict=True))
     return lambda k: call(*rows[k % len(rows)])

@@ -1,4 +1,4 @@
-"""Times of calls that take turns, so that a slow moment of the machine hits all of them alike."""
+"""Times of interleaved calls, so that a slow moment of the machine affects all alike."""
 
 import gc
 import random

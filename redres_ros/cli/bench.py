@@ -1,4 +1,4 @@
-"""`redres bench`: how fast it is on this machine, beside others' ways of doing the same."""
+"""`redres bench`: how fast it is on this machine, beside other libraries."""
 
 import argparse
 import math

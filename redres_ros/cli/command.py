@@ -1,4 +1,4 @@
-"""From the command line to a subcommand, and from whatever happens there to an exit status."""
+"""Runs a subcommand and turns its result into an exit status."""
 
 import os
 import sys
@@ -87,7 +87,7 @@ def _run(given: list[str]) -> int:
 
 
 def _load_plugins(words: list[str]) -> None:
-    """Load what --plugin names, whose gains the parser is to know."""
+    """Load the files of --plugin, so that the parser knows their gains."""
     words = [part for word in words for part in _parts(word)]
     paths = [path for word, path in pairwise(words) if word == _PLUGIN]
     if paths:
@@ -134,7 +134,7 @@ def _complain(line: str) -> None:
 
 
 def _let_go_of(stream: TextIO) -> None:
-    """What is still to be written has no place to go; without this Python would try once more."""
+    """Discard unwritten output; without this Python would try once more."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
 

@@ -1,4 +1,4 @@
-"""The controller that the options ask for: a law, and what is added to it."""
+"""Builds the controller from the options: a law, preferences, tasks and limits."""
 
 import argparse
 import os
@@ -53,7 +53,7 @@ def make_controller(
     *,
     switch_time: float = 0.0,
 ) -> 'Controller':
-    """A controller as the options ask for it.
+    """The controller of the options.
 
     Args:
         options: The command line.
@@ -144,7 +144,7 @@ def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
 
 
 def find_secondary_tasks(options: argparse.Namespace) -> 'tuple[str | Task, ...]':
-    """The further tasks; one without gains of its own holds the value of the start."""
+    """The secondary tasks; one without a target keeps its initial value."""
     from redres_ros.parameter import check_once
     from redres_ros.tasks import make_task
 
@@ -174,7 +174,7 @@ def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
-    """Kind and name of the laws, and of everything that is added to them.
+    """Kind and name of the laws, preferences and tasks in use.
 
     Args:
         options: The command line.
@@ -231,7 +231,7 @@ def _number(option: str, text: str) -> float:
 
 
 def _damping(options: argparse.Namespace, T: float) -> float | None:
-    """k_d [1/s] from either way of giving it; None where neither is given."""
+    """k_d [1/s] from either option; None if neither is given."""
     factor: float | None = options.forgetting_factor
     if factor is None:
         given: float | None = options.damping

@@ -55,7 +55,7 @@ def _dampings(options: argparse.Namespace) -> int:
 
 
 def _laws(text: str) -> list[str]:
-    """The laws' names. Raises RedresError for one that is none, or has no damping."""
+    """The laws' names. Raises RedresError for an unknown one, or one without damping."""
     from redres_ros.laws import make_law
 
     names = [name.strip() for name in text.split(',')]

@@ -1,4 +1,4 @@
-"""Places for results, which are looked at before a computation begins that may take long."""
+"""Output files, which are checked before a long computation begins."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,7 @@ from redres_ros.errors import FileError
 
 
 def made(directory: Path, *names: str) -> Path:
-    """The directory, which exists now, and in which files can be written.
+    """The directory, created if needed, and checked to be writable.
 
     Args:
         directory: Made with its parents where it does not exist.

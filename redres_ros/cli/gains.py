@@ -39,7 +39,7 @@ class Gain:
 
     @property
     def metavar(self) -> str:
-        """What stands for a value in the help."""
+        """The placeholder of a value in the help."""
         return 'X,Y,Z' if isinstance(self.default, tuple) else 'X'
 
     @property
@@ -82,7 +82,7 @@ def gains_in(tables: Mapping[str, Mapping[str, type]]) -> Iterator[Gain]:
 
 
 def find_tables(*, limits: bool) -> dict[str, Mapping[str, type]]:
-    """What can be combined to a motion, by kind.
+    """The tables of laws, preferences, tasks and limits, by kind.
 
     Args:
         limits: With the limits, which take a second more to load, and once, a minute to compile.
@@ -125,7 +125,7 @@ def gains_of(options: argparse.Namespace, kind: str, owner: str) -> dict[str, An
 
 
 def check_gains(options: argparse.Namespace, in_use: set[tuple[str, str]]) -> None:
-    """Refuse a gain of something that is not in use, which would do nothing.
+    """Refuse a gain whose owner is not in use: it would have no effect.
 
     Args:
         options: With the gains.

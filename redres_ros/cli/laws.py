@@ -1,4 +1,4 @@
-"""`redres laws`: the laws, and what can be combined with them."""
+"""`redres laws`: lists laws, preferences, tasks, limits and arms."""
 
 import argparse
 import inspect

@@ -1,4 +1,4 @@
-"""Options that several subcommands share. task.py and controller.py make what they ask for."""
+"""Options that several subcommands share; task.py and controller.py use them."""
 
 import argparse
 import re
@@ -21,7 +21,7 @@ _NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
-    """What is to move, by which law, and within which limits: the same for every motion.
+    """Arm, task, law and limits: the options of every motion.
 
     Args:
         parser: Of the subcommand.
@@ -53,7 +53,7 @@ def _add_arm(group: Any) -> None:
 
 
 def add_robot(group: Any, default: str | None = None) -> None:
-    """Which arm, and which of its links.
+    """The arm, and its tip and elbow links.
 
     Args:
         group: Of the subcommand's options.
@@ -84,7 +84,7 @@ def add_robot(group: Any, default: str | None = None) -> None:
 
 
 def add_laws(group: Any, default: str, says: str) -> None:
-    """--law of what takes several of them.
+    """--law of commands that take several laws.
 
     Args:
         group: Of the subcommand's options.
@@ -231,7 +231,7 @@ def add_loop(parser: Parser) -> Any:
 
 
 def add_out(group: Any, default: str, says: str) -> None:
-    """--out of what writes several files.
+    """--out of commands that write several files.
 
     Args:
         group: Of the subcommand's options.
@@ -244,7 +244,7 @@ def add_out(group: Any, default: str, says: str) -> None:
 
 
 def add_pictures_out(group: Any, default: str, says: str) -> None:
-    """--out of what draws: a directory, or a file for a publication.
+    """--out of commands that draw: a directory, or a file for a publication.
 
     Args:
         group: Of the subcommand's options.
@@ -271,14 +271,14 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 
 def add_watching_time(parser: argparse.ArgumentParser) -> None:
-    """--duration of what looks at nodes until it is ended."""
+    """--duration of commands that observe nodes."""
     parser.add_argument(
         '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
     )
 
 
 def check_duration(duration: float | None) -> None:
-    """Refuse a time [s] that nobody waits for, by RangeError; None is one that is left open."""
+    """Raise RangeError for a duration [s] that is not sensible; None is not limited."""
     if duration is not None and not 0.0 <= duration <= _LONGEST:
         raise RangeError('duration', duration, 0.0, _LONGEST, 's')
 

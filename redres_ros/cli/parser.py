@@ -1,4 +1,4 @@
-"""How a command line is read: words into values, and errors in one line."""
+"""The parser of the command line, with errors in one line."""
 
 import argparse
 import sys
@@ -15,7 +15,7 @@ _WIDTH = 54  # columns that the text of an option has in a terminal of 80
 
 
 class OptionError(RedresError):
-    """An option whose text cannot be read, or that does not go with the others."""
+    """An option that cannot be parsed, or conflicts with others."""
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):
@@ -34,7 +34,7 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
         return f'{said}; default: {_shown(action.default)}'
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        """As of the base class, but examples stay one a line."""
+        """As the base class, but with one example a line."""
         if text.startswith(_EXAMPLES):
             return text
         return super()._fill_text(text, width, indent)
@@ -49,7 +49,7 @@ def _shown(default: Any) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """Takes no abbreviations, and declares some options only when it parses.
+    """A parser without abbreviations that declares some options only when it parses.
 
     What those are made from takes a second to load; `redres --help` need not wait for it.
     """

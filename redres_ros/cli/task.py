@@ -1,4 +1,4 @@
-"""The arm and the task that the options ask for."""
+"""The arm and the task of the options."""
 
 import argparse
 from dataclasses import replace
@@ -15,7 +15,7 @@ _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
 
 
 class WantedMotion(NamedTuple):
-    """What is to be done, and by which arm.
+    """The task, and the arm.
 
     Args:
         name: The task as the command line or the table of arms names it; empty: made for the arm.
@@ -29,7 +29,7 @@ class WantedMotion(NamedTuple):
 
     @property
     def task_space(self) -> str:
-        """What a task velocity is of: 'position', or 'pose' where points have orientations."""
+        """The task space: 'position', or 'pose' if points have orientations."""
         return 'position' if self.task.orientations is None else 'pose'
 
     @property

@@ -1,4 +1,4 @@
-"""What stands between an arm and its record: encoders, a network, and a start at any time."""
+"""The measurement of an arm: encoders, a network, and a start at any time."""
 
 from dataclasses import dataclass
 

@@ -1,1 +1,1 @@
-"""The loop without ROS, for any task: run it, record it, compare and draw what came of it."""
+"""The loop without ROS, for any task: run, record, compare and plot."""

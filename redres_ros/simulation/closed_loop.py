@@ -19,7 +19,7 @@ PATIENCE = 3.0  # a task may take this many times its nominal duration
 
 
 class Client(Protocol):
-    """What answers the robot's states: a Controller, or one of second order.
+    """Computes a command for each state: a Controller, or one of second order.
 
     Attributes:
         model: Of the arm.
@@ -48,7 +48,7 @@ def run(
     switches: Mapping[int, Law] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
-    """The task from its start until the last point is reached, which gives no row of its own.
+    """The task from its start until the last point is reached, which adds no row.
 
     A loop that diverges or does not arrive in time is returned as far as it went, with finished
     False.
@@ -96,7 +96,7 @@ def _switch(controller: Client, law: Law) -> None:
 
 
 class _Loop:
-    """Planner, controller and an arm that is where its reference was some ticks ago.
+    """Planner, controller and an ideal arm with a delay of some ticks.
 
     Where limits allow only the fraction s of the task velocity, the planner's clock goes on by s T:
     the path is kept, and time is stretched.

@@ -1,4 +1,4 @@
-"""Laws side by side on one task: what each asks of the arm, and whether the arm could do it."""
+"""Laws side by side on one task: what each demands of the arm, and whether the arm could do it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ _WHOLE = {
 
 @dataclass(frozen=True)
 class Effort:
-    """What a motion asks of the arm.
+    """What a motion demands of the arm.
 
     Args:
         acceleration: Largest norm [rad/s^2].
@@ -149,7 +149,7 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
 
 
 def _answer(effort: Effort) -> str:
-    """To the question whether it stayed within the limits."""
+    """Whether it stayed within the limits, as text."""
     return f'no: {effort.violation}' if effort.violation else 'yes'
 
 
@@ -162,7 +162,7 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
 
 
 def conclusion(efforts: Mapping[str, Effort]) -> str:
-    """What is worth knowing of a comparison, in a line; empty where one law is alone.
+    """The conclusion of a comparison, in a line; empty for a single law.
 
     Args:
         efforts: By law.
@@ -190,7 +190,7 @@ def label(law: Law) -> str:
 
 
 def plain(number: float) -> str:
-    """The shortest text that stands for no other number."""
+    """The shortest text that identifies the number."""
     return repr(float(number)).removesuffix('.0')
 
 

@@ -1,4 +1,4 @@
-"""How much damping is good, over many random tasks and starts of one arm."""
+"""Finds a good damping over many random tasks and starts of one arm."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -162,7 +162,7 @@ def damping_table(trials: Trials, title: str) -> Table:
 
 
 def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
-    """The fraction of the tasks on which a damping is good, and how bad it is on the others.
+    """The fraction of the tasks on which a damping is good, and quantiles of the others.
 
     Args:
         results: One a law, of the same dampings.

@@ -1,4 +1,4 @@
-"""Pictures of motions. Draws to files; needs no display."""
+"""Pictures of motions. Draws to files, without a display."""
 
 import textwrap
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ _COLUMN_LETTERS = 64  # of a line of the title
 
 @dataclass(frozen=True)
 class Remarks:
-    """What is shown of a motion beside its curves.
+    """Remarks beside the curves of a motion.
 
     Attributes:
         beside: Ideal motions by law, drawn dashed for comparison.
@@ -153,7 +153,7 @@ def _plot_by_law(ax: Axes, norm: str, recording: Recording, remarks: Remarks) ->
 
 
 def _draw_errors(ax: Axes, recording: Recording) -> None:
-    """How far the tip is from where, and from how, it should be."""
+    """Position and orientation errors of the tip."""
     for column, color, label in (
         ('task_error', 'black', 'position [mm]'),
         ('orientation_error', 'tab:orange', 'orientation [mrad]'),
@@ -261,7 +261,7 @@ def _name_switches(ax: Axes, remarks: Remarks) -> None:
 
 
 def _label_hidden_peak(ax: Axes, other: Recording, norm: str, top: float) -> None:
-    """How high a curve is, beside the place where it leaves the picture."""
+    """Label the peak of a curve where it leaves the picture."""
     peak, t = other.peak(norm)
     beyond = other['t'][other[norm] > top]
     if not len(beyond):

@@ -1,4 +1,4 @@
-"""Pictures of an arm, drawn by MuJoCo off screen.
+"""Pictures of an arm, rendered by MuJoCo off screen.
 
 They are drawn in a process of their own: MuJoCo chooses its GL library once and for all when it is
 imported, and a library that does not work may take the process with it.
@@ -46,7 +46,7 @@ class RenderError(RedresError):
 
 @dataclass(frozen=True)
 class Film:
-    """What the pictures show.
+    """The content of the pictures.
 
     Attributes:
         q: Joint positions, one row a picture, (N, n) [rad].

@@ -1,4 +1,4 @@
-"""What a person sees in the terminal: progress bars and tables."""
+"""Progress bars and tables for the terminal."""
 
 import math
 import sys
@@ -56,7 +56,7 @@ def table(
 
 
 def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
-    """Labels and what belongs to them, both text.
+    """A table of labels and texts.
 
     Args:
         rows: (label, text); a row of one cell is the heading of a section.

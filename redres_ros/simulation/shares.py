@@ -1,4 +1,4 @@
-"""How much of the limits of their joints motions use, and what the limits leave of the task."""
+"""Velocities and accelerations of motions relative to their limits, and the task scaling."""
 
 from collections.abc import Mapping
 

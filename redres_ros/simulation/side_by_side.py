@@ -1,4 +1,4 @@
-"""Laws side by side from Python: `compare`, and a look at what came of it by `plot`."""
+"""Laws side by side from Python: `compare`, and `plot` for its result."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _WIDTH = 160  # columns of a table
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of some laws on one task; `print` shows it as tables.
+    """The results of some laws on one task; `print` shows them as tables.
 
     Args:
         recordings: Every tick, by law.
