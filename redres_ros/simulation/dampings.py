@@ -60,8 +60,8 @@ class Trials:
         """Fraction of the tasks on which a damping is within GOOD times of the best, (d,)."""
         return (self.ratios <= GOOD).mean(axis=0)
 
-    def tells(self, share: float) -> bool:
-        """Whether there are enough tasks for that quantile to be another than the maximum."""
+    def resolves(self, share: float) -> bool:
+        """Whether there are enough tasks to distinguish that quantile from the maximum."""
         return len(self.ratios) * (1.0 - share) >= 1.0 - 1e-9
 
     def quantiles(self, share: float) -> np.ndarray:
@@ -144,7 +144,7 @@ def damping_table(trials: Trials, title: str) -> Table:
         trials: Of one law.
         title: Says what was tried.
     """
-    share = _MOST if trials.tells(_MOST) else 1.0
+    share = _MOST if trials.resolves(_MOST) else 1.0
     most = trials.quantiles(share)
     columns = (trials.good, trials.quantiles(0.5), most, trials.kept.mean(axis=0))
     rows = [
@@ -171,7 +171,8 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     figure = Figure(figsize=(9.0, 6.5), layout='constrained')
     good, bad = figure.subplots(2, 1, sharex=True)
     good.set_title(title)
-    shares = {s: style for s, style in _QUANTILES.items() if all(t.tells(s) for t in results)}
+    fewest = min(results, key=lambda trials: len(trials.ratios))
+    shares = {share: style for share, style in _QUANTILES.items() if fewest.resolves(share)}
     for trials in results:
         places = np.arange(len(trials.dampings))
         colour = law_colour(trials.law)
