@@ -11,33 +11,34 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.errors import DivergedError, RangeError
+from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.kernels.tick import are_usable, integrate
-from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import Parameter, as_tuple, check_value, resolve_entry
-from redres_ros.policy import HOLD, Motion, Policy, advanced, after, check_task
-from redres_ros.preferences import PREFERENCES, Preference
-from redres_ros.resolver import UNLIMITED, Changeover, Resolver, make_resolver
+from redres_ros.laws import Law
+from redres_ros.parameter import Parameter, check_value
+from redres_ros.policy import SPEED_LIMIT, Motion, Policy, advanced, after, make_policy
+from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.tasks import TASKS, Task
+from redres_ros.tasks import Task
 from redres_ros.vectors import as_vector, check_finite
 
 if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit
 
 INTEGRATE_FROM = ('command', 'measurement')
+# What a robot does in a cycle without a command: go on as before, or stay at the last command.
+BRIDGING = ('extrapolate', 'hold')
 DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
 MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
-_SCALING_RATE = Parameter('at which the share of the task velocity rises again [1/s]', 0.0, 1e3)
+_SCALING_RATE = Parameter('at which the scaling factor rises again [1/s]', 0.0, 1e3)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
+_BRIDGING = Parameter('what a robot does without a command', choices=BRIDGING)
 TURN = 2.0 * np.pi  # [rad]
-SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a loop that gets there has diverged
 
 
 class Controller:
-    """Turns task velocities into position references by the law in force."""
+    """Turns task velocities into position references by the policy in force."""
 
     def __init__(
         self,
@@ -48,6 +49,7 @@ class Controller:
         task: str | Task = 'position',
         switch_time: float = 0.0,
         integrate_from: str = 'command',
+        bridging: str = 'extrapolate',
         limits: Iterable['str | Limit'] = (),
         limit_scale: float = 1.0,
         torque_scale: float = 1.0,
@@ -56,26 +58,28 @@ class Controller:
         preferences: Iterable[str | Preference] = (),
         secondary_tasks: Iterable[str | Task] = (),
     ) -> None:
-        """A controller that stands still, for one arm and one sampling time.
+        """A controller at rest, for one arm and one sampling time.
 
         Args:
             model: The arm.
             law: The law to begin with: a name in LAWS, or a law.
             T: Sampling time [s].
             task: What dx is the velocity of: a name in TASKS, or a task.
-            switch_time: Time over which changes, starting and stopping are blended [s]; 0: at once.
+            switch_time: Duration of the crossfade of changes, starts and stops [s]; 0: at once.
             integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a
                 servo's lag does not make the arm creep, or the last 'measurement'.
-            limits: Names in LIMITS, or limits, that no command leaves.
+            bridging: What the robot does in a cycle without a command: 'extrapolate' the last ones,
+                or 'hold' the last one.
+            limits: Names in LIMITS, or limits, that every command keeps.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
-            limit_gains: Gains of limits given by name, as {'position.margin': 0.02}.
-            task_scaling_rate: Once limits have left only a share of the task velocity, it rises
-                again at this rate [1/s]: a lower speed leaves the spare joints to the law, which
-                calms them. 0: the largest share in every tick.
+            limit_gains: Gains of limits given by name, such as {'position.margin': 0.02}.
+            task_scaling_rate: Once limits have lowered the scaling factor, it rises again at this
+                rate [1/s]: a lower speed leaves the null space to the law, which calms it. 0: the
+                largest factor in every tick.
             preferences: Names in PREFERENCES, or preferences; they add up.
             secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
-                stands for holding the value of the start of the motion.
+                stands for holding the value at the start of the motion.
 
         Raises:
             RangeError: For T, switch_time, a scale or the law's damping.
@@ -89,75 +93,125 @@ class Controller:
             ('switch_time', switch_time, _SWITCH_TIME),
             ('task_scaling_rate', task_scaling_rate, _SCALING_RATE),
             ('integrate_from', integrate_from, _INTEGRATE_FROM),
+            ('bridging', bridging, _BRIDGING),
         ):
             check_value(name, value, parameter)
-        law = _law(law)
-        law.check_damping(T)
         self.model = model
         self.T = T
-        self.task = _task(task)
-        self.m = self.task.size
         self.switch_time = switch_time
         self.task_scaling_rate = task_scaling_rate
         self._integrate_from = integrate_from
-        self._turning = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
-        self._all_achieved = np.zeros(self.m)
-        self._all_achieved.flags.writeable = False  # every command shares it
-        self._asked = Policy(law, _preferences(preferences), _tasks(secondary_tasks))
-        self._asked.check(model)
-        check_task(self.task, model)
-        self._begun = self._asked  # with targets that were left open filled in
-        self._resolver: Resolver = UNLIMITED
+        self.bridging = bridging
+        self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
+        self._multi_turn = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
         self._moving = True
-        self.reset()
-        self.set_limits(
-            limits, limit_scale=limit_scale, torque_scale=torque_scale, limit_gains=limit_gains
+        policy = make_policy(
+            model,
+            law,
+            task=task,
+            limits=limits,
+            limit_scale=limit_scale,
+            torque_scale=torque_scale,
+            preferences=preferences,
+            secondary_tasks=secondary_tasks,
+            gains=limit_gains,
         )
+        self._policy = policy
+        self._targeted = policy  # with all targets
+        self._motion: Motion = policy.stop
+        self._follows_joints = False
+        self.restart()
+        self.set_policy(policy)
+
+    @property
+    def policy(self) -> Policy:
+        """The policy asked for last; a crossfade towards it may be under way."""
+        return self._policy
 
     @property
     def law(self) -> Law:
-        """The law asked for last; a blend towards it may be under way."""
-        return self._asked.law
+        """The law asked for last."""
+        return self._policy.law
 
     @property
     def preferences(self) -> tuple[Preference, ...]:
         """The preferences asked for last."""
-        return self._asked.preferences
+        return self._policy.preferences
+
+    @property
+    def task(self) -> Task:
+        """The first task asked for last."""
+        return self._policy.task
 
     @property
     def secondary_tasks(self) -> tuple[Task, ...]:
         """The tasks below the first one that were asked for last."""
-        return self._asked.lower_tasks
+        return self._policy.secondary_tasks
 
     @property
     def moving(self) -> bool:
-        """Whether the law is followed (or being blended in); False after hold()."""
+        """Whether the policy is followed (or being faded in); False after hold()."""
         return self._moving
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the last command had no velocity."""
+        return not self._dq_prev.any()
+
+    @property
+    def q_ref(self) -> np.ndarray | None:
+        """The last position reference, (n,) [rad]; None before the first."""
+        return self._q_ref
+
+    def set_policy(self, policy: Policy) -> None:
+        """Go over to another policy; of several during one crossfade the last one counts.
+
+        Raises RedresError for one that does not fit the arm or T; the one in force then stays.
+        """
+        policy.check(self.model, self.T)
+        before = self._policy
+        targeted = self._targeted
+        if policy.preferences == before.preferences:
+            policy_targeted = replace(policy, preferences=targeted.preferences)
+        else:
+            policy_targeted = policy
+        if policy.secondary_tasks == before.secondary_tasks:
+            policy_targeted = replace(policy_targeted, secondary_tasks=targeted.secondary_tasks)
+        self._policy = policy
+        self._targeted = policy_targeted  # what has its targets keeps them
+        self._has_open_targets = True
+        self.follow_joints(self._follows_joints)
+
+    def follow_joints(self, follows: bool) -> None:
+        """Whether dx is the velocity of all joints, (n,) [rad/s], instead of that of the task."""
+        self._follows_joints = follows
+        self.m = self.model.n if follows else self._policy.task.rows(self.model)
+        self._all_achieved = np.zeros(self.m)
+        self._all_achieved.flags.writeable = False  # every command shares it
 
     def switch_law(self, law: str | Law) -> None:
         """Go over to another law, or to the same one with other gains; by name or as an object.
 
-        Of several asked for during one blend the last one counts. Raises UnknownNameError, and
-        RangeError for a damping outside [0, 1/T]; the law in force then stays.
+        Raises UnknownNameError, and RangeError for a damping outside [0, 1/T]; the law in force
+        then stays.
         """
-        law = _law(law)
-        law.check_damping(self.T)
-        self._asked = replace(self._asked, law=law)
-        self._begun = replace(self._begun, law=law)
+        self._replace(law=make_policy(self.model, law).law)
 
     def set_preferences(self, preferences: Iterable[str | Preference]) -> None:
         """Go over to other preferences; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
-        self._go_over_to(preferences=_preferences(preferences))
+        made = make_policy(self.model, self.law, preferences=preferences)
+        self._replace(preferences=made.preferences)
 
     def set_secondary_tasks(self, tasks: Iterable[str | Task]) -> None:
         """Go over to other tasks below the first one; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
-        self._go_over_to(lower_tasks=_tasks(tasks))
+        made = make_policy(self.model, self.law, secondary_tasks=tasks)
+        self._replace(secondary_tasks=made.secondary_tasks)
 
     def set_limits(
         self,
@@ -169,97 +223,165 @@ class Controller:
     ) -> None:
         """Go over to other limits.
 
-        Limits on the acceleration act at once, because nothing can jump under them. Others are
-        blended in.
+        With a limit on the acceleration they act at once, because nothing can jump under it. Others
+        are faded in.
 
         Args:
             limits: Names in LIMITS, or limits; none: no limits.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
-            limit_gains: Gains of limits given by name, as {'position.margin': 0.02}.
+            limit_gains: Gains of limits given by name, such as {'position.margin': 0.02}.
 
         Raises:
             RedresError: A limit, a scale or a gain that cannot be used. Those in force then stay.
         """
-        resolver = make_resolver(
-            self.model, self.task, limits, limit_scale, torque_scale, limit_gains
+        made = make_policy(
+            self.model,
+            self.law,
+            limits=limits,
+            limit_scale=limit_scale,
+            torque_scale=torque_scale,
+            gains=limit_gains,
         )
-        if self._q_ref is None or resolver.bounds_acceleration:
-            self._resolver = resolver
-        else:
-            self._resolver = Changeover(self._resolver, resolver)
+        self._replace(limits=made.limits)
 
     def hold(self) -> None:
         """Come to a standstill, beginning at once; the task is left."""
         self._moving = False
 
     def resume(self) -> None:
-        """Follow the law again, beginning at once."""
+        """Follow the policy again, beginning at once."""
         self._moving = True
 
     def reset(self) -> None:
-        """Forget the last command: the next update starts at the measured position, at rest."""
+        """Begin anew at the measured position, at rest.
+
+        With a limit on the acceleration an arm in motion brakes first, and begins anew where its
+        reference is by then, without velocity history: nothing steps.
+        """
+        limits = self._policy.limits
+        self._begins_anew = bool(limits and limits.bounds_acceleration and not self.at_rest)
+        if not self._begins_anew:
+            self.restart()
+
+    def restart(self) -> None:
+        """Begin anew at the next measured position, wherever that is: nothing was published."""
         self._q_ref: np.ndarray | None = None
         self._start: np.ndarray | None = None  # from which it was integrated
-        self._dq_prev = np.zeros(self.model.n)
-        self._pace = 1.0  # the share of the task velocity that is asked for
-        self._motion: Motion = HOLD
-        self._begun = self._asked
-        self._is_open = bool(self._asked.preferences or self._asked.lower_tasks)
+        self._near: np.ndarray | None = None  # by which turns are counted
+        self._forget_motion()
 
-    def reset_at_reference(self) -> None:
-        """Begin anew at rest, as reset() does, but from the last reference: the arm is held there.
+    def place(self, q_ref: np.ndarray, dq: np.ndarray | None = None) -> None:
+        """Go on from a reference that is not the last command.
 
-        A servo lets the arm sag by more than a joint may move in one cycle, so the measurement
-        would be a leap.
+        Args:
+            q_ref: (n,) [rad].
+            dq: Its velocity, (n,) [rad/s]; None: at rest, where the next motion begins.
         """
-        q_ref = self._q_ref
-        self.reset()
         self._q_ref = q_ref
+        self._start = q_ref
+        self._near = q_ref
+        if dq is None:
+            self._forget_motion()
+        else:
+            self._dq_prev = dq
 
     def rollback(self) -> None:
         """Have the next update start where the last one did: that reference came too late to be
-        carried out in a cycle of its own.
+        executed in a cycle of its own.
         """
-        if self._q_ref is not None:
-            self._q_ref = self._start
-
-    def lag(self, q: np.ndarray) -> float:
-        """Distance of the joint furthest behind from the last reference, for q (n,) [rad]; 0 before
-        the first.
-        """
-        if self._q_ref is None:
-            return 0.0
-        return max(map(abs, (self._q_ref - self.nearest_turn(q)).tolist()))
+        self._q_ref = self._start
 
     def nearest_turn(self, q: np.ndarray) -> np.ndarray:
-        """q (n,) [rad], where joints of more than a turn are at the one nearest to the last
-        reference.
+        """q (n,) [rad], with joints of more than a turn at the one nearest to the last position.
 
-        Their drivers may tell angles of one turn alone. References go on from turn to turn: they
+        Their drivers may report angles of one turn only. References go on from turn to turn: they
         never jump.
         """
-        if not self._turning.size or self._q_ref is None:
+        if not self._multi_turn.size or self._near is None:
             return q
         turns = np.zeros(len(q))
-        turns[self._turning] = np.round((self._q_ref - q)[self._turning] / TURN)
+        turns[self._multi_turn] = np.round((self._near - q)[self._multi_turn] / TURN)
         return q + TURN * turns
 
     def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
-        """The command that answers one state.
+        """The command for one state.
 
         Args:
             q: Measured joint positions, (n,) [rad].
             dx: Velocity of the task, (m,) [m/s], and [rad/s] below it.
-            missed: Cycles since the last update that went without one; the arm is taken to have
-                gone on with the last velocity.
+            missed: Cycles since the last update that went without one; the robot has bridged them.
 
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
             RangeError: For missed, or dx beyond DX_LIMIT. The controller is as it was before.
             DivergedError: The joints would exceed SPEED_LIMIT. Where dx is the reason,
-                the controller is as it was before. Where its own memory is, it has forgotten it.
+                the controller is as it was before. Where its own velocity history is, it begins
+                anew.
         """
+        q, dx = self._checked(q, dx, missed)
+        start, dq_prev = self._bridged(q, missed)
+        at = q if self._policy.limits is None else start
+        state = RobotState(self.model, at, dq_prev)
+        if self.gap > 1:
+            state.gap = self.gap
+        if self._has_open_targets:
+            self._targeted = self._targeted.with_initial_targets(state)
+        policy = self._targeted.for_joints if self._follows_joints else self._targeted
+        desired = policy.stop if self._begins_anew or not self._moving else policy
+        motion: Motion = self._motion
+        if motion is not desired:
+            elapsed = (missed + 1) * self.T
+            motion = advanced(motion, desired, dq_prev, elapsed, self.switch_time)
+        solution = motion.solve(state, dx if self._pace == 1.0 else self._pace * dx, self.T)
+        dq = solution.dq
+        q_ref = np.empty(self.model.n)
+        if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
+            self._refuse(dq, dx, motion, state)
+        self._start = start
+        self._q_ref = q_ref
+        self._near = q_ref
+        self._dq_prev = dq
+        self._motion = motion if motion is desired else after(motion, solution)
+        self._has_open_targets = False
+        if self._begins_anew and not dq.any():
+            self.place(q_ref)
+        unachieved = self._all_achieved if solution.unachieved is None else solution.unachieved
+        return Command(
+            dq.copy(),
+            q_ref.copy(),
+            state,
+            self.T,
+            solution.J,
+            solution.W,
+            self._paced(solution.s),
+            solution.active_limits,
+            unachieved,
+        )
+
+    def standing(self) -> Command:
+        """The command of an arm that stands still: the last reference again, exactly."""
+        if self._q_ref is None:
+            raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
+        zeros = np.zeros(self.model.n)
+        state = RobotState(self.model, self._q_ref, zeros)
+        policy = self._policy.for_joints if self._follows_joints else self._policy
+        J = policy.task.jacobian(state)
+        return Command(
+            zeros, self._q_ref.copy(), state, self.T, J, None, 1.0, '', self._all_achieved
+        )
+
+    def _forget_motion(self) -> None:
+        """Be at rest, with all targets unset that were."""
+        self._dq_prev = np.zeros(self.model.n)
+        self._pace = 1.0  # the fraction of the task velocity that is asked for
+        self._motion = self._policy.stop
+        self._targeted = self._policy
+        self._has_open_targets = True
+        self._begins_anew = False  # once the arm has come to rest
+
+    def _checked(self, q: np.ndarray, dx: np.ndarray, missed: int) -> tuple[np.ndarray, np.ndarray]:
+        """q (n,) [rad], of the nearest turn, and dx (m,); raises as update() says."""
         if missed and not (isinstance(missed, Integral) and 0 < missed <= MOST_MISSED):
             raise RangeError('missed', missed, 0, MOST_MISSED, 'a whole number of cycles')
         q = as_vector(q, self.model.n, 'q').copy()  # the command's state keeps it
@@ -268,114 +390,66 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
-        if self._turning.size:
-            q = self.nearest_turn(q)
-        if self._pace < 1.0:
-            dx = self._pace * dx
-        start = self._integrated(q, missed)
-        resolver = self._resolver
-        state = RobotState(self.model, q, self._dq_prev)
-        begun = self._begun.with_initial_targets(state) if self._is_open else self._begun
-        motion = self._motion
-        wanted = begun if self._moving else HOLD
-        if motion is not wanted:
-            motion = advanced(motion, wanted, self._dq_prev, self.T, self.switch_time)
-        answer = motion.answer(state, self.task, dx, self.T)
-        if resolver is not UNLIMITED:
-            resolver = resolver.advanced(self.T, self.switch_time)
-            reference = state if start is q else RobotState(self.model, start, self._dq_prev)
-            if not resolver.allows(answer, reference, self.T):
-                if start is not q:
-                    # Where limits act, joints are fast, and the arm is behind: a Jacobian from
-                    # where it is would turn the path aside, by up to a millimetre.
-                    answer = motion.answer(reference, self.task, dx, self.T)
-                answer = resolver.resolve(answer, reference, self.T)
-        dq = answer.dq
-        q_ref = np.empty(self.model.n)
-        if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
-            self._refuse(dq, dx, motion, state)
-        self._q_ref = q_ref
-        self._start = start
-        self._dq_prev = dq
-        self._motion = motion if motion is wanted else after(motion, answer)
-        self._resolver = resolver
-        self._begun = begun
-        self._is_open = False
-        s = answer.s
-        if self.task_scaling_rate > 0.0 or self._pace < 1.0:
-            s = self._paced(s)
-        unachieved = self._all_achieved if answer.unachieved is None else answer.unachieved
-        return tuple.__new__(  # in half the time of calling the class
-            Command,
-            (
-                dq.copy(),
-                q_ref.copy(),
-                state,
-                self.T,
-                answer.J,
-                answer.W,
-                s,
-                answer.active_limits,
-                unachieved,
-            ),
-        )
+        return self.nearest_turn(q), dx
+
+    def _bridged(self, q: np.ndarray, missed: int) -> tuple[np.ndarray, np.ndarray]:
+        """From where the reference goes on, (n,) [rad], and with what velocity, (n,) [rad/s]."""
+        if self._q_ref is None or self._integrate_from == 'measurement':
+            return q, self._dq_prev
+        if missed:
+            return bridged(self._q_ref, self._dq_prev, missed, self)
+        return self._q_ref, self._dq_prev
 
     def _paced(self, s: float) -> float:
-        """The share of the whole task velocity, where s is that of what was asked for."""
+        """The fraction of the whole task velocity, if s is that of what was asked for."""
+        if self.task_scaling_rate == 0.0 and self._pace == 1.0:
+            return s
         s *= self._pace
         rise = self.task_scaling_rate * self.T if self.task_scaling_rate > 0.0 else 1.0
         self._pace = min(s + rise, 1.0)
         return s
 
-    def _go_over_to(self, **changes: Any) -> None:
-        """Ask for other preferences or lower tasks, unless they are in force; they must fit."""
-        asked = replace(self._asked, **changes)
-        if asked == self._asked:
-            return
-        asked.check(self.model)
-        self._asked = asked
-        self._begun = replace(self._begun, **changes)
-        self._is_open = True
-
-    def _integrated(self, q: np.ndarray, missed: int) -> np.ndarray:
-        """The position from which the reference goes on, (n,) [rad]."""
-        if self._q_ref is None or self._integrate_from == 'measurement':
-            return q
-        if missed:
-            return self._q_ref + self.T * missed * self._dq_prev
-        return self._q_ref
+    def _replace(self, **changes: Any) -> None:
+        """Go over to the policy with other building blocks, unless they are in force."""
+        policy = replace(self._policy, **changes)
+        if policy != self._policy:
+            self.set_policy(policy)
 
     def _refuse(
         self, dq: np.ndarray, dx: np.ndarray, motion: Motion, state: RobotState
     ) -> NoReturn:
         """Raise DivergedError for a speed beyond any arm.
 
-        Where dx alone would not ask for it, from rest, the memory does, and is forgotten.
+        If dx alone would not ask for it, from rest, the velocity history does, and is dropped.
         """
         speed = float(np.linalg.norm(dq))
         at_rest = state.with_velocity(np.zeros(self.model.n))
-        from_rest = motion.answer(at_rest, self.task, dx, self.T)
+        from_rest = motion.solve(at_rest, dx, self.T)
         reason = 'dx'
         if np.linalg.norm(from_rest.dq) <= SPEED_LIMIT:
             reason = 'its own motion'
-            self.reset()
+            self.restart()
         raise DivergedError(speed, SPEED_LIMIT, reason)
 
 
-def _law(law: str | Law) -> Law:
-    return resolve_entry('law', LAWS, Law, law)
+def bridged(
+    q_ref: np.ndarray, dq: np.ndarray, missed: int, controller: Controller
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reference (n,) [rad] and velocity (n,) [rad/s] of a robot after cycles without a command.
 
+    A robot that extrapolates is stopped by the ends of its range.
 
-def _task(task: str | Task) -> Task:
-    return resolve_entry('task', TASKS, Task, task)
-
-
-def _tasks(tasks: str | Iterable[str | Task]) -> tuple[Task, ...]:
-    return tuple(map(_task, as_tuple(tasks)))
-
-
-def _preferences(preferences: str | Iterable[str | Preference]) -> tuple[Preference, ...]:
-    return tuple(
-        resolve_entry('preference', PREFERENCES, Preference, preference)
-        for preference in as_tuple(preferences)
-    )
+    Args:
+        q_ref: The last reference, (n,) [rad].
+        dq: Its velocity, (n,) [rad/s].
+        missed: Cycles without a command.
+        controller: Knows the arm and what the robot does.
+    """
+    if controller.bridging == 'hold':
+        return q_ref, np.zeros(len(q_ref))
+    model = controller.model
+    ahead = q_ref + controller.T * missed * dq
+    lower = np.minimum(model.q_min, q_ref)
+    upper = np.maximum(model.q_max, q_ref)
+    stopped = np.clip(ahead, lower, upper)
+    return stopped, np.where(stopped == ahead, dq, 0.0)

@@ -126,6 +126,18 @@ def gain_key(owner: str, gain: str) -> str:
     return gain if gain in SHARED_GAINS else f'{owner}.{gain}'
 
 
+def own_gains(table: Mapping[str, type], name: str, gains: Mapping[str, Any]) -> dict[str, Any]:
+    """The gains of one entry of a table, by the names of its fields.
+
+    Args:
+        table: Name to class.
+        name: In the table.
+        gains: Of any entries, by their keys, such as 'posture.gain'.
+    """
+    keys = {field.name: gain_key(name, field.name) for field in parameters(table[name])}
+    return {field: gains[key] for field, key in keys.items() if key in gains}
+
+
 def check_once(kind: str, names: Iterable[object]) -> None:
     """Raise RepeatedNameError for a name that is given twice; what is no name may be.
 

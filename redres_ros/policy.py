@@ -1,27 +1,47 @@
-"""How the arm is to move: a law with its preferences and lower tasks, and going from one such
-motion to another without a jump.
+"""What the arm is to do in a tick: a law, tasks, preferences and limits in one policy; and how the
+controller goes from one policy to another without a jump.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from redres_ros.errors import RedresError
 from redres_ros.interpolation import quintic
-from redres_ros.laws import Law
-from redres_ros.preferences import Preference
+from redres_ros.laws import LAWS, Law
+from redres_ros.parameter import (
+    as_tuple,
+    check_once,
+    gain_key,
+    make,
+    own_gains,
+    parameters,
+    resolve_entry,
+)
+from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.resolution import Level, Weight, resolve_in_order, resolve_one
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import escape_direction
-from redres_ros.tasks import Task
+from redres_ros.tasks import TASKS, Task
+from redres_ros.tasks.joints import Configuration
 
-_ROUNDING = 1e-9  # of dx; less is rounding
+if TYPE_CHECKING:
+    from redres_ros.boundary_braking import BoundaryBraking
+    from redres_ros.limits import Limits
+    from redres_ros.limits.limit import Limit
+
+SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a motion that gets there has diverged
+
+_ROUNDING = 1e-9  # of dx; less counts as achieved
 
 
 @dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
 class Solution:
-    """What a motion would do at one tick.
+    """The joint velocity of one tick.
 
     Attributes:
         dq: (n,) [rad/s].
@@ -29,104 +49,75 @@ class Solution:
         executed: (m,), the part of dx that dq is meant to execute.
         unachieved: (m,), the part that a singularity does not let through; None if there is none.
         W: The metric.
-        levels: All tasks in order, with comparable rows, where there are several.
-        s: The share of `executed` that limits allow.
+        levels: All tasks in order, with comparable rows, if there are several.
+        s: The fraction of `executed` that limits allow (task scaling).
         active_limits: 'joint: limit' that acts most, or ''.
-        dq_old: Of a blend, (n,) [rad/s], what the old motion would do; else None.
+        dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
     """
 
     dq: np.ndarray
     J: np.ndarray
     executed: np.ndarray
-    unachieved: np.ndarray | None
-    W: Weight
+    unachieved: np.ndarray | None = None
+    W: Weight = None
     levels: Sequence[Level] = ()
     s: float = 1.0
     active_limits: str = ''
     dq_old: np.ndarray | None = None
 
-    def within(
-        self, dq: np.ndarray, s: float, active_limits: str, unachieved: np.ndarray | None
-    ) -> 'Solution':
-        """The same within limits; dataclasses.replace would take 1 us longer.
-
-        Args:
-            dq: (n,) [rad/s] what they allow.
-            s: The share of dx that it executes.
-            active_limits: What acts most.
-            unachieved: (m,) the part of dx that cannot be executed.
-        """
-        return Solution(
-            dq,
-            self.J,
-            self.executed,
-            unachieved,
-            self.W,
-            self.levels,
-            s,
-            active_limits,
-            self.dq_old,
-        )
-
 
 class Motion(Protocol):
-    """Something that moves the arm."""
+    """Something that moves the arm: a policy, a stop, a crossfade."""
 
-    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Solution:
-        """What it would do at this state.
+    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
+        """The joint velocity of this tick, within limits.
 
         Args:
             state: Of the arm at this tick.
-            task: The first one.
-            dx: What it wants, (m,).
+            dx: Velocity of the first task, (m,).
             T: Sampling time [s].
         """
 
 
 @dataclass(frozen=True)
 class Policy:
-    """The first task is followed, by a law with preferences, and lower tasks in order."""
+    """A law, the tasks in order of priority, preferences and limits.
+
+    minimise 1/2 |dq - b|^2_W   subject to   J dq = s dx,   l <= C dq <= u
+    """
 
     law: Law
+    task: Task
     preferences: tuple[Preference, ...] = ()
-    lower_tasks: tuple[Task, ...] = ()
+    secondary_tasks: tuple[Task, ...] = ()
+    limits: 'Limits | None' = field(default=None, repr=False)
 
-    def with_initial_targets(self, state: RobotState) -> 'Policy':
-        """The same; targets that were left open are what they are at this state."""
-        return replace(
-            self,
-            preferences=tuple(
-                preference.with_initial_targets(state) for preference in self.preferences
-            ),
-            lower_tasks=tuple(task.with_initial_targets(state) for task in self.lower_tasks),
-        )
+    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
+        """The optimum at this tick; arguments as of Motion.solve."""
+        free = self.unconstrained(state, dx, T)
+        if self.limits is None:
+            return free
+        return self.constrained(free, state, T)
 
-    def check(self, model: RobotModel) -> None:
-        """Raise what a preference or a task raises that does not fit the arm, as for the name of a
-        frame that it has not got, or too few angles.
+    def unconstrained(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
+        """The optimum without limits, Eq. (A.13), for several tasks Eq. (20).
+
+        Args:
+            state: Of the arm at this tick.
+            dx: Velocity of the first task, (m,).
+            T: Sampling time [s].
         """
-        state = _any_state(model)
-        begun = self.with_initial_targets(state)
-        for preference in begun.preferences:
-            preference.acceleration(state)
-        for task in begun.lower_tasks:
-            task.jacobian(state)
-
-    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Solution:
-        """Eq. (A.13), for several tasks Eq. (20)."""
+        task = self.task
         J = task.jacobian(state)
         scale = task.row_scale(state.model)
         W = self.law.weight(state)
-        if self.preferences:
-            b = self.law.bias_with(state, T, self._preferred(state))
-        else:
-            b = self.law.bias(state, T)
+        b = self._bias(state, T)
         rows = J
         rates = dx
         if scale is not None:
             rows, rates = scaled(J, dx, scale)
         levels: Sequence[Level] = ()
-        if self.lower_tasks:
+        if self.secondary_tasks:
             levels = self._levels(rows, rates, state)
             dq, damped = resolve_in_order(levels, b, W)
         else:
@@ -135,152 +126,339 @@ class Policy:
             return Solution(dq, J, dx, None, W, levels)
         executed = J.dot(dq)
         if np.linalg.norm(dx - executed) > _ROUNDING * np.linalg.norm(dx):
-            dq = dq + _escape_velocity(state, task, J, dx)
+            dq = dq + _escape(state, task, J, dx)
             executed = J.dot(dq)
         return Solution(dq, J, executed, dx - executed, W, levels)
+
+    def constrained(self, free: Solution, state: RobotState, T: float) -> Solution:
+        """The velocity within the limits that is nearest to a given one; itself if it keeps them.
+
+        Args:
+            free: The given one.
+            state: Of the arm at this tick.
+            T: Sampling time [s].
+        """
+        limits = self.limits
+        if limits is None or limits.keep(free.dq, state, T):
+            return free
+        braking = self._boundary_braking
+        end = braking and braking.end(free, state)
+        if braking and end:
+            free = braking.slowed(free, end)
+            levels = braking.levels(free, end)
+        else:
+            levels = [scaled(free.J, free.executed, self.task.row_scale(state.model))]
+        levels += [(J, J.dot(free.dq)) for J, _ in free.levels[1:]]
+        dq, s, active = limits.nearest(free.dq, free.W, levels, state, T)
+        if dq is free.dq:
+            return free
+        unachieved = free.unachieved
+        if braking and end:
+            unachieved = braking.unachieved(free, dq, end)
+        return Solution(dq, free.J, free.executed, unachieved, free.W, free.levels, s, active)
+
+    def with_initial_targets(self, state: RobotState) -> 'Policy':
+        """A copy with unset targets taken from this state."""
+        if not self.preferences and not self.secondary_tasks:
+            return self
+        return replace(
+            self,
+            preferences=tuple(
+                preference.with_initial_targets(state) for preference in self.preferences
+            ),
+            secondary_tasks=tuple(
+                task.with_initial_targets(state) for task in self.secondary_tasks
+            ),
+        )
+
+    def check(self, model: RobotModel, T: float | None = None) -> None:
+        """Refuse a policy that does not fit an arm.
+
+        Args:
+            model: The arm.
+            T: Sampling time [s], which bounds the damping; None: any.
+
+        Raises:
+            RangeError: A damping outside [0, 1/T].
+            RedresError: A frame or a joint that the arm has not got, or too few angles.
+        """
+        if T is not None:
+            self.law.check_damping(T)
+        zeros = np.zeros(model.n)
+        state = model.unchecked_state(zeros, zeros)
+        policy = self.with_initial_targets(state)
+        for preference in policy.preferences:
+            preference.acceleration(state)
+        for task in (policy.task, *policy.secondary_tasks):
+            task.jacobian(state)
+
+    @cached_property
+    def stop(self) -> 'Hold':
+        """The standstill that this policy is left for."""
+        return Hold(self.task, self.limits)
+
+    @cached_property
+    def for_joints(self) -> 'Policy':
+        """The same with all joints as the first task, which leaves no null space."""
+        return Policy(self.law, Configuration(), limits=self.limits)
+
+    @cached_property
+    def _boundary_braking(self) -> 'BoundaryBraking | None':
+        """What brakes the first task before the end of the reach; None if no limit asks for it."""
+        limit = self.limits and self.limits.braking_limit
+        if not limit:
+            return None
+        from redres_ros.boundary_braking import BoundaryBraking  # which needs what is defined here
+
+        return BoundaryBraking(self.task, limit.model, limit.A, limit.reach)
+
+    def _bias(self, state: RobotState, T: float) -> np.ndarray:
+        """b, (n,) [rad/s], with the sum of the preferences, Eq. (19), if the law takes them."""
+        if not self.preferences or not self.law.has_memory:
+            return self.law.bias(state, T)
+        accelerations = [preference.acceleration(state) for preference in self.preferences]
+        return self.law.bias_with(state, T, np.add.reduce(accelerations))
 
     def _levels(self, J: np.ndarray, dx: np.ndarray, state: RobotState) -> list[Level]:
         """The tasks in order, with comparable rows; J and dx are those of the first one."""
         levels = [(J, dx)]
-        for task in self.lower_tasks:
+        for task in self.secondary_tasks:
             scale = task.row_scale(state.model)
             levels.append(scaled(task.jacobian(state), task.velocity(state), scale))
         return levels
 
-    def _preferred(self, state: RobotState) -> np.ndarray | None:
-        """The sum of the preferences' ddq_N, (n,) [rad/s^2], Eq. (19); None for a law without
-        memory, which has no use for it.
-        """
-        if not self.law.has_memory:
-            return None
-        accelerations = [preference.acceleration(state) for preference in self.preferences]
-        return np.add.reduce(accelerations)
 
-
-def check_task(task: Task, model: RobotModel) -> None:
-    """Refuse a first task that does not fit the arm.
-
-    Args:
-        task: A first task.
-        model: Of the arm.
-
-    Raises:
-        RedresError: The task does not fit the arm.
-    """
-    task.jacobian(_any_state(model))
-
-
-def _any_state(model: RobotModel) -> RobotState:
-    zeros = np.zeros(model.n)
-    return model.unchecked_state(zeros, zeros)
-
-
+@dataclass(frozen=True)
 class Hold:
-    """The arm stands still, and the task is left."""
+    """The arm stands still, or brakes until it does; the task is left."""
 
-    def __reduce__(self) -> str:
-        """By its name: a copy would no longer be STANDING."""
-        return 'HOLD'
+    task: Task
+    limits: 'Limits | None' = field(default=None, repr=False)
 
-    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Solution:
+    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
+        """No velocity, or as little as the limits allow."""
+        return self.constrained(self.unconstrained(state, dx, T), state, T)
+
+    def unconstrained(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
         """No velocity."""
-        J = task.jacobian(state)
-        return Solution(np.zeros(len(state.q)), J, np.zeros(len(dx)), None, None)
+        J = self.task.jacobian(state)
+        return Solution(np.zeros(len(state.q)), J, np.zeros(len(J)))
 
+    def constrained(self, free: Solution, state: RobotState, T: float) -> Solution:
+        """Braking: no joint gets faster, none turns round, each keeps its box.
 
-HOLD = Hold()
+        A stop must not be refused by a torque limit or pushed aside by an obstacle: of the other
+        limits only a collision makes the arm brake harder.
+        """
+        if self.limits is None:
+            return free
+        return Solution(self.limits.braked(free.dq, state, T), free.J, free.executed)
 
 
 @dataclass(frozen=True, eq=False)
 class ConstantVelocity:
-    """The joints go on with one velocity dq (n,) [rad/s]."""
+    """The joints go on with one velocity dq (n,) [rad/s]: what a stop begins with."""
 
+    task: Task
     dq: np.ndarray
 
-    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Solution:
+    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
         """That velocity."""
-        J = task.jacobian(state)
-        return Solution(self.dq, J, J.dot(self.dq), None, None)
+        J = self.task.jacobian(state)
+        return Solution(self.dq, J, J.dot(self.dq))
 
 
 @dataclass(frozen=True, eq=False)
-class Blend:
-    """On the way from one motion to another.
+class Crossfade:
+    """Any change of motion: law, preferences, tasks, limits, a start, a stop.
 
-    dq_old: (n,) [rad/s], the last velocity the *old motion* would have commanded. It must not see
-    the blended velocity, or its self-motion would shrink every cycle. The new motion sees the
-    blended one, which is what it takes over. share: of the switch time that is over.
+    dq_old: (n,) [rad/s], the last velocity that the *old* motion would have commanded. It must not
+    see the mixed velocity, or its null-space motion would shrink every cycle; it keeps to its own
+    limits. The new motion sees the mixed velocity, which it takes over. share: of the switch time
+    that is over.
     """
 
     old: Motion
-    new: Motion
+    new: 'Policy | Hold'
     dq_old: np.ndarray
     share: float = 0.0
 
-    def answer(self, state: RobotState, task: Task, dx: np.ndarray, T: float) -> Solution:
-        """dq = (1 - s) dq_old + s dq_new.
+    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
+        """dq = (1 - c) dq_old + c dq_new, within the limits of the new motion.
 
-        Where both execute the task, J dq = dx, so does every mixture.
+        If both execute the task, J dq = dx, so does every mixture. An old motion that has no
+        solution, or has diverged, is dropped.
         """
-        new = self.new.answer(state, task, dx, T)
-        old = self.old.answer(state.with_velocity(self.dq_old), task, dx, T)
-        s, _ = quintic(self.share)
-        return Solution(
-            (1.0 - s) * old.dq + s * new.dq,
+        limits = self.new.limits
+        # Limits on the acceleration act at once, on the mixture: nothing can jump under them.
+        at_once = limits is not None and limits.bounds_acceleration
+        new = (self.new.unconstrained if at_once else self.new.solve)(state, dx, T)
+        old = self._old_solution(state, dx, T)
+        if old is None:
+            return self.new.solve(state, dx, T)
+        c, _ = quintic(self.share)
+        mixed = Solution(
+            (1.0 - c) * old.dq + c * new.dq,
             new.J,
-            (1.0 - s) * old.executed + s * new.executed,
-            _mixed_unachieved(old.unachieved, new.unachieved, s),
+            (1.0 - c) * old.executed + c * new.executed,
+            _mixed(old.unachieved, new.unachieved, c),
             new.W,
             new.levels,
-            dq_old=old.dq,
+            (1.0 - c) * old.s + c * new.s,
+            new.active_limits or old.active_limits,
         )
+        if at_once:
+            mixed = self.new.constrained(mixed, state, T)
+        mixed.dq_old = old.dq
+        return mixed
+
+    def _old_solution(self, state: RobotState, dx: np.ndarray, T: float) -> Solution | None:
+        try:
+            old = self.old.solve(state.with_velocity(self.dq_old), dx, T)
+        except RedresError:
+            return None
+        return old if float(np.abs(old.dq).max()) <= SPEED_LIMIT else None
 
 
 def advanced(
-    motion: Motion, wanted: Motion, dq_prev: np.ndarray, T: float, switch_time: float
+    motion: Motion, desired: Policy | Hold, dq_prev: np.ndarray, T: float, switch_time: float
 ) -> Motion:
-    """One cycle on, from the motion in force towards the wanted one.
+    """One cycle on, from the motion in force towards the desired one.
 
-    Standing still, and moving again, begin at once, from the present velocity. Any other change
-    waits for the end of the blend under way.
+    A stop, a start and another first task begin at once, from the present velocity. Any other
+    change waits for the end of the crossfade under way.
 
     Args:
-        motion: The one in force, which may be a blend.
-        wanted: Where to go.
+        motion: The one in force, which may be a crossfade.
+        desired: Where to go.
         dq_prev: (n,) [rad/s] the last command.
-        T: Sampling time [s].
-        switch_time: Time that a blend takes [s].
+        T: Time since the last tick [s].
+        switch_time: Duration of a crossfade [s].
     """
-    if isinstance(motion, Blend):
-        blend = motion
-        if wanted != blend.new and HOLD in (wanted, blend.new):
-            blend = Blend(ConstantVelocity(dq_prev), wanted, dq_prev)
-    elif motion == wanted:
-        return wanted
+    if isinstance(motion, Crossfade):
+        fade = motion
+        if desired is not fade.new and _is_sudden(fade.new, desired):
+            fade = Crossfade(ConstantVelocity(desired.task, dq_prev), desired, dq_prev)
+    elif motion is desired or motion == desired:
+        return desired
+    elif _is_sudden(motion, desired):
+        fade = Crossfade(ConstantVelocity(desired.task, dq_prev), desired, dq_prev)
     else:
-        blend = Blend(motion, wanted, dq_prev)
+        fade = Crossfade(motion, desired, dq_prev)
     step = T / switch_time if switch_time > 0.0 else 1.0
-    if blend.share + step >= 1.0:
-        return blend.new
-    return replace(blend, share=blend.share + step)
+    if fade.share + step >= 1.0:
+        return fade.new
+    return replace(fade, share=fade.share + step)
 
 
-def after(motion: Motion, answer: Solution) -> Motion:
-    """The motion once its answer has been carried out: a blend remembers what the old one wanted.
+def after(motion: Motion, solution: Solution) -> Motion:
+    """The motion once its solution has been commanded: a crossfade keeps its old motion's velocity.
 
     Args:
         motion: The one in force.
-        answer: Its answer.
+        solution: Of this tick.
     """
-    if isinstance(motion, Blend) and answer.dq_old is not None:
-        return replace(motion, dq_old=answer.dq_old)
-    return motion
+    if not isinstance(motion, Crossfade):
+        return motion
+    if solution.dq_old is None:
+        return motion.new
+    return replace(motion, dq_old=solution.dq_old)
 
 
-def _escape_velocity(
-    state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray
-) -> np.ndarray | float:
-    """The self-motion (n,) [rad/s] that leads out of a singularity; 0 where none is needed."""
+def make_policy(
+    model: RobotModel,
+    law: str | Law,
+    *,
+    task: str | Task = 'position',
+    limits: 'Iterable[str | Limit]' = (),
+    limit_scale: float = 1.0,
+    torque_scale: float = 1.0,
+    preferences: Iterable[str | Preference] = (),
+    secondary_tasks: Iterable[str | Task] = (),
+    gains: Mapping[str, Any] = MappingProxyType({}),
+) -> Policy:
+    """A policy from names and gains: the one place where building blocks are put together.
+
+    Args:
+        model: The arm.
+        law: A name in LAWS, or a law.
+        task: The first task: a name in TASKS, or a task.
+        limits: Names in LIMITS, or limits.
+        limit_scale: Factor on the arm's velocity and acceleration limits.
+        torque_scale: Factor on its torque limits.
+        preferences: Names in PREFERENCES, or preferences.
+        secondary_tasks: Names in TASKS, or tasks, in order of priority.
+        gains: Of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
+            building blocks that are not in use do nothing.
+
+    Raises:
+        UnknownNameError: A name that is in no table.
+        RangeError: A gain or a scale outside its range.
+        RepeatedNameError: A limit, preference or task that is named twice.
+        ArrayError: Limits that the arm has no figures for, a target that does not fit.
+    """
+    policy = Policy(
+        _entry('law', LAWS, Law, law, gains),
+        _entry('task', TASKS, Task, task, {}),
+        _entries('preference', PREFERENCES, Preference, preferences, gains),
+        _entries('task', TASKS, Task, secondary_tasks, gains),
+        _limits(model, limits, limit_scale, torque_scale, gains),
+    )
+    policy.check(model)
+    return policy
+
+
+def _entry(
+    kind: str, table: Mapping[str, Any], base: type, entry: Any, gains: Mapping[str, Any]
+) -> Any:
+    if isinstance(entry, str) and entry in table:
+        return make(kind, table, entry, own_gains(table, entry, gains))
+    return resolve_entry(kind, table, base, entry)
+
+
+def _entries(
+    kind: str, table: Mapping[str, Any], base: type, entries: Any, gains: Mapping[str, Any]
+) -> tuple[Any, ...]:
+    given = as_tuple(entries)
+    check_once(kind, given)
+    return tuple(_entry(kind, table, base, entry, gains) for entry in given)
+
+
+def _limits(
+    model: RobotModel,
+    limits: 'Iterable[str | Limit]',
+    limit_scale: float,
+    torque_scale: float,
+    gains: Mapping[str, Any],
+) -> 'Limits | None':
+    given = as_tuple(limits)
+    others = gains.keys() - {*_gain_keys(LAWS), *_gain_keys(PREFERENCES), *_gain_keys(TASKS)}
+    if not given and not others:
+        return None
+    from redres_ros.limits import gain_names, make_limits  # compiled: loaded only if in use
+
+    if given:
+        own = {key: gains[key] for key in gains if key in others or key in gain_names()}
+        return make_limits(
+            given, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
+        )
+    make_limits((), model, gains={key: gains[key] for key in others})  # refuses unknown names
+    return None
+
+
+def _gain_keys(table: Mapping[str, type]) -> set[str]:
+    return {gain_key(name, field.name) for name in table for field in parameters(table[name])}
+
+
+def _is_sudden(old: Motion, new: Motion) -> bool:
+    """Whether a change must not wait, or the old motion knows nothing of the new task."""
+    if isinstance(old, Hold) or isinstance(new, Hold):
+        return True
+    return isinstance(old, Policy) and isinstance(new, Policy) and old.task != new.task
+
+
+def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:
+    """The self-motion (n,) [rad/s] that leads out of a singularity; 0 if none is needed."""
     dJ = task.derivatives(state)
     if dJ is None:
         return 0.0
@@ -306,14 +484,12 @@ def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:
     return scale[:, None] * J, scale * dx
 
 
-def _mixed_unachieved(
-    old: np.ndarray | None, new: np.ndarray | None, s: float
-) -> np.ndarray | None:
-    """(1 - s) old + s new, where None stands for nothing."""
+def _mixed(old: np.ndarray | None, new: np.ndarray | None, c: float) -> np.ndarray | None:
+    """(1 - c) old + c new; None stands for zero."""
     if old is not None and new is not None:
-        return (1.0 - s) * old + s * new
+        return (1.0 - c) * old + c * new
     if new is not None:
-        return s * new
+        return c * new
     if old is not None:
-        return (1.0 - s) * old
+        return (1.0 - c) * old
     return None

@@ -43,6 +43,7 @@ class RobotState:
     _joint_poses: np.ndarray | None = None
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
+    gap = 1  # cycles between two commands, at most, within which a joint must be able to stop
 
     def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
         self.model = model

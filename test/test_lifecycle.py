@@ -70,6 +70,12 @@ class TestByServices:
             speeds.append(float(np.abs(answer.velocity).max()))
         return speeds
 
+    def come_to_rest(self, probe: Probe) -> None:
+        """Deactivate the controller, and answer it until it is silent."""
+        self.q = START
+        assert change(probe, Transition.TRANSITION_DEACTIVATE)
+        assert len(self.answers_to(probe, 1000)) < 1000
+
     def test_a_node_is_active_from_the_start_and_shut_down_it_never_answers_again(
         self, tmp_path: Path
     ) -> None:
@@ -93,7 +99,7 @@ class TestByServices:
         assert life(probe) == 'inactive'
 
     def test_activated_it_goes_on_from_where_the_arm_is(self, probe: Probe) -> None:
-        assert change(probe, Transition.TRANSITION_DEACTIVATE)
+        self.come_to_rest(probe)
         assert change(probe, Transition.TRANSITION_ACTIVATE)
         moved = START + 0.05
         q_ref, dq = probe.ask(moved)
@@ -108,7 +114,7 @@ class TestByServices:
         assert life(probe) == 'active'
 
     def test_cleaned_up_it_has_to_be_configured_before_it_can_act_again(self, probe: Probe) -> None:
-        assert change(probe, Transition.TRANSITION_DEACTIVATE)
+        self.come_to_rest(probe)
         assert change(probe, Transition.TRANSITION_CLEANUP)
         assert not change(probe, Transition.TRANSITION_ACTIVATE)
         assert change(probe, Transition.TRANSITION_CONFIGURE)

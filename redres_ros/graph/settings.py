@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.graph.active_limits import ActiveLimits
 from redres_ros.limits import Limits, gain_names, make_limits
-from redres_ros.nodes.motion_parameters import named
+from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel

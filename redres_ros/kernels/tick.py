@@ -1,9 +1,10 @@
 """What every tick computes beside the closed form."""
 
 import numpy as np
-from numba import boolean, float64
+from numba import boolean, float64, int64
 
 from redres_ros.kernels.arithmetic import dot
+from redres_ros.kernels.boxes import TOUCHING, narrowed, stopping_speed
 from redres_ros.kernels.compiled import compiled, direct, matrix, vector
 from redres_ros.kernels.factors import cholesky, solve_lower, solve_upper
 
@@ -56,3 +57,60 @@ def integrate(q: np.ndarray, T: float, dq: np.ndarray, q_ref: np.ndarray) -> flo
     for i in range(len(q)):
         q_ref[i] = q[i] + T * dq[i]
     return np.sqrt(dot(dq, dq))
+
+
+@direct
+@compiled(
+    int64(
+        *(vector(), vector(), vector(), float64, vector(), vector(), vector(), vector()),
+        *(float64[::1], float64[::1]),
+    )
+)
+def admit(
+    q_ref: np.ndarray,
+    p: np.ndarray,
+    v: np.ndarray,
+    T: float,
+    V: np.ndarray,
+    A: np.ndarray,
+    q_min: np.ndarray,
+    q_max: np.ndarray,
+    admitted: np.ndarray,
+    dq: np.ndarray,
+) -> int:
+    """Write the reference that the robot may get, and its velocity.
+
+    A joint that is faster than V may not get faster; one outside its range may only come back.
+
+    Args:
+        q_ref: The reference that is proposed, (n,) [rad].
+        p: Where the robot is, (n,) [rad].
+        v: Its velocity, (n,) [rad/s].
+        T: Sampling time [s].
+        V: (n,) [rad/s].
+        A: (n,) [rad/s^2].
+        q_min: (n,) [rad].
+        q_max: (n,) [rad].
+        admitted: Receives the reference, (n,) [rad].
+        dq: Receives its velocity, (n,) [rad/s].
+
+    Returns:
+        The number of the first joint that is changed; -1 if none is.
+    """
+    changed = -1
+    for i in range(len(q_ref)):
+        lower = v[i] - T * A[i]
+        upper = v[i] + T * A[i]
+        lower, upper = narrowed(lower, upper, min(-V[i], v[i]), max(V[i], v[i]))
+        least = -stopping_speed(max(p[i] - q_min[i], 0.0), A[i], T)
+        most = stopping_speed(max(q_max[i] - p[i], 0.0), A[i], T)
+        lower, upper = narrowed(lower, upper, least, most)
+        admitted[i] = q_ref[i]
+        dq[i] = (q_ref[i] - p[i]) / T
+        if not lower - TOUCHING <= dq[i] <= upper + TOUCHING:
+            proposed = dq[i] if np.isfinite(dq[i]) else 0.0
+            dq[i] = min(max(proposed, lower), upper)
+            admitted[i] = p[i] + T * dq[i]
+            if changed < 0:
+                changed = i
+    return changed

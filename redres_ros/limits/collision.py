@@ -30,6 +30,7 @@ class CollisionLimit(RowLimit):
     """
 
     order = 0
+    holds_in_a_stop = True
 
     influence: float = param(
         0.1, 'd_i, distance below which an approach is slowed down [m]', 0.001, 1.0, live=True

@@ -39,6 +39,10 @@ class ReferenceState(Protocol):
         """Position of the tip, (3,) [m]."""
 
     @property
+    def gap(self) -> int:
+        """Cycles between two commands, at most."""
+
+    @property
     def joint_poses(self) -> np.ndarray:
         """Poses of the base and of the frame that each joint moves, (n + 1, 4, 4)."""
 
@@ -89,6 +93,8 @@ class BoxLimit(Limit):
 
 class RowLimit(Limit):
     """A limit that couples joints, as rows."""
+
+    holds_in_a_stop: ClassVar[bool] = False  # whether it makes an arm that is stopped brake harder
 
     @abstractmethod
     def rows(self, state: ReferenceState, T: float) -> Rows:

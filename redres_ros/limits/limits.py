@@ -1,14 +1,15 @@
 """Several limits together: one box and the other rows, in order of priority."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.constrained import Box, Constrained, Rows, keeps_rows
-from redres_ros.kernels.boxes import GIVEN, TOUCHING, fill_boxes, keeps_boxes
-from redres_ros.limits.joint import JointLimit
+from redres_ros.constrained import Box, Constrained, Rows, keeps_rows, solve_constrained
+from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, keeps_boxes
+from redres_ros.limits.joint import AccelerationLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
+from redres_ros.resolution import Level, Weight
 
 UPPER = 1  # the place of the upper bound in a box
 
@@ -37,15 +38,6 @@ class Bounds(NamedTuple):
                 return limit, index
             index -= len(C)
         return None
-
-    def broken(self) -> list[tuple[Limit, int]]:
-        """Each limit and joint for which no velocity in the box is enough: the arm is outside."""
-        lower, upper = self.box
-        found: list[tuple[Limit, int]] = []
-        for limit, (least, most) in zip(self.box_limits, self.boxes, strict=True):
-            joints = np.flatnonzero((least > upper + TOUCHING) | (most < lower - TOUCHING))
-            found.extend((limit, joint) for joint in joints.tolist())
-        return found
 
     def _nearest(self, joint: int, side: int) -> BoxLimit:
         """The limit to which a joint's bound is due."""
@@ -79,6 +71,14 @@ class Limits:
         for figures, limit in zip(self._figures, self._boxes, strict=True):
             if isinstance(limit, JointLimit):
                 figures[:] = limit.figures
+        self.acceleration: np.ndarray | None = None  # that no scale lowers, (n,) [rad/s^2]
+        self.braking_limit: AccelerationLimit | None = None  # of the end of the reach
+        for limit in self._boxes:
+            if isinstance(limit, AccelerationLimit):
+                self.acceleration = limit.A / limit.scale
+                self.braking_limit = limit if limit.reach > 0.0 else None
+        self.bounds_acceleration = self.acceleration is not None
+        self._active_set = np.zeros(n + 1, np.int64)  # of the last tick's search
 
     def __iter__(self) -> Iterator[Limit]:
         yield from self._boxes
@@ -95,9 +95,8 @@ class Limits:
             state: The reference and the last command.
             T: Sampling time [s].
         """
-        if self._given:
-            self._fill_in(state, T)
-        if not keeps_boxes(dq, state.q, state.dq_prev, T, self._kinds, self._figures):
+        figures = self._figures_at(state, T)
+        if not keeps_boxes(dq, state.q, state.dq_prev, T, self._kinds, figures):
             return False
         return not self._rows or keeps_rows(dq, [limit.rows(state, T) for limit in self._rows])
 
@@ -108,18 +107,82 @@ class Limits:
             state: Of the reference at this tick.
             T: Sampling time [s].
         """
-        self._fill_in(state, T)
+        figures = self._figures_at(state, T)
         n = len(state.q)
         box = np.empty((2, n))
         boxes = np.empty((len(self._boxes), 2, n))
-        kept = fill_boxes(state.q, state.dq_prev, T, self._kinds, self._figures, box, boxes)
+        kept = fill_boxes(state.q, state.dq_prev, T, self._kinds, figures, box, boxes)
         rows = [limit.rows(state, T) for limit in self._rows]
         return Bounds((box[0], box[1]), rows, kept, self._boxes, boxes, self._rows)
 
-    def _fill_in(self, state: ReferenceState, T: float) -> None:
-        """Ask the limits that say themselves what their box is."""
+    def nearest(
+        self,
+        dq: np.ndarray,
+        W: Weight,
+        levels: Sequence[Level],
+        state: ReferenceState,
+        T: float,
+    ) -> tuple[np.ndarray, float, str]:
+        """The velocity within all limits that is best for the tasks, and then nearest to dq.
+
+        Args:
+            dq: (n,) [rad/s] the optimum without limits.
+            W: Its metric.
+            levels: (J, dx) of each task, in order of priority.
+            state: The reference and the last command.
+            T: Sampling time [s].
+
+        Returns:
+            The velocity, dq itself if it keeps all limits; the scaling factor s of the first task;
+            and what limits most, as 'joint: limit', or ''.
+        """
+        bounds = self.at(state, T)
+        solved = solve_constrained(dq, W, levels, bounds.box, bounds.rows, self._active_set)
+        acting = bounds.acting_limit(solved)
+        if solved.dq is dq or acting is None:
+            return solved.dq, solved.s, ''
+        from redres_ros.limits import limit_name  # whose table is made of what this package has
+
+        limit, index = acting
+        return solved.dq, solved.s, f'{limit.place(state, index)}: {limit_name(limit)}'
+
+    def braked(self, dq: np.ndarray, state: ReferenceState, T: float) -> np.ndarray:
+        """A velocity of an arm that is being stopped, (n,) [rad/s].
+
+        Every joint keeps its box, and none gets faster or turns round. An obstacle that comes near
+        makes all joints brake as hard as they may.
+
+        Args:
+            dq: (n,) [rad/s] the one that a soft stop asks for.
+            state: The reference and the last command.
+            T: Sampling time [s].
+        """
+        bounds = self.at(state, T)
+        lower, upper = bounds.box
+        slower = _towards_zero(np.clip(dq, lower, upper), state.dq_prev)
+        for limit, (C, _, high) in zip(self._rows, bounds.rows, strict=True):
+            if limit.holds_in_a_stop and not (C.dot(slower) <= high).all():
+                return _towards_zero(np.clip(np.zeros(len(dq)), lower, upper), state.dq_prev)
+        return slower
+
+    def _figures_at(self, state: ReferenceState, T: float) -> np.ndarray:
+        """What the boxes are computed from, (k, 3, n)."""
+        figures = self._figures
         for k, limit in self._given:
-            self._figures[k, :2] = limit.box(state, T)
+            figures[k, :2] = limit.box(state, T)
+        if state.gap == 1:
+            return figures
+        # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops
+        # within d from the speed from which it otherwise stops within d / gap.
+        figures = figures.copy()
+        for k in np.flatnonzero(self._kinds == POSITION).tolist():
+            figures[k, :2] = state.q + (figures[k, :2] - state.q) / state.gap
+        return figures
+
+
+def _towards_zero(dq: np.ndarray, dq_prev: np.ndarray) -> np.ndarray:
+    """dq where it lies between zero and the last velocity, else the nearer of these two, (n,)."""
+    return np.clip(dq, np.minimum(dq_prev, 0.0), np.maximum(dq_prev, 0.0))
 
 
 def _kind(limit: BoxLimit) -> int:

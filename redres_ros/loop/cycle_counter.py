@@ -1,6 +1,7 @@
 """Which cycle of the robot a state belongs to, by a stamp that jitters, drifts and may be set."""
 
 from collections import deque
+from itertools import pairwise
 
 from redres_ros.errors import RedresError
 
@@ -16,6 +17,8 @@ _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _DRIFT = 0.01  # [s/s] by which the robot's clock may drift against this computer's
 _REMEMBERED = 512  # states whose cycle is known by their very stamp
+_INTERVALS = 15  # between states, by whose median the robot's rate is judged
+_STEADY = (0.8, 1.25)  # of the period, within which that median has to be
 
 
 class ClockError(RedresError):
@@ -48,6 +51,9 @@ class CycleCounter:
         self._least_delay = 0.0  # [s] from a stamp to the arrival, on two clocks
         self._numbers: dict[int, int] = {}
         self._stamps: deque[int] = deque()
+        self._recent: deque[int] = deque(maxlen=_INTERVALS + 1)  # stamps, believed or not [ns]
+        self._unjudged = 0  # states since the rate was judged
+        self.rate_error = ''  # that the robot has another rate than expected, and which
 
     def enter(self, stamp: int, arrived: float) -> int:
         """The number of cycles from the last state to this one; 0 where the clock is a new one.
@@ -61,6 +67,7 @@ class CycleCounter:
         """
         if stamp <= 0:
             raise ClockError('the state has no stamp; expected the time of its measurement')
+        self._judge_rate(stamp)
         elapsed = stamp - self.newest
         delay = arrived - stamp / NANOSECONDS
         if self.newest == 0:
@@ -74,6 +81,22 @@ class CycleCounter:
             return self._begin(stamp, arrived, 1)
         self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
         return self._go_on(stamp, arrived, cycles)
+
+    def _judge_rate(self, stamp: int) -> None:
+        """Compare the usual interval between states with the period."""
+        self._recent.append(stamp)
+        self._unjudged += 1
+        if self._unjudged <= _INTERVALS:
+            return
+        self._unjudged = 0
+        in_order = sorted(self._recent)
+        interval = sorted(after - before for before, after in pairwise(in_order))[_INTERVALS // 2]
+        self.rate_error = ''
+        if interval > 0 and not _STEADY[0] <= interval / self.period <= _STEADY[1]:
+            self.rate_error = (
+                f'states come at {NANOSECONDS / interval:.4g} Hz; expected '
+                f'{NANOSECONDS / self.period:.4g} Hz (parameter rate)'
+            )
 
     @property
     def earliest_arrival(self) -> float:

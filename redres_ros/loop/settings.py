@@ -1,11 +1,9 @@
-"""The parameters of CommandLoop: when it commands, waits, holds or restarts."""
+"""When the controller moves, waits, stops and goes on: the figures of command_loop.py."""
 
 from dataclasses import dataclass
 
+from redres_ros.controller import BRIDGING
 from redres_ros.parameter import check_parameters, param
-
-# What a robot does in a cycle without a command: go on as before, or stay at the last command.
-BRIDGING = ('extrapolate', 'hold')
 
 
 def why_it_would_leap(forward_commands: bool, bridging: str) -> str:

@@ -83,14 +83,22 @@ class TwistBuffer:
         rows: Of a task velocity: 3, or 6 with the angular part below.
         T: Sampling time [s].
         settings: Lag and accelerations.
+        accelerations: Of each row by itself, (m,), instead of a linear and an angular one.
     """
 
-    def __init__(self, rows: int, T: float, settings: TwistBufferSettings) -> None:
+    def __init__(
+        self,
+        rows: int,
+        T: float,
+        settings: TwistBufferSettings,
+        accelerations: np.ndarray | None = None,
+    ) -> None:
         self.missing = 0  # cycles in which one was missing
         self.late = 0  # task velocities that came after the cycle in which they were to act
         self._lag = settings.twist_lag
         self._linear_step = settings.max_linear_acceleration * T  # [m/s] a cycle
         self._angular_step = settings.max_angular_acceleration * T  # [rad/s] a cycle
+        self._steps = None if accelerations is None else accelerations * T  # (m,) a cycle
         self._rest = np.zeros(rows)
         self._played = 0  # cycle that was played last
         self.clear()
@@ -105,7 +113,7 @@ class TwistBuffer:
         self._left = 0  # cycles until the detour is over
 
     def put(self, cycle: int, dx: np.ndarray) -> None:
-        """Take in a task velocity, unless its cycle has one already.
+        """Take in a task velocity; of several for one cycle the newest counts.
 
         Args:
             cycle: The one that it belongs to.
@@ -115,7 +123,8 @@ class TwistBuffer:
         self.late += cycle + self._lag <= self._played
         if not twists or cycle > twists[-1].cycle:
             twists.append(_Twist(cycle, dx))
-        elif all(twist.cycle != cycle for twist in twists):
+        else:
+            twists[:] = [twist for twist in twists if twist.cycle != cycle]
             insort(twists, _Twist(cycle, dx), key=attrgetter('cycle'))
         if len(twists) > self._lag + _KEPT:
             del twists[0]
@@ -207,6 +216,8 @@ class TwistBuffer:
 
     def _cycles_needed(self, change: np.ndarray) -> int:
         """Over so many cycles a change (m,) keeps to the largest accelerations."""
+        if self._steps is not None:
+            return math.ceil(float((np.abs(change) / self._steps).max()) - 1e-9)
         values = change.tolist()
         linear = math.hypot(*values[:3]) / self._linear_step
         angular = math.hypot(*values[3:]) / self._angular_step

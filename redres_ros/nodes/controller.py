@@ -16,6 +16,7 @@ from redres_ros.errors import RedresError, one_line
 from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
+from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings, why_it_would_leap
 from redres_ros.loop.twist_buffer import TwistBufferSettings
 from redres_ros.nodes.command_publisher import CommandPublisher
@@ -31,18 +32,19 @@ from redres_ros.nodes.diagnostics import (
 )
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
-from redres_ros.nodes.motion_parameters import NONE, MotionParameters, named
 from redres_ros.nodes.motion_telemetry import MotionTelemetry
 from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
+from redres_ros.nodes.policy_parameters import NONE, PolicyParameters, named
 from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
 from redres_ros.vectors import check_finite
 
 _LOOK = 0.01  # [s] between looks at whether a state has waited long enough
-_TELL_AGAIN = 5.0  # [s] after which a restart is told again
+_REPEAT = 5.0  # [s] after which a warning is logged again
 
 
 @dataclass(frozen=True)
@@ -74,9 +76,10 @@ class ControllerParameters(ListenerParameters):
 
 
 class ControllerNode(ManagedNode):
-    """Answers each state of the robot in the callback that brings it; has no clock of its own.
+    """Publishes a command for each state of the robot, in the callback that brings it; has no clock
+    of its own.
 
-    Deactivated it brings the arm to rest, and then answers no more.
+    Deactivated it brings the arm to rest, and then publishes nothing any more.
     """
 
     def __init__(self) -> None:
@@ -86,44 +89,47 @@ class ControllerNode(ManagedNode):
         load_plugins(named(settings.plugins))
         model = robot.model
         T = 1.0 / settings.rate
-        self._motion = MotionParameters(self, model, T)
-        wanted = self._motion.wanted({})
+        self._policy = PolicyParameters(self, model, robot.task_space, T)
+        loop_settings = declare(self, LoopSettings())
         self._controller = Controller(
             model,
-            wanted.law,
+            self._policy.policy.law,
             T,
-            task=robot.task_space,
             switch_time=settings.switch_time,
             integrate_from=settings.integrate_from,
             task_scaling_rate=settings.task_scaling_rate,
-            limits=wanted.limits,
-            preferences=wanted.preferences,
-            secondary_tasks=wanted.secondary_tasks,
         )
-        following = declare(self, LoopSettings())
-        self._loop = CommandLoop(self._controller, following, declare(self, TwistBufferSettings()))
-        if leap := why_it_would_leap(settings.forward_commands, following.bridging):
+        self._controller.set_policy(self._policy.policy)
+        self._loop = CommandLoop(
+            self._controller, loop_settings, declare(self, TwistBufferSettings())
+        )
+        self._loop.deactivate()
+        if leap := why_it_would_leap(settings.forward_commands, loop_settings.bridging):
             self.get_logger().warning(leap)
         frame = settings.base_frame or model.base_frame
-        self._axes = TwistTransformer(model, frame)
+        self._transformer = TwistTransformer(model, frame)
         self._states = JointStateReader()
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
         self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
+        self._mode_publisher = self.create_publisher(String, 'controller/mode', LATCHED)
+        self._reported_mode: Mode | None = None
+        self._reported_error = ''
         self._telemetry = MotionTelemetry(self, frame, T)
-        self._refusals = InputMonitor(self)
+        self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
         self._diagnostics = Diagnostics(self, robot.name, self._health)
-        self._hold_wanted = False  # by the service
         show_obstacles(self, frame)
         self._listen()
         on_live_change(self, self._check, self._apply)
         self._start_life()
+        self._report()
 
     def _listen(self) -> None:
         self.create_subscription(JointState, 'joint_states', self._on_state, NEWEST, raw=True)
         self.create_subscription(
             TwistStamped, 'cartesian_velocity', self._on_twist, RECENT, raw=True
         )
+        self.create_subscription(JointState, 'joint_velocity', self._on_joint_velocity, RECENT)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         if self._loop.settings.twist_patience:
@@ -133,86 +139,114 @@ class ControllerNode(ManagedNode):
         try:
             sample = self._states.read(message)
         except RedresError as error:
-            self._refusals.refuse('joint_states', error)
+            self._inputs.refuse('joint_states', error)
             return
         if self._joints.concerns(sample):
             self._watchdog.feed()
-            self._answer('joint_states', self._enter_state, sample)
+            self._respond('joint_states', self._enter_state, sample)
 
     def _enter_state(self, sample: JointSample) -> Response | None:
         q = self._joints.positions(sample)
         return self._loop.enter_state(sample.stamp, q, time.monotonic())
 
     def _on_twist(self, message: TwistStamped | bytes) -> None:
-        self._answer('cartesian_velocity', self._enter_twist, message)
+        self._respond('cartesian_velocity', self._enter_twist, message)
 
     def _enter_twist(self, message: TwistStamped | bytes) -> Response | None:
         stamp, frame, dx = read_twist(message)
         check_finite(dx, 'cartesian_velocity')
         if self._loop.q is not None:
-            dx = self._axes.to_base(dx, frame, self._loop.q)
-        return self._loop.enter_twist(stamp, dx[: self._controller.m], time.monotonic())
+            dx = self._transformer.to_base(dx, frame, self._loop.q)
+        return self._loop.enter_twist(stamp, dx[: self._loop.rows], time.monotonic())
+
+    def _on_joint_velocity(self, message: JointState) -> None:
+        self._respond('joint_velocity', self._enter_joint_velocity, message)
+
+    def _enter_joint_velocity(self, message: JointState) -> Response | None:
+        dq = self._joints.velocities(message)
+        stamp = to_nanoseconds(message.header.stamp)
+        return self._loop.enter_joint_velocity(stamp, dq, time.monotonic())
 
     def _on_look(self) -> None:
-        self._answer('joint_states', self._loop.answer_if_due, time.monotonic())
+        self._respond('joint_states', self._loop.respond_if_due, time.monotonic())
 
-    def _answer(self, source: str, enter: Callable[[Any], Response | None], given: Any) -> None:
-        """Publish what is answered to what was given, or tell why it was refused."""
+    def _respond(self, source: str, enter: Callable[[Any], Response | None], given: Any) -> None:
+        """Publish the response to what was given, or report why it was refused."""
         if not self.configured:
             return
         try:
-            answer = enter(given)
+            response = enter(given)
         except RedresError as error:
-            self._refusals.refuse(source, error)
+            self._inputs.refuse(source, error)
             return
-        self._refusals.accept(source)
-        if answer is not None and (self.active or answer.command.dq.any()):
-            self._publish(answer)
+        self._inputs.accept(source)
+        if self._loop.mode is not self._reported_mode or self._loop.warning:
+            self._report()
+        if response is not None:
+            self._publish(response)
 
-    def _publish(self, answer: Response) -> None:
+    def _publish(self, response: Response) -> None:
         # The planner is to know of another scaling before the state after this one.
-        self._telemetry.publish_change(answer.scaling)
-        self._commands.publish(answer.stamp, answer.command)
+        self._telemetry.publish_change(response.scaling)
+        self._commands.publish(response.stamp, response.command)
         self._loop.note_sent(time.monotonic())
-        self._telemetry.publish(answer, self._controller.law)
-        if answer.restarted:
-            self.get_logger().warning(
-                f'starting anew {answer.restarted}',
-                throttle_duration_sec=_TELL_AGAIN,
-            )
+        self._telemetry.publish(response, self._controller.law)
+
+    def _report(self) -> None:
+        """Publish another mode, and log why it is another one."""
+        loop = self._loop
+        if loop.warning:
+            self.get_logger().error(loop.warning, throttle_duration_sec=_REPEAT)
+        error = loop.error
+        if error and error != self._reported_error:
+            self.get_logger().error(error)
+        self._reported_error = error
+        if loop.mode is not self._reported_mode:
+            self._reported_mode = loop.mode
+            self._mode_publisher.publish(String(data=loop.mode.value))
 
     def _on_session(self, message: String) -> None:
         before = self._loop.commanding
         self._loop.enter_session(message.data)
-        if before and not self._loop.commanding and self._loop.answered:
+        if before and not self._loop.commanding and self._loop.responses:
             word = one_line(message.data)
             self.get_logger().warning(f'the robot takes no commands: its session is {word}')
         elif not before and self._loop.commanding:
             self.get_logger().info('the robot takes commands')
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._hold_wanted = request.data
-        self._loop.held = request.data or not self.active
-        response.success = True
-        response.message = 'holding' if request.data else 'following cartesian_velocity'
+        self._loop.hold(request.data)
+        response.success = request.data or self.active
+        if not response.success:
+            response.message = f'the controller is {self.life}; it moves the arm only while active'
+        elif request.data:
+            response.message = 'holding'
+        else:
+            response.message = self._loop.error or 'following task velocities'
         return response
 
     def _begin(self) -> None:
-        self._controller.reset()  # the arm may have been moved by others
-        self._loop.held = self._hold_wanted
+        self._loop.activate()
 
     def _end(self) -> None:
-        self._loop.held = True  # softly to rest
+        self._loop.deactivate()
+        self._report()
+
+    def _may_be_cleaned_up(self) -> bool:
+        moves = self._loop.mode in (Mode.MOVING, Mode.STOPPING)
+        return not moves or self._watchdog.silent
 
     def _forget(self) -> None:
         self._loop.forget()
-        self._hold_wanted = False
 
     def _check(self, changes: dict[str, Any]) -> None:
-        self._motion.wanted(changes).law.check_damping(self._controller.T)
+        self._policy.changed(changes)
 
     def _apply(self, changes: dict[str, Any]) -> None:
-        self._motion.apply(changes, self._controller)
+        before = self._policy.policy
+        policy = self._policy.apply(changes)
+        if policy != before:
+            self._controller.set_policy(policy)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
         if 'task_scaling_rate' in changes:
@@ -221,28 +255,33 @@ class ControllerNode(ManagedNode):
 
     def _health(self) -> Health:
         law = self._controller.law
-        following = self._loop
+        loop = self._loop
         figures = {
+            'mode': loop.mode.value,
             'law': law_name(law),
             'damping [1/s]': law.damping,
             'forgetting factor': law.forgetting_factor(self._controller.T),
-            'states answered': following.answered,
-            'states skipped': following.skipped,
-            'task velocities missing': following.twist_buffer.missing,
-            'task velocities late': following.twist_buffer.late,
-            'messages refused': self._refusals.count,
+            'commands published': loop.responses,
+            'states skipped': loop.skipped,
+            'task velocities missing': loop.twist_buffer.missing,
+            'task velocities late': loop.twist_buffer.late,
+            'references changed by the gate': loop.gate.count,
+            'messages refused': self._inputs.count,
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
-        if self._refusals.reasons:
-            return Health(WARN, self._refusals.reasons, figures)
+        if error := loop.error:
+            self._report()
+            return Health(ERROR, error, figures)
+        if self._inputs.reasons:
+            return Health(WARN, self._inputs.reasons, figures)
         if not self.active:
             return Health(WARN, self.life, figures)
-        if not following.commanding:
+        if loop.mode is Mode.MIRRORING:
             return Health(WARN, 'mirroring: the robot takes no commands', figures)
-        if following.limit_warning:
-            return Health(WARN, following.limit_warning, figures)
-        return Health(OK, 'holding' if following.held else 'commanding', figures)
+        if loop.limit_warning:
+            return Health(WARN, loop.limit_warning, figures)
+        return Health(OK, loop.mode.value, figures)
 
 
 def _changed(settings: Any, changes: dict[str, Any]) -> Any:

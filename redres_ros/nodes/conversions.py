@@ -68,20 +68,28 @@ class JointMapper:
             LengthError: There is not one position for each name.
             ArrayError: A position of the arm is NaN or infinite.
         """
-        if message.name != self._seen:
-            self._learn(message.name)
-        if len(message.position) != len(message.name):
-            got = len(message.position)
-            joints = len(message.name)
-            raise LengthError(f'{got} positions for {joints} joints; expected one value per joint')
-        q = message.position  # (n,) if there are no others
-        if not isinstance(q, np.ndarray):
-            q = np.array(q)
+        return self._in_order(message.name, message.position, 'positions')
+
+    def velocities(self, message: JointState) -> np.ndarray:
+        """dq (n,) [rad/s] in our order; raises as positions() does."""
+        return self._in_order(message.name, message.velocity, 'velocities')
+
+    def _in_order(
+        self, names: Sequence[str], given: Sequence[float] | np.ndarray, what: str
+    ) -> np.ndarray:
+        if names != self._seen:
+            self._learn(names)
+        if len(given) != len(names):
+            raise LengthError(
+                f'{len(given)} {what} for {len(names)} joints; expected one value per joint'
+            )
+        values = given if isinstance(given, np.ndarray) else np.array(given)
         if self._order is not None:
-            q = q[self._order]
-        if not math.isfinite(sum(q.tolist())) and not np.isfinite(q).all():  # the first is quicker
-            raise ArrayError(f'positions {q.tolist()}; every value must be finite')
-        return q
+            values = values[self._order]
+        # the first is quicker
+        if not math.isfinite(sum(values.tolist())) and not np.isfinite(values).all():
+            raise ArrayError(f'{what} {values.tolist()}; every value must be finite')
+        return values
 
     def _learn(self, names: Sequence[str]) -> None:
         key = tuple(names)

@@ -58,6 +58,10 @@ class ManagedNode(LifecycleNode):
     def _end(self) -> None:
         """Stop acting."""
 
+    def _may_be_cleaned_up(self) -> bool:
+        """Whether nothing moves any more."""
+        return True
+
     def _forget(self) -> None:
         """Return to the initial state."""
 
@@ -84,7 +88,10 @@ class ManagedNode(LifecycleNode):
         return _DONE
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Reset, and stop listening."""
+        """Reset, and stop listening; refused while something is still moving."""
+        if not self._may_be_cleaned_up():
+            self.get_logger().warning('cleanup refused: the arm is still coming to rest')
+            return TransitionCallbackReturn.FAILURE
         self.configured = False
         self._forget()
         return _DONE

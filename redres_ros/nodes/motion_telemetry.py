@@ -54,25 +54,29 @@ class MotionTelemetry:
         self._unsaid = 0
         self._scaling_telemetry.publish(_SCALING, lambda: scaling)
 
-    def publish(self, answer: Response, law: Law) -> None:
+    def publish(self, response: Response, law: Law) -> None:
         """Publish every topic with a subscriber, and repeat the task scaling now and then.
 
         Args:
-            answer: Of this tick.
+            response: Of this tick.
             law: In force.
         """
         self._unsaid += 1
         if self._unsaid >= self._unsaid_most:
-            self._publish_scaling(answer.scaling)
-        self._snapshots.see(answer.stamp, answer.command)
+            self._publish_scaling(response.scaling)
+        self._snapshots.see(response.stamp, response.command)
         if not self._telemetry.has_subscribers:
             return
         publish = self._telemetry.publish
-        command = answer.command
-        state = command.state
-        publish('tip_pose', lambda: to_pose(answer.stamp, self._frame, state.x, state.R))
+        command = response.command
+        publish('tip_pose', lambda: self._tip_pose(response))
         for name, figure in _FIGURES.items():
             publish(name, partial(figure, command))
         publish('lost_velocity', lambda: norm(command.unachieved))
         publish('active_limits', lambda: command.active_limits)
         publish('law', lambda: law_name(law))
+
+    def _tip_pose(self, response: Response) -> PoseStamped:
+        """The measured pose of the tip."""
+        x, R = response.command.state.model.tip(response.q)
+        return to_pose(response.stamp, self._frame, x, R)

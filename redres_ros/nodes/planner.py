@@ -54,8 +54,6 @@ from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.policy import Policy
 from redres_ros.tasks import make_task
 
-_ANY_LAW = Policy(make_law('minimum_velocity'))
-
 
 @dataclass(frozen=True)
 class PlannerParameters(ListenerParameters):
@@ -133,7 +131,7 @@ class PlannerNode(ManagedNode):
             ProgressMonitor(settings.stuck_after, settings.give_up_after),
             self._robot.task_space,
         )
-        self._first_task = make_task(self._robot.task_space)
+        self._any_law = Policy(make_law('minimum_velocity'), make_task(self._robot.task_space))
         self._asked: np.ndarray | None = None  # dx of the newest step
         self._stamp = 0  # of the newest state [ns]
         self._q: np.ndarray | None = None  # at the newest state
@@ -226,7 +224,7 @@ class PlannerNode(ManagedNode):
         if self._asked is None:
             return None
         state = self._model.unchecked_state(q, np.zeros(self._model.n))
-        return _ANY_LAW.answer(state, self._first_task, self._asked, self._T).unachieved
+        return self._any_law.unconstrained(state, self._asked, self._T).unachieved
 
     def _publish(self, step: Step, q: np.ndarray, R: np.ndarray) -> None:
         if step.dq is not None:

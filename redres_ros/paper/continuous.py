@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.controller import SPEED_LIMIT
 from redres_ros.errors import RangeError, RedresError
 from redres_ros.interpolation import quintic
 from redres_ros.paper.second_order import Scheme
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.policy import SPEED_LIMIT
 from redres_ros.robot_model import RobotModel
 
 RTOL = 1e-10

@@ -1,6 +1,8 @@
 """The time of a task, which advances with the arm."""
 
-# [s] without motion, or without a message, after which the controller counts as not following
+import math
+
+# [s] for which nothing may be executed, or received, until the controller counts as not following
 _PATIENCE = 0.1
 _START_UP = 0.5  # [s] in which a task that was interrupted gets back to its pace
 
@@ -37,8 +39,10 @@ class TaskClock:
         return self._silent <= self._limit
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in what fraction of the task velocity is carried out."""
-        self._scaling = min(max(scaling, 0.0), 1.0) if scaling == scaling else 0.0
+        """Take in the fraction of the task velocity that is executed; NaN is no message."""
+        if math.isnan(scaling):
+            return
+        self._scaling = min(max(scaling, 0.0), 1.0)
         self._silent = 0
 
     def begin(self) -> None:

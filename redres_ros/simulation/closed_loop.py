@@ -7,11 +7,12 @@ from typing import Protocol
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.controller import SPEED_LIMIT, Controller
+from redres_ros.controller import Controller
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.laws import Law
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.policy import SPEED_LIMIT
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, row
 

@@ -65,3 +65,23 @@ class Joint(Task):
         if name not in names:
             raise UnknownNameError('joint', name, names)
         return names.index(name)
+
+
+@dataclass(frozen=True)
+class Configuration(Task):
+    """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task."""
+
+    size: ClassVar[int] = 0  # that of the arm
+    target: tuple[float, ...] = param((), 'desired angles [rad]; none: those of the start')
+
+    def rows(self, model: RobotModel) -> int:
+        return model.n
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        return np.eye(len(state.q))
+
+    def error(self, state: RobotState) -> np.ndarray:
+        return np.array(self.target) - state.q
+
+    def with_initial_targets(self, state: RobotState) -> Self:
+        return replace(self, target=self.target or tuple(state.q.tolist()))

@@ -26,6 +26,10 @@ class Task(ABC):
     def __post_init__(self) -> None:
         check_parameters(self)
 
+    def rows(self, model: RobotModel) -> int:
+        """m, the number of rows for an arm."""
+        return self.size
+
     @abstractmethod
     def jacobian(self, state: RobotState) -> np.ndarray:
         """J, (m, n)."""

@@ -12,7 +12,7 @@ from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.graph.settings import credible
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
-from redres_ros.nodes.motion_parameters import NONE, named
+from redres_ros.nodes.policy_parameters import NONE, named
 from redres_ros.preferences import PREFERENCES
 
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more

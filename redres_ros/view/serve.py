@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.graph_monitor import NICENESS, GraphMonitor
-from redres_ros.nodes.motion_parameters import NONE, named
 from redres_ros.nodes.parameters import declare
+from redres_ros.nodes.policy_parameters import NONE, named
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.node import Node
 
-from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.laws import LAWS, Law, make_law
-from redres_ros.limits import LIMITS, Limit, make_limits
+from redres_ros.laws import LAWS
+from redres_ros.limits import LIMITS, gain_names
 from redres_ros.nodes.parameters import declare, declare_one
 from redres_ros.parameter import (
     SHARED_GAINS,
@@ -21,10 +20,10 @@ from redres_ros.parameter import (
     param,
     parameters,
 )
-from redres_ros.policy import Policy
-from redres_ros.preferences import PREFERENCES, Preference, make_preference
+from redres_ros.policy import Policy, make_policy
+from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
-from redres_ros.tasks import TASKS, Task, make_task
+from redres_ros.tasks import TASKS
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
@@ -38,7 +37,7 @@ class NoneError(RedresError):
 
 
 @dataclass(frozen=True)
-class MotionSettings:
+class PolicySettings:
     """Which law, limits, preferences and tasks are in use.
 
     Raises:
@@ -77,35 +76,28 @@ class MotionSettings:
             check_once(f'{name}:', words)
 
 
-class Wanted(NamedTuple):
-    """What the parameters say."""
-
-    law: Law
-    limits: tuple[Limit, ...]
-    preferences: tuple[Preference, ...]
-    secondary_tasks: tuple[Task, ...]
-
-
-class MotionParameters:
+class PolicyParameters:
     """The parameters of what a controller does in each tick, all of which can be set live.
 
     Args:
         node: Has them.
         model: The arm, from which limits have their figures.
-        T: Sampling time [s], which says how large the damping may be.
+        task: The first task.
+        T: Sampling time [s], which bounds the damping.
     """
 
-    def __init__(self, node: Node, model: RobotModel, T: float) -> None:
+    def __init__(self, node: Node, model: RobotModel, task: str, T: float) -> None:
         self._model = model
-        self._settings = declare(node, MotionSettings())
+        self._task = task
+        self._T = T
+        self._settings = declare(node, PolicySettings())
         self._gains: dict[str, Any] = {}
         for key, default, parameter in all_gains(T):
             self._gains[key] = declare_one(node, key, default, parameter)
-        self.wanted({}).law.check_damping(T)
+        self.policy = self.changed({})
 
-    def wanted(self, changes: Mapping[str, Any]) -> Wanted:
-        """What is asked for after changes of parameters. Changes of other parameters are passed
-        over.
+    def changed(self, changes: Mapping[str, Any]) -> Policy:
+        """The policy after changes of parameters. Changes of other parameters are passed over.
 
         Raises:
             RedresError: A value that is not allowed, limits that the arm has no figures for, or a
@@ -113,65 +105,53 @@ class MotionParameters:
         """
         settings = self._changed_settings(changes)
         gains = self._changed_gains(changes)
-        law = make_law(settings.law, **_own(LAWS, settings.law, gains))
-        limits = make_limits(
-            named(settings.limits),
+        policy = make_policy(
             self._model,
+            settings.law,
+            task=self._task,
+            limits=named(settings.limits),
             limit_scale=settings.limit_scale,
             torque_scale=settings.torque_scale,
-            gains={key: value for key, value in gains.items() if _is_of_limit(key)},
+            preferences=named(settings.preferences),
+            secondary_tasks=named(settings.secondary_tasks),
+            gains=gains,
         )
-        preferences = tuple(
-            make_preference(name, **_own(PREFERENCES, name, gains))
-            for name in named(settings.preferences)
-        )
-        tasks = tuple(
-            make_task(name, **_own(TASKS, name, gains)) for name in named(settings.secondary_tasks)
-        )
-        Policy(law, preferences, tasks).check(self._model)
+        policy.check(self._model, self._T)
         self._check_unused(changes, gains)
-        return Wanted(law, tuple(limits), preferences, tasks)
+        return policy
+
+    def apply(self, changes: Mapping[str, Any]) -> Policy:
+        """The policy after changes, which it keeps; limits that did not change stay the same."""
+        policy = self.changed(changes)
+        before = self._of_limits()
+        self._settings = self._changed_settings(changes)
+        self._gains = self._changed_gains(changes)
+        if self._of_limits() == before:
+            policy = replace(policy, limits=self.policy.limits)
+        self.policy = policy
+        return policy
 
     def _check_unused(self, changed: Iterable[str], gains: Mapping[str, Any]) -> None:
         """Refuse a gain that its owner could not be made with, also while that is not in use."""
         owners = {key.partition('.')[0] for key in changed if key in gains}
-        for name in LAWS.keys() & owners:
-            make_law(name, **_own(LAWS, name, gains))
-        preferences = [
-            make_preference(name, **_own(PREFERENCES, name, gains))
-            for name in PREFERENCES.keys() & owners
-        ]
-        tasks = [make_task(name, **_own(TASKS, name, gains)) for name in TASKS.keys() & owners]
-        law = make_law(self._settings.law)
-        Policy(law, tuple(preferences), tuple(tasks)).check(self._model)
-        of_limits = {key: gains[key] for key in changed if _is_of_limit(key)}
-        make_limits({key.partition('.')[0] for key in of_limits}, self._model, gains=of_limits)
+        for law in (LAWS.keys() & owners) or {self._settings.law}:
+            make_policy(
+                self._model,
+                law,
+                limits=sorted(LIMITS.keys() & owners),
+                preferences=sorted(PREFERENCES.keys() & owners),
+                secondary_tasks=sorted(TASKS.keys() & owners),
+                gains=gains,
+            )
 
-    def apply(self, changes: Mapping[str, Any], controller: Controller) -> None:
-        """Make the changes, and have a controller go over to them.
-
-        Args:
-            changes: New values by the names of the parameters.
-            controller: Goes over to what they say.
-        """
-        wanted = self.wanted(changes)
-        limits_before = self._limits_say()
-        self._settings = self._changed_settings(changes)
-        self._gains = self._changed_gains(changes)
-        controller.switch_law(wanted.law)
-        controller.set_preferences(wanted.preferences)
-        controller.set_secondary_tasks(wanted.secondary_tasks)
-        if self._limits_say() != limits_before:
-            controller.set_limits(wanted.limits)
-
-    def _limits_say(self) -> tuple[Any, ...]:
+    def _of_limits(self) -> tuple[Any, ...]:
         """All that the limits depend on."""
         settings = self._settings
-        gains = [value for key, value in self._gains.items() if _is_of_limit(key)]
+        gains = [value for key, value in self._gains.items() if key in gain_names()]
         return (settings.limits, settings.limit_scale, settings.torque_scale, *gains)
 
-    def _changed_settings(self, changes: Mapping[str, Any]) -> MotionSettings:
-        names = {field.name for field in parameters(MotionSettings)}
+    def _changed_settings(self, changes: Mapping[str, Any]) -> PolicySettings:
+        names = {field.name for field in parameters(PolicySettings)}
         values = {name: changes[name] for name in names & changes.keys()}
         return replace(self._settings, **values)
 
@@ -203,19 +183,6 @@ def all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
 
 def _is_scale(table: Mapping[str, type], gain: str) -> bool:
     return table is LIMITS and gain in _SCALES
-
-
-def _is_of_limit(key: str) -> bool:
-    name, _, gain = key.partition('.')
-    if name not in LIMITS or gain in _SCALES:
-        return False
-    return any(field.name == gain for field in parameters(LIMITS[name]))
-
-
-def _own(table: Mapping[str, type], name: str, gains: Mapping[str, Any]) -> dict[str, Any]:
-    """The gains of one entry of a table, by the names of its fields."""
-    keys = {field.name: gain_key(name, field.name) for field in parameters(table[name])}
-    return {field: gains[key] for field, key in keys.items() if key in gains}
 
 
 def named(words: Iterable[str]) -> tuple[str, ...]:
