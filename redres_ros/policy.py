@@ -23,47 +23,20 @@ from redres_ros.parameter import (
     resolve_entry,
 )
 from redres_ros.preferences import PREFERENCES, Preference
-from redres_ros.resolution import Level, Weight, resolve_in_order, resolve_one
+from redres_ros.resolution import Level, Solution, resolve_in_order, resolve_one, scaled
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import escape_direction
 from redres_ros.tasks import TASKS, Task
 from redres_ros.tasks.joints import Configuration
 
 if TYPE_CHECKING:
-    from redres_ros.boundary_braking import BoundaryBraking
     from redres_ros.limits import Limits
+    from redres_ros.limits.boundary_braking import BoundaryBraking
     from redres_ros.limits.limit import Limit
 
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a motion that gets there has diverged
 
 _ROUNDING = 1e-9  # of dx; less counts as achieved
-
-
-@dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
-class Solution:
-    """The joint velocity of one tick.
-
-    Attributes:
-        dq: (n,) [rad/s].
-        J: (m, n), of the first task.
-        executed: (m,), the part of dx that dq is meant to execute.
-        unachieved: (m,), the part that a singularity does not let through; None if there is none.
-        W: The metric.
-        levels: All tasks in order, with comparable rows, if there are several.
-        s: The fraction of `executed` that limits allow (task scaling).
-        active_limits: 'joint: limit' that acts most, or ''.
-        dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
-    """
-
-    dq: np.ndarray
-    J: np.ndarray
-    executed: np.ndarray
-    unachieved: np.ndarray | None = None
-    W: Weight = None
-    levels: Sequence[Level] = ()
-    s: float = 1.0
-    active_limits: str = ''
-    dq_old: np.ndarray | None = None
 
 
 class Motion(Protocol):
@@ -208,7 +181,7 @@ class Policy:
         limit = self.limits and self.limits.braking_limit
         if not limit:
             return None
-        from redres_ros.boundary_braking import BoundaryBraking  # which needs what is defined here
+        from redres_ros.limits.boundary_braking import BoundaryBraking  # compiled, as all limits
 
         return BoundaryBraking(self.task, limit.model, limit.A, limit.reach)
 
@@ -469,19 +442,6 @@ def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.
     J, dx = scaled(J, dx, scale)
     z = escape_direction(J, scale[:, None] * dJ, dx, state.dq_prev)
     return 0.0 if z is None else z
-
-
-def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:
-    """J and dx with comparable rows.
-
-    Args:
-        J: (m, n).
-        dx: (m,).
-        scale: What each row is multiplied by, (m,); None for all by one.
-    """
-    if scale is None:
-        return J, dx
-    return scale[:, None] * J, scale * dx
 
 
 def _mixed(old: np.ndarray | None, new: np.ndarray | None, c: float) -> np.ndarray | None:

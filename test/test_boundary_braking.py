@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from redres_ros import RobotModel
-from redres_ros.boundary_braking import end_of_reach
 from redres_ros.kernels.conditioning import is_far
+from redres_ros.limits.boundary_braking import end_of_reach
 from redres_ros.robots import ARMS
 
 MODEL = RobotModel.named('lwr4')

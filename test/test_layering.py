@@ -22,8 +22,6 @@ LAYERS = (
     {'constrained', 'singularity'},
     {'laws', 'tasks', 'preferences', 'limits'},
     {'policy', 'command'},
-    {'boundary_braking'},
-    {'resolver'},
     {'controller', 'fake_robot'},
     {'loop'},
     {'planning'},
@@ -112,7 +110,7 @@ FORMULAS = ('closed_form', 'factors', 'solving')
 def test_resolution_needs_nothing_but_numpy_and_the_compiled_formulas():
     modules = {found.module for found in imports() if found.file == 'resolution.py'}
     own = {'redres_ros.errors', *(f'redres_ros.kernels.{name}' for name in FORMULAS)}
-    allowed = {'numpy', 'math', 'itertools', 'functools', 'collections.abc'}
+    allowed = {'numpy', 'math', 'itertools', 'functools', 'collections.abc', 'dataclasses'}
     assert modules - own <= allowed
 
 
