@@ -249,7 +249,7 @@ class TestCallbacks:
         )
     )
     def test_whatever_the_sim_receives_its_arm_keeps_the_limits(self, sim, events):
-        recorder = Recorder(sim._state_publisher, '_publisher', JointState)
+        recorder = Recorder(sim, '_state_publisher', JointState)
         robot = sim._robot
         before = robot.reference
         for event in events:

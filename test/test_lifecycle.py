@@ -150,7 +150,7 @@ class TestWithin:
     ) -> None:
         sim = SimNode()
         sent = []
-        sim._state_publisher._publisher = type('Recorder', (), {'publish': sent.append})
+        sim._state_publisher = type('Recorder', (), {'publish': sent.append})
         for active in (False, True):
             assert sim.active is active
             sim._publish_state()

@@ -116,13 +116,13 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.demo_results import check_files, write_results
     from redres_ros.demo.processes import own_domain
     from redres_ros.demo.words import after, before
-    from redres_ros.files.signals import handled
+    from redres_ros.files.signals import handle, handled
     from redres_ros.simulation.report import progress_bar
 
     options.rate = _rate(options)
     check_files(options.save or ())
     demo = _make_demo(options)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of the clean-up
+    handle(lambda *_: sys.exit(143), signal.SIGTERM)  # by way of the clean-up
     with (
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,

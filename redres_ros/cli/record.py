@@ -52,6 +52,7 @@ def _record(options: argparse.Namespace) -> int:
     import signal
     import threading
 
+    from redres_ros.files.signals import handle
     from redres_ros.graph.mcap_file import McapFile
     from redres_ros.graph.recorder import GraphRecorder
     from redres_ros.nodes.discovery import joined_domain
@@ -60,8 +61,7 @@ def _record(options: argparse.Namespace) -> int:
     check_duration(options.duration)
     check_recording(options.file)
     stopped = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set())
+    handle(lambda *_: stopped.set(), signal.SIGINT, signal.SIGTERM)
     with (
         joined_domain(options.domain),
         McapFile(options.file) as file,

@@ -11,6 +11,17 @@ from typing import Any
 Handler = Callable[[int, FrameType | None], object] | signal.Handlers
 
 
+def handle(handler: Handler, *numbers: signal.Signals) -> None:
+    """Have signals go to a handler from now on.
+
+    Args:
+        handler: What `signal.signal` takes.
+        numbers: Of the signals, as SIGINT.
+    """
+    for number in numbers:
+        signal.signal(number, handler)
+
+
 @contextmanager
 def handled(handler: Handler, *numbers: signal.Signals) -> Iterator[None]:
     """Send signals to a handler within the block; restore the previous handler afterwards.

@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from redres_ros.errors import RedresError
+from redres_ros.files.signals import handle
 from redres_ros.files.streams import open_error_output
 from redres_ros.kernels.compile_log import time_compiling
 from redres_ros.nodes import discovery
@@ -222,8 +223,7 @@ def run_nodes(
     stopped = threading.Event()
     # Results are looked at; numpy's warning would be a second line.
     np.seterr(over='ignore', invalid='ignore')
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set())
+    handle(lambda *_: stopped.set(), signal.SIGINT, signal.SIGTERM)
     _end_with_parent(stopped)
     try:
         start(arguments)
@@ -285,7 +285,7 @@ def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None
         else:
             spinner.spin()
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # under ros2 launch Ctrl-C arrives twice
+        handle(signal.SIG_IGN, signal.SIGINT)  # under ros2 launch Ctrl-C arrives twice
         for node in nodes:
             if hasattr(node, 'close'):
                 node.close()

@@ -29,13 +29,12 @@ from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
-from redres_ros.nodes.qos import LATCHED, NEWEST
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
-from redres_ros.nodes.session_topics import SessionTopics
-from redres_ros.nodes.state_publisher import StatePublisher
+from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.nodes.wire import EncodingError, JointStateReader
+from redres_ros.nodes.wire import EncodingError, JointStateReader, JointStateWriter, stamp_of
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -101,7 +100,9 @@ class SimNode(ManagedNode):
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
         self._states: NetworkModel[bytes] = NetworkModel(f'{seed} states', faults.states)
-        self._state_publisher = StatePublisher(self, names, self._states)
+        self._writer = JointStateWriter(names)
+        nothing = np.zeros(len(names))
+        self._newest = self._writer.written(0, nothing, nothing)  # of the published states
         self._receiver = CommandReceiver(
             names,
             self._robot_clock,
@@ -127,7 +128,13 @@ class SimNode(ManagedNode):
 
     def _create_interfaces(self, arm: Arm) -> None:
         self._telemetry = Telemetry(self, {}, {'wrench': WrenchStamped})
-        self._session_topics = SessionTopics(self)
+        self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
+        # The reason comes first: a subscriber that receives the end of a session knows why.
+        self._session_publishers = {
+            topic: self.create_publisher(String, topic, LATCHED)
+            for topic in (REASON, SESSION, QUALITY)
+        }
+        self._published: dict[str, str] = {}  # the newest value of each of these
         self._publish_session()
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
@@ -180,16 +187,29 @@ class SimNode(ManagedNode):
         self._diagnostics.publish()
 
     def _publish_session(self) -> None:
+        """Publish what has changed since the last call; a stop gets a line in the log, too."""
         session = self._session
-        self._session_topics.publish(session.state.value, session.quality.name, session.reason)
+        values = {
+            REASON: session.reason,
+            SESSION: session.state.value,
+            QUALITY: session.quality.name,
+        }
+        if session.reason and session.reason != self._published.get(REASON):
+            self.get_logger().error(session.reason)
+        for topic, value in values.items():
+            if value != self._published.get(topic):
+                self._published[topic] = value
+                self._session_publishers[topic].publish(String(data=value))
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
         self._arrival.clear()
-        self._state_publisher.send(stamp, self._robot.q, self._robot.dq, tick)
+        self._states.send(self._writer.written(stamp, self._robot.q, self._robot.dq), tick)
         if self.active:
-            self._state_publisher.publish(tick)
+            for arriving in self._states.receive(tick):
+                self._state_publisher.publish(arriving)
+                self._newest = max(self._newest, arriving, key=stamp_of)
         tip = self._description.arm.tip_frame
         self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
 
@@ -211,13 +231,13 @@ class SimNode(ManagedNode):
             self._unanswered and self.active and not stopped.is_set() and time.monotonic() < until
         ):
             if not waiting.wait(self._arrival, _ASK_AGAIN):
-                self._state_publisher.publish_again()
+                self._state_publisher.publish(self._newest)  # it may have been lost
             self._arrival.clear()
 
     @property
     def _unanswered(self) -> bool:
         """Whether a published state, not lost or delayed by a fault, has no response."""
-        return self._receiver.newest < self._state_publisher.newest
+        return self._receiver.newest < stamp_of(self._newest)
 
     def _on_command(self, message: JointState | bytes) -> None:
         if not self.active:
@@ -234,7 +254,7 @@ class SimNode(ManagedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
         self._reset_wanted = True
-        self._session_topics.publish_again()
+        self._published.clear()  # all is published again: a message may have been lost
         response.success = True
         response.message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
         return response

@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from typing import Any, TypeVar
 
 from redres_ros.errors import RedresError
+from redres_ros.files.signals import handle
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
@@ -74,7 +75,7 @@ def _begin(work: Any, items: Sequence[Any], shares: Any) -> None:
     _work = work
     _items = items
     _shares = shares
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes: end without words
+    handle(signal.SIG_DFL, signal.SIGINT)  # Ctrl-C reaches all processes: end without words
 
 
 def _piece(place: int) -> Any:
