@@ -67,7 +67,7 @@ class AccelerationLimit(_Braking):
 
     Args:
         reach: Of the largest singular value of the task: below it the tip brakes before the end of
-            its reach (limits/boundary_braking.py), and each direction of dx has a scaling of its own.
+            its reach (boundary_braking.py), and each direction of dx has a scaling of its own.
     """
 
     order = 0
