@@ -46,8 +46,10 @@ from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.colours import law_colour
 from redres_ros.view import origin_check, words
 from redres_ros.view.controls import Controls
+from redres_ros.view.plots import Plots
 from redres_ros.view.ring_buffer import RingBuffer
 from redres_ros.view.saved import write_page
 from redres_ros.view.shapes import FIXED, shapes_of
@@ -310,6 +312,27 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     client = SimpleNamespace(add_notification=lambda title, text, **_: reported.append(text))
     controls._set(SimpleNamespace(client=client), 'controller', 'law', 'minimum_velocity')
     assert shown == ['minimum_torque'] and reported == ['controller refused']
+
+
+def test_the_plots_of_a_page_have_the_colour_of_the_law_in_force() -> None:
+    class Gui:
+        """Keeps the curves of each plot."""
+
+        def __init__(self) -> None:
+            self.plots: list[SimpleNamespace] = []
+
+        def add_uplot(self, data: object, series: object, **_: object) -> SimpleNamespace:
+            self.plots.append(SimpleNamespace(series=series))
+            return self.plots[-1]
+
+    def colours() -> set[str]:
+        return {plot.series[1]['stroke'] for plot in gui.plots}
+
+    gui = Gui()
+    plots = Plots(gui, 'minimum_velocity')
+    assert colours() == {law_colour('minimum_velocity')}
+    plots.set_law('minimum_torque')
+    assert colours() == {law_colour('minimum_torque')}
 
 
 def test_a_trail_keeps_its_span_and_begins_anew_with_another_clock() -> None:

@@ -72,7 +72,7 @@ class Page:
             with gui.add_folder('joints in their ranges, and limits that act'):
                 self._bars = gui.add_html('')
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
-                self._plots = Plots(gui)
+                self._plots = Plots(gui, values['controller']['law'])
         seen.dock_left()
         self._controls = Controls(self._server, self._monitor.client, values)
         gui.main_panel.dock_right()
@@ -110,6 +110,8 @@ class Page:
         self._controls.show(node, values)
         if node == 'controller':
             self._arm.apply(values)
+            if 'law' in values:
+                self._plots.set_law(str(values['law']))
 
 
 def _of_sim(client: GraphClient) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The live plots of a page."""
+"""The live plots of a page, in the colour of the law in force."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,27 +8,27 @@ import viser
 from viser import uplot
 
 from redres_ros.nodes.controller_snapshot import Figures
+from redres_ros.simulation.colours import law_colour
 
 _HEIGHT = 92  # [pixels]
 _ZERO = np.zeros(2)
 
 
 class _Plot(NamedTuple):
-    """A plot of one of the Figures: title, colour, and the range that it shows at least."""
+    """A plot of one of the Figures: title, and the range that it shows at least."""
 
     figure: str
     title: str
-    colour: str
     least: float
 
 
 _PLOTS = (
-    _Plot('speed', 'joint velocity, norm [rad/s]', '#1f77b4', 1.0),
-    _Plot('acceleration', 'joint acceleration, norm [rad/s²]', '#d62728', 10.0),
-    _Plot('null_speed', 'null-space velocity, norm [rad/s]', '#2ca02c', 1.0),
-    _Plot('torque', 'joint torque, norm [Nm]', '#9467bd', 50.0),
-    _Plot('scaling', 'task scaling s', '#ff7f0e', 1.05),
-    _Plot('singular_value', 'smallest singular value', '#7f7f7f', 0.5),
+    _Plot('speed', 'joint velocity, norm [rad/s]', 1.0),
+    _Plot('acceleration', 'joint acceleration, norm [rad/s²]', 10.0),
+    _Plot('null_speed', 'null-space velocity, norm [rad/s]', 1.0),
+    _Plot('torque', 'joint torque, norm [Nm]', 50.0),
+    _Plot('scaling', 'task scaling s', 1.05),
+    _Plot('singular_value', 'smallest singular value', 0.5),
 )
 
 
@@ -37,14 +37,15 @@ class Plots:
 
     Args:
         gui: Of viser.
+        law: In force.
     """
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, law: str) -> None:
         self._handles = {}
         for plot in _PLOTS:
             self._handles[plot] = gui.add_uplot(
                 (_ZERO, _ZERO),
-                ({'label': 't'}, {'label': plot.figure, 'stroke': plot.colour, 'width': 1.5}),
+                _series(plot.figure, law),
                 title=plot.title,
                 scales=_scales(plot.least),
                 axes=({'show': False}, {'size': 44, 'font': '10px sans-serif'}),
@@ -52,6 +53,11 @@ class Plots:
                 height=_HEIGHT,
                 padding=(8, 12, 4, 0),
             )
+
+    def set_law(self, law: str) -> None:
+        """Go over to the colour of another law."""
+        for plot, handle in self._handles.items():
+            handle.series = _series(plot.figure, law)
 
     def show(self, times: np.ndarray, figures: Sequence[Figures]) -> None:
         """Draw figures over time.
@@ -64,6 +70,17 @@ class Plots:
         for plot, handle in self._handles.items():
             values = np.array([getattr(each, plot.figure) for each in figures])
             handle.data = (seconds, values)
+
+
+def _series(figure: str, law: str) -> tuple[uplot.Series, uplot.Series]:
+    """The time, and a curve.
+
+    Args:
+        figure: What the curve shows.
+        law: Whose colour it has.
+    """
+    curve: uplot.Series = {'label': figure, 'stroke': law_colour(law), 'width': 1.5}
+    return {'label': 't'}, curve
 
 
 def _scales(least: float) -> dict[str, uplot.Scale]:
