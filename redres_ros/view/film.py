@@ -163,7 +163,7 @@ class _Banner:
 def _text(text: str, width: int, colour: str) -> np.ndarray:
     """White letters on a colour, (height, width, 3)."""
     figure = Figure(figsize=(width / _DOTS, _BANNER / _DOTS), dpi=_DOTS, facecolor=colour)
-    figure.text(0.5, 0.48, text, color='white', ha='center', va='center', fontsize=11.5)
+    figure.text(0.5, 0.48, text, color='white', ha='center', va='center', fontsize=10.5)
     return _drawn(figure)
 
 
