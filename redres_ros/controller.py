@@ -360,7 +360,11 @@ class Controller:
         )
 
     def standing(self) -> Command:
-        """The command of an arm that stands still: the last reference again, exactly."""
+        """The command of an arm at rest: the last reference again, exactly.
+
+        Raises:
+            RedresError: There is no reference yet.
+        """
         if self._q_ref is None:
             raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
         zeros = np.zeros(self.model.n)

@@ -213,15 +213,26 @@ class Hold:
         return self.constrained(self.unconstrained(state, dx, T), state, T)
 
     def unconstrained(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
-        """No velocity."""
+        """No velocity.
+
+        Args:
+            state: Of the arm at this tick.
+            dx: Ignored, (m,).
+            T: Sampling time [s].
+        """
         J = self.task.jacobian(state)
         return Solution(np.zeros(len(state.q)), J, np.zeros(len(J)))
 
     def constrained(self, free: Solution, state: RobotState, T: float) -> Solution:
         """Braking: no joint gets faster, none turns round, each keeps its box.
 
-        A stop must not be refused by a torque limit or pushed aside by an obstacle: of the other
-        limits only a collision makes the arm brake harder.
+        A stop must not be refused by a torque limit or diverted by an obstacle: of the other limits
+        only a collision makes the arm brake harder.
+
+        Args:
+            free: The solution without limits.
+            state: Of the arm at this tick.
+            T: Sampling time [s].
         """
         if self.limits is None:
             return free

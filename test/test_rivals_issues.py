@@ -1,5 +1,5 @@
-"""What went wrong elsewhere must not go wrong here. Each test is named after the thread that tells
-of the failure; docs/failures_elsewhere.md lists them.
+"""What went wrong elsewhere must not go wrong here. Each test is named after the thread that
+reports the failure; docs/failures_elsewhere.md lists them.
 """
 
 import re

@@ -104,7 +104,7 @@ class CycleCounter:
         return self.newest / NANOSECONDS + self._least_delay
 
     def cycle(self, stamp: int) -> int:
-        """The cycle of a stamp [ns]: that of the state which bears it, else the nearest."""
+        """The cycle of a stamp [ns]: that of its state, else the nearest."""
         known = self._numbers.get(stamp)
         if known is not None:
             return known

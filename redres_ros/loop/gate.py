@@ -77,7 +77,8 @@ class Gate:
         if self.is_open:
             self.record(q_ref)
             return Admission(q_ref, self.dq, '')
-        p, v = self.q_ref, self.dq
+        p = self.q_ref
+        v = self.dq
         if missed:
             p, v = bridged(p, v, missed, controller)
         V, A = self._allowed()
