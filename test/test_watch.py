@@ -7,6 +7,7 @@ import sys
 import pytest
 from rich.console import Console
 
+from redres_ros.cli import main
 from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
 from redres_ros.graph.watch_page import JointBar, line, page
 
@@ -130,6 +131,14 @@ def watch_until(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
         if all(word in done.stdout for word in words):
             break
     return done
+
+
+@pytest.mark.parametrize('setting', ['law', 'law=', '=minimum_velocity'])
+def test_a_setting_without_name_or_value_is_refused(
+    setting: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['watch', '--set', setting]) == 1
+    assert 'expected NAME=VALUE' in capsys.readouterr().err
 
 
 @pytest.mark.slow

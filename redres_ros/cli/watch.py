@@ -63,8 +63,8 @@ def _texts(settings: list[str]) -> dict[str, str]:
     """The text of each value, by the name of its parameter. Raises OptionError."""
     texts = {}
     for setting in settings:
-        name, equals, text = setting.partition('=')
-        if not (name and equals):
+        name, _, text = setting.partition('=')
+        if not (name and text):
             raise OptionError(f'--set {setting}; expected NAME=VALUE, as law=minimum_velocity')
         texts[name] = text
     return texts
