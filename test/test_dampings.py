@@ -8,7 +8,7 @@ import pytest
 from redres_ros import RobotModel
 from redres_ros.cli import main
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.simulation.dampings import GOOD, Trials, random_task, sweep
+from redres_ros.simulation.dampings import GOOD, Trials, damping_table, random_task, sweep
 
 
 def test_random_tasks_begin_within_the_ranges_and_are_the_same_every_time() -> None:
@@ -66,3 +66,11 @@ def test_the_command_shows_a_table_and_draws(
     assert main(['dampings', *options]) == 0
     assert 'median of peak / best' in capsys.readouterr().out
     assert (tmp_path / 'dampings.png').stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(('tasks', 'head'), [(5, 'largest'), (20, 'nine in ten below')])
+def test_no_maximum_is_called_a_quantile(tasks: int, head: str) -> None:
+    peaks = np.ones((tasks, 2))
+    trials = Trials('law', np.array([0.0, 1.0]), peaks, np.ones((tasks, 2), dtype=bool))
+    assert not trials.tells(0.99)
+    assert [column.header for column in damping_table(trials, 'title').columns][3] == head

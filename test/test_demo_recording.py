@@ -27,6 +27,7 @@ from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording, columns
+from redres_ros.simulation.report import print_tables
 
 T = 0.002  # [s]
 PERIOD = 2_000_000  # [ns]
@@ -176,6 +177,17 @@ def test_cycles_before_and_after_the_task_do_not_count() -> None:
 def test_in_lock_step_there_is_no_clock_to_be_late_for() -> None:
     cycles = count_cycles(exchange((0.0, 50.0), (60.0, 61.0)), np.inf, (0, PERIOD))
     assert cycles == CycleCounts(in_time=2, waited_for=0, late=0, missed=0, stood_still=0.0)
+
+
+@pytest.mark.parametrize(('waited_for', 'says'), [(10, False), (2000, True)])
+def test_late_answers_are_put_down_to_a_busy_computer(
+    waited_for: int, says: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cycles = CycleCounts(4000 - waited_for, waited_for, late=0, missed=0, stood_still=1.0)
+    recording = Recording(np.zeros((0, len(columns(7)))), 7, T, True, '')
+    outcome = Outcome(recording, None, cycles, stop_reason='', session=())
+    print_tables(outcome.table('title'))
+    assert ('this computer was busy' in capsys.readouterr().out) == says
 
 
 # --- the log --------------------------------------------------------------------------------------

@@ -30,7 +30,6 @@ WAYS = {
     'u': Way(5, 1.0),
     'o': Way(5, -1.0),
 }
-STOP = ' '
 FASTER = '+'
 SLOWER = '-'
 HELP = """\

@@ -11,7 +11,6 @@ from redres_ros.robots.urdf import Urdf
 FIXED = -1  # in place of a joint, for what no joint moves
 
 _GREY = (0.6, 0.62, 0.65)
-_KINDS = ('cylinder', 'sphere', 'box')  # meshes are files, and are left out
 
 
 @dataclass(frozen=True)
