@@ -19,9 +19,9 @@ from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_tas
 from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
+from redres_ros.simulation.limit_usage import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
-from redres_ros.simulation.shares import acceleration_share
 
 ROOT = Path(__file__).parents[1]
 PAGES = (
@@ -159,7 +159,7 @@ def headline(results: Results) -> str:
     shares = {}
     for law in ('minimum_velocity', 'minimum_acceleration'):
         model = RobotModel.named(load_task('rectangle').robot)
-        share = acceleration_share(results[Case(law)].recording, model)
+        share = acceleration_usage(results[Case(law)].recording, model)
         shares[law] = float(share.max())
     bounded = results[Case('minimum_velocity', limits=LIMITS)].recording
     velocity = shares['minimum_velocity']
@@ -175,7 +175,7 @@ def limits_text(results: Results) -> str:
     """What docs/limits.md says of the rectangle within limits."""
     model = RobotModel.named(load_task('rectangle').robot)
     velocity = Case('minimum_velocity')
-    fraction = acceleration_share(results[velocity].recording, model).max()
+    fraction = acceleration_usage(results[velocity].recording, model).max()
     without, within, velocity_half, acceleration_half = (
         results[case].recording
         for case in (velocity, replace(velocity, limits=LIMITS), *half_limits())
@@ -260,7 +260,7 @@ def draw_laws(results: Results) -> Figure:
         recording = results[case].recording
         t = recording['t']
         style = {'color': law_colour(case.law), 'ls': '--' if case.limits else '-'}
-        accelerations.plot(t, acceleration_share(recording, model), label=label, **style)
+        accelerations.plot(t, acceleration_usage(recording, model), label=label, **style)
         speeds.plot(t, recording['joint_velocity_norm'], **style)
         if case.limits:
             scaling.plot(t, recording['task_scaling'], **style)
@@ -278,7 +278,7 @@ def draw_laws(results: Results) -> Figure:
 
 def _write_peak(ax: Axes, recording: Recording, model: RobotModel) -> None:
     """How many times the limit the highest acceleration is, beside the peak."""
-    fractions = acceleration_share(recording, model)
+    fractions = acceleration_usage(recording, model)
     tick = int(fractions.argmax())
     at = (recording['t'][tick], fractions[tick])
     style = {'textcoords': 'offset points', 'va': 'center', 'ha': 'right', 'fontsize': 'x-large'}

@@ -11,19 +11,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from redres_ros.errors import FileError
-from redres_ros.fake_robot import render as rendering
 from redres_ros.paper import figures as figures_module
 from redres_ros.paper.equivalence import PERIODS, Convergence, velocity_difference
 from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.figures import FIGURES, draw_all, motions
-from redres_ros.paper.figures.limits import torque_share
+from redres_ros.paper.figures.limits import torque_usage
 from redres_ros.paper.figures.norms import torque_norm
 from redres_ros.paper.runs import RUNS, TORQUE_SCALE, Runs
 from redres_ros.paper.savgol import MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm, find_arm
+from redres_ros.simulation import render as rendering
+from redres_ros.simulation.limit_usage import acceleration_usage
 from redres_ros.simulation.render import Film, RenderError, render
-from redres_ros.simulation.shares import acceleration_share
 
 pytestmark = pytest.mark.nightly
 
@@ -243,8 +243,8 @@ def test_accelerating_takes_the_inertia_times_the_acceleration_on_top(runs):
 @pytest.mark.parametrize(
     ('name', 'share', 'allowed'),
     [
-        ('within_limits', acceleration_share, 1.0),
-        ('within_torques', torque_share, TORQUE_SCALE),
+        ('within_limits', acceleration_usage, 1.0),
+        ('within_torques', torque_usage, TORQUE_SCALE),
     ],
 )
 def test_what_is_drawn_as_kept_within_limits_is(runs, name, share, allowed):

@@ -69,10 +69,10 @@ def _compare(options: argparse.Namespace) -> int:
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
     from redres_ros.simulation.comparison import draw, tables
+    from redres_ros.simulation.limit_usage import draw_limit_usage
     from redres_ros.simulation.parallel import in_parallel
     from redres_ros.simulation.plots import DRAWINGS, save
     from redres_ros.simulation.report import print_tables, progress_bar
-    from redres_ros.simulation.shares import draw_shares
 
     motion = find_motion(options)
     contenders = _contenders(options)
@@ -93,7 +93,7 @@ def _compare(options: argparse.Namespace) -> int:
         efforts[label] = effort
     title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
     draw(recordings, title, norms)
-    save(draw_shares(recordings, motion.model, options.limit_scale, title), limits)
+    save(draw_limit_usage(recordings, motion.model, options.limit_scale, title), limits)
     print_tables(*tables(efforts, title))
     print(f'plots {norms} and {limits}')
     if writes_data:

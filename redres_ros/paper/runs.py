@@ -184,7 +184,7 @@ class RobotRun(Setup):
     stops: bool = True
 
     T: float = EXPERIMENT_T
-    seconds: ClassVar[float] = 3.0
+    seconds: ClassVar[float] = 2.0
 
     def run(self, runs: Runs) -> Experiment:
         """The motion, until the last point is reached or the robot stops."""
@@ -265,12 +265,12 @@ def _difference(
         model = RobotModel.named(runs.task.robot, dynamics=dynamics)
         return difference(law, damping, SIMULATION_T, runs.task, model=model, preference=preference)
 
-    return Computation(compute, seconds=6.0)
+    return Computation(compute, seconds=4.0)
 
 
 def _convergence(law: str) -> Computation:
     """A law at several sampling times beside its scheme in continuous time, first segment."""
-    return Computation(lambda runs: convergence(law, SIMULATION_DAMPING, runs.task), seconds=8.0)
+    return Computation(lambda runs: convergence(law, SIMULATION_DAMPING, runs.task), seconds=3.0)
 
 
 def _published(benchmark: saturation.Benchmark) -> Computation:
@@ -331,9 +331,10 @@ COMPUTATIONS: dict[str, Computation] = {
     'published_lwr': _published(saturation.LWR),
     'published_lwr_damped': _published(saturation.LWR_DAMPED),
     'published_planar': _published(saturation.PLANAR),
-    'published_planar_softer': _published(replace(saturation.PLANAR, braking=0.2)),
-    'published_planar_harder': _published(replace(saturation.PLANAR, braking=0.8)),
-    'published_planar_undamped': _published(replace(saturation.PLANAR, braking=0.2, damping=0.0)),
+    **{
+        f'published_{name}': _published(benchmark)
+        for name, benchmark in saturation.PLANAR_CHOICES.items()
+    },
 }
 
 RUNS: dict[str, Simulation | RobotRun | Computation] = {**MOTIONS, **COMPUTATIONS}

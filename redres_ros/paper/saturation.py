@@ -114,6 +114,13 @@ PLANAR = Benchmark(
     heading_error=0.0073,
 )
 
+# The same with other choices of ours, to see how much the outcome depends on them
+PLANAR_CHOICES = {
+    'softer': replace(PLANAR, braking=0.2),
+    'harder': replace(PLANAR, braking=0.8),
+    'undamped': replace(PLANAR, braking=0.2, damping=0.0),
+}
+
 
 def run(benchmark: Benchmark) -> SaturatedMotion:
     """The motion under a law of ours, within the same limits.

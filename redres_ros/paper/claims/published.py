@@ -2,7 +2,14 @@
 
 from redres_ros.paper.claims.claim import PUBLISHED, Finding, claim
 from redres_ros.paper.runs import Runs
-from redres_ros.paper.saturation import LWR, LWR_DAMPED, PLANAR, Benchmark, SaturatedMotion
+from redres_ros.paper.saturation import (
+    LWR,
+    LWR_DAMPED,
+    PLANAR,
+    PLANAR_CHOICES,
+    Benchmark,
+    SaturatedMotion,
+)
 
 _AS_LONG = 0.01  # of the time
 _AS_STRAIGHT = 0.1  # of the angle
@@ -29,16 +36,17 @@ def lwr_damped(runs: Runs) -> Finding:
 @claim('SNS', f'The planar arm twice around a hexagon, {PLANAR.seconds} s', PUBLISHED)
 def planar(runs: Runs) -> Finding:
     """The planar arm, and how much the outcome depends on our own choices."""
-    softer, harder, undamped = (
-        f'{_longer(PLANAR, runs[f"published_planar_{choice}"]):+.1f} %'
-        for choice in ('softer', 'harder', 'undamped')
+    others = ', '.join(
+        f'{_longer(PLANAR, runs[f"published_{name}"]):+.1f} % with {_choices(choice)}'
+        for name, choice in PLANAR_CHOICES.items()
     )
-    sensitivity = (
-        f'the deceleration before a corner, {PLANAR.braking:g} m/s^2, and the damping, '
-        f'{PLANAR.damping:g} 1/s, are our choices: {softer} with 0.2 m/s^2, {harder} with 0.8 '
-        f'm/s^2, {undamped} with 0.2 m/s^2 and no damping'
-    )
-    return _compared(PLANAR, runs['published_planar'], sensitivity)
+    remark = f'braking before a corner and damping are our choices, {_choices(PLANAR)}: {others}'
+    return _compared(PLANAR, runs['published_planar'], remark)
+
+
+def _choices(benchmark: Benchmark) -> str:
+    """What we choose ourselves in a motion that others published."""
+    return f'{benchmark.braking:g} m/s^2 and k_d = {benchmark.damping:g} 1/s'
 
 
 def _compared(theirs: Benchmark, ours: SaturatedMotion, remark: str = '') -> Finding:

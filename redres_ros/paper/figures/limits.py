@@ -10,8 +10,8 @@ from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.runs import TORQUE_SCALE, Runs, title
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.limit_usage import acceleration_usage
 from redres_ros.simulation.recording import Recording
-from redres_ros.simulation.shares import acceleration_share
 
 _LEAST = 1e-3  # of the logarithmic axis
 _COLOURS = ('0.6', law_colour('minimum_velocity'))  # of the law without and with more limits
@@ -24,7 +24,7 @@ def figure_17(runs: Runs) -> Figure:
         'position, velocity, acceleration': runs['within_limits'],
     }
     figure, panels = _panels(f'{title(17, "measured_2")},\nwithout and within limits')
-    _draw_shares(panels[0], tried, lambda each: acceleration_share(each, runs.experiment_model))
+    _draw_usage(panels[0], tried, lambda each: acceleration_usage(each, runs.experiment_model))
     panels[0].set_ylabel('largest acceleration\n[fraction of the limit]')
     panels[0].set_yscale('log')
     panels[0].set_ylim(bottom=_LEAST)
@@ -42,7 +42,7 @@ def figure_18(runs: Runs) -> Figure:
     }
     heading = f'{title(18, "within_torques")},\ntorque limits kept through a position interface'
     figure, panels = _panels(heading)
-    _draw_shares(panels[0], tried, lambda each: torque_share(each, runs.experiment_model))
+    _draw_usage(panels[0], tried, lambda each: torque_usage(each, runs.experiment_model))
     panels[0].set_ylabel('largest torque\n[fraction of the limit]')
     panels[0].set_ylim(bottom=0.0)
     _draw_limit(panels[0], TORQUE_SCALE, 'allowed')
@@ -51,7 +51,7 @@ def figure_18(runs: Runs) -> Figure:
     return figure
 
 
-def torque_share(recording: Recording, model: RobotModel) -> np.ndarray:
+def torque_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """Torque of Eq. (6) of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
@@ -80,19 +80,19 @@ def _panels(heading: str) -> tuple[Figure, list[Axes]]:
     return figure, panels
 
 
-def _draw_shares(
-    ax: Axes, tried: dict[str, Experiment], share: Callable[[Recording], np.ndarray]
+def _draw_usage(
+    ax: Axes, tried: dict[str, Experiment], usage: Callable[[Recording], np.ndarray]
 ) -> None:
     for (label, each), color in zip(tried.items(), _COLOURS, strict=True):
         recording = each.recording
-        ax.plot(recording['t'], share(recording), color=color, lw=1.2, label=label)
+        ax.plot(recording['t'], usage(recording), color=color, lw=1.2, label=label)
         if each.stop_reason:
             end = recording['t'][-1]
             ax.axvline(end, color='tab:red', ls='--', lw=1.2, label=f'stopped at {end:.2f} s')
 
 
-def _draw_limit(ax: Axes, share: float, name: str) -> None:
-    ax.axhline(share, color='black', ls=':', lw=1.2, label=name)
+def _draw_limit(ax: Axes, usage: float, name: str) -> None:
+    ax.axhline(usage, color='black', ls=':', lw=1.2, label=name)
 
 
 def _draw_rest(panels: list[Axes], tried: dict[str, Experiment]) -> None:

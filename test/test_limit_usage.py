@@ -1,11 +1,11 @@
-"""The second picture of `redres compare`: shares of the limits that motions use."""
+"""The second picture of `redres compare`: how much of the limits motions use."""
 
 import numpy as np
 import pytest
 
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.limit_usage import acceleration_usage, draw_limit_usage, velocity_usage
 from redres_ros.simulation.recording import Recording, columns
-from redres_ros.simulation.shares import acceleration_share, draw_shares, velocity_share
 
 T = 0.01  # [s]
 
@@ -20,18 +20,18 @@ def speeding_up(model: RobotModel) -> Recording:
     return Recording(data, model.n, T, finished=True, ending='')
 
 
-def test_shares_are_those_of_the_joint_nearest_to_its_limit(model: RobotModel) -> None:
+def test_limit_usage_are_those_of_the_joint_nearest_to_its_limit(model: RobotModel) -> None:
     recording = speeding_up(model)
-    assert velocity_share(recording, model) == pytest.approx(0.2 * np.arange(1, 11))
+    assert velocity_usage(recording, model) == pytest.approx(0.2 * np.arange(1, 11))
     gained = 0.2 * model.dq_max[1] / T
-    share = gained / model.arm.acceleration_limit[1]
-    assert acceleration_share(recording, model) == pytest.approx(np.full(10, share))
+    usage = gained / model.arm.acceleration_limit[1]
+    assert acceleration_usage(recording, model) == pytest.approx(np.full(10, usage))
 
 
 def test_the_picture_reports_what_is_allowed_and_what_goes_beyond_it(model: RobotModel) -> None:
     recording = speeding_up(model)
     recording.data[-1, recording.columns.index('dq2')] *= 10.0
-    figure = draw_shares({'a law': recording}, model, 0.5, 'title')
+    figure = draw_limit_usage({'a law': recording}, model, 0.5, 'title')
     velocity, acceleration, scaling = figure.axes
     assert velocity.get_lines()[-1].get_ydata()[0] == 0.5
     assert '(up to 20)' in velocity.get_ylabel()

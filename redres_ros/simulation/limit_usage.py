@@ -15,7 +15,7 @@ _HIGHEST = 3.0  # fraction that is shown
 _ABOVE = 1.1  # of the highest curve, or of the limit, the axis ends
 
 
-def velocity_share(recording: Recording, model: RobotModel) -> np.ndarray:
+def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """Velocity of the joint that is nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
@@ -26,7 +26,7 @@ def velocity_share(recording: Recording, model: RobotModel) -> np.ndarray:
     return velocity.max(axis=1)
 
 
-def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
+def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """The same of the acceleration (dq_k - dq_{k-1}) / T, Eq. (13), (ticks,).
 
     Args:
@@ -34,11 +34,11 @@ def acceleration_share(recording: Recording, model: RobotModel) -> np.ndarray:
         model: The arm, with its limits.
     """
     ddq = np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T  # (ticks, n)
-    share: np.ndarray = np.abs(ddq) / JointLimits.of(model.arm).acceleration
-    return share.max(axis=1)
+    usage: np.ndarray = np.abs(ddq) / JointLimits.of(model.arm).acceleration
+    return usage.max(axis=1)
 
 
-def draw_shares(
+def draw_limit_usage(
     recordings: Mapping[str, Recording], model: RobotModel, allowed: float, title: str
 ) -> Figure:
     """Velocity and acceleration as fractions of the limits, and the task scaling, over time.
@@ -56,17 +56,17 @@ def draw_shares(
     for name, recording in recordings.items():
         t = recording['t']
         style = styles[name]
-        velocity.plot(t, velocity_share(recording, model), label=in_symbols(name), **style)
-        acceleration.plot(t, acceleration_share(recording, model), **style)
+        velocity.plot(t, velocity_usage(recording, model), label=in_symbols(name), **style)
+        acceleration.plot(t, acceleration_usage(recording, model), **style)
         scaling.plot(t, recording['task_scaling'], **style)
     for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):
         ax.axhline(allowed, color='tab:red', ls='--', lw=1.0, label='allowed')
         highest = max(float(np.max(line.get_ydata())) for line in ax.get_lines())
         ax.set_ylim(0.0, min(_ABOVE * highest, _HIGHEST))
         note = f'\n(up to {highest:.3g})' if highest > _HIGHEST else ''
-        ax.set_ylabel(f"largest {quantity}\n[share of a joint's limit]{note}", fontsize='small')
+        ax.set_ylabel(f"largest {quantity}\n[fraction of a joint's limit]{note}", fontsize='small')
     scaling.set_ylim(0.0, 1.05)
-    scaling.set_ylabel('task scaling $s$:\nshare of the task velocity', fontsize='small')
+    scaling.set_ylabel('task scaling $s$:\nfraction of the task velocity', fontsize='small')
     scaling.set_xlabel('time [s]')
     for ax in (velocity, acceleration, scaling):
         ax.grid(alpha=0.3)
