@@ -159,7 +159,9 @@ def test_nothing_begins_while_the_controller_is_inactive(run: VirtualRun) -> Non
 @pytest.fixture
 def waiting(run: VirtualRun) -> VirtualRun:
     """The planner has a target and knows nothing of a controller that would follow."""
-    run.graph.faults['controller/task_scaling', 'planner'] = drop
+    run.graph.publish('controller/mode', String(data='mirroring'))
+    for topic in ('controller/mode', 'controller/task_scaling'):
+        run.graph.faults[topic, 'planner'] = drop
     run.run(0.5)
     send_target(run)
     run.run(0.2)
@@ -192,8 +194,9 @@ def test_a_stop_of_the_robot_ends_a_goal_that_waits(waiting: VirtualRun) -> None
 
 
 def test_a_hold_ends_a_goal_that_waits(waiting: VirtualRun) -> None:
+    del waiting.graph.faults['controller/mode', 'planner']
     waiting.graph.publish('controller/mode', String(data='holding'), latched=True)
-    waiting.run(0.4)
+    waiting.run(0.7)
     assert_over(waiting, 'controller/hold')
 
 

@@ -10,6 +10,7 @@ import pytest
 from redres_ros import LAWS, TASKS, Controller, RobotModel, RobotState, Task, make_law, make_task
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import parameters
+from redres_ros.planning.planner import Planner
 from redres_ros.robots import ARMS
 from redres_ros.rotation import rotation_matrix, rotation_vector, to_quaternion
 from redres_ros.tasks import Axis, Joint, Orientation, Pose, Position
@@ -20,6 +21,7 @@ EVERY_TASK = pytest.mark.parametrize('name', TASKS)
 EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 LIMITS = ('position', 'velocity', 'acceleration')
 STEP = 1e-5  # [rad]
+FIVE = (1.0,) * 5
 
 
 def held(name: str, state: RobotState) -> Task:
@@ -42,7 +44,7 @@ def test_the_error_changes_as_the_jacobian_says(name, model, states):
     for state in states[:20]:
         task = held(name, state)
         J = task.jacobian(state)
-        assert J.shape == (task.size, 7)
+        assert J.shape == (task.rows(model), 7)
         for e, column in zip(STEP * np.eye(7), J.T, strict=True):
             ahead = task.error(model.state(state.q + e, state.dq_prev))
             behind = task.error(model.state(state.q - e, state.dq_prev))
@@ -74,9 +76,9 @@ def test_a_gain_outside_its_range_is_refused(name):
 
 
 @EVERY_TASK
-def test_a_target_of_another_length_is_refused(name):
+def test_a_target_of_another_length_is_refused(name, model):
     with pytest.raises(ArrayError, match='target of .* holds 5 numbers; expected'):
-        make_task(name, target=(1.0,) * 5)
+        Controller(model, 'minimum_velocity', T, secondary_tasks=(make_task(name, target=FIVE),))
 
 
 @EVERY_TASK
@@ -85,7 +87,7 @@ def test_every_arm_has_one_of_every_kind(name, arm):
     model = RobotModel.named(arm)
     state = model.state(np.array(ARMS[arm].start), np.zeros(model.n))
     task = held(name, state)
-    assert task.jacobian(state).shape == (task.size, model.n)
+    assert task.jacobian(state).shape == (task.rows(model), model.n)
     assert task.error(state) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -181,6 +183,32 @@ def test_a_frame_within_the_arm_can_be_held(model, task):
     )
 
 
+@EVERY_LAW
+def test_a_configuration_below_closes_every_closed_path(law, model, task):
+    """Without it the joints end 0.01 to 9 rad from where they began."""
+    T = 0.004  # [s]
+    ways = np.vstack((task.waypoints, task.waypoints[-2::-1]))
+    closed = replace(task, waypoints=ways)
+    controller = Controller(
+        model,
+        make_law(law),
+        T,
+        limits=LIMITS,
+        secondary_tasks=(make_task('configuration', gain=2.0),),
+    )
+    planner = Planner(closed)
+    q = task.start
+    t = 0.0
+    while not (reference := planner.reference(model.tip(q)[0], t)).finished:
+        command = controller.update(q, reference.dx)
+        q = command.q_ref
+        t += command.s * T
+        assert t < 60.0
+    for _ in range(round(2.0 / T)):
+        q = controller.update(q, np.zeros(3)).q_ref
+    assert q == pytest.approx(task.start, abs=0.01)  # e^(-2 * 2 s) of what is left, and the tip's
+
+
 # --- the first task -------------------------------------------------------------------------------
 
 
@@ -221,7 +249,9 @@ def test_a_task_object_can_be_the_first_one(model, task):
 
 
 def test_an_unknown_task_is_refused_with_those_that_exist(model):
-    with pytest.raises(UnknownNameError, match="unknown task 'dance'; allowed: axis, elbow, joint"):
+    with pytest.raises(
+        UnknownNameError, match="unknown task 'dance'; allowed: axis, configuration, elbow"
+    ):
         Controller(model, make_law('minimum_velocity'), T, task='dance')
 
 

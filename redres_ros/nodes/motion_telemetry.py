@@ -18,6 +18,8 @@ _FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING
 # [s] after which an unchanged scaling is repeated; the planner waits for 0.1 s, and nine of ten
 # may be lost
 _REMINDER = 0.008
+_LIMITS_PERIOD = 0.1  # [s] at least between two messages of the active limits
+_LIMITS_REMINDER = 0.5  # [s] after which they are published again although they are the same
 
 
 class MotionTelemetry:
@@ -31,15 +33,19 @@ class MotionTelemetry:
 
     def __init__(self, node: Node, frame: str, T: float) -> None:
         numbers = dict.fromkeys((*_FIGURES, 'lost_velocity'), Float64)
-        words = {'active_limits': String, 'law': String}
-        self._telemetry = Telemetry(node, {'tip_pose': PoseStamped, **numbers, **words})
-        # By itself: the planner always listens to it.
+        self._telemetry = Telemetry(node, {'tip_pose': PoseStamped, **numbers, 'law': String})
+        # By themselves: the planner always listens to them.
         self._scaling_telemetry = Telemetry(node, {_SCALING: Float64})
+        self._limits_telemetry = Telemetry(node, {'active_limits': String})
         self._snapshots = SnapshotPublisher(node)
         self._frame = frame
         self._scaling = 0.0  # published last
         self._unsaid = 0  # ticks since then
         self._unsaid_most = max(round(_REMINDER / T), 1)
+        self._active_limits = ''  # published last
+        self._limits_age = 0  # ticks since then
+        self._limits_least = round(_LIMITS_PERIOD / T)
+        self._limits_most = round(_LIMITS_REMINDER / T)
 
     def publish_change(self, scaling: float) -> None:
         """Publish the task scaling, if it has changed.
@@ -64,6 +70,7 @@ class MotionTelemetry:
         self._unsaid += 1
         if self._unsaid >= self._unsaid_most:
             self._publish_scaling(response.scaling)
+        self._publish_limits(response.command.active_limits)
         self._snapshots.see(response.stamp, response.command)
         if not self._telemetry.has_subscribers:
             return
@@ -73,8 +80,16 @@ class MotionTelemetry:
         for name, figure in _FIGURES.items():
             publish(name, partial(figure, command))
         publish('lost_velocity', lambda: norm(command.unachieved))
-        publish('active_limits', lambda: command.active_limits)
         publish('law', lambda: law_name(law))
+
+    def _publish_limits(self, active_limits: str) -> None:
+        """Publish which limits act, when they change or now and then."""
+        self._limits_age += 1
+        least = self._limits_most if active_limits == self._active_limits else self._limits_least
+        if self._limits_age >= least:
+            self._active_limits = active_limits
+            self._limits_age = 0
+            self._limits_telemetry.publish('active_limits', lambda: active_limits)
 
     def _tip_pose(self, response: Response) -> PoseStamped:
         """The measured pose of the tip."""

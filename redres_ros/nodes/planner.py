@@ -314,6 +314,8 @@ class PlannerNode(ManagedNode):
             raise LifeError(f'the planner is {self.life}; it moves the arm only while active')
         if self._stop_reason:
             raise GoalError(f'the robot has stopped: {self._stop_reason}; sim/reset lets it go on')
+        if self._q is None:
+            raise GoalError('no joint_states have come yet; expected them before a goal')
         if self._mode == 'inactive':
             raise GoalError('the controller is inactive; activate it first')
 

@@ -18,7 +18,7 @@ from redres_ros.planning.waypoints import WaypointTask
 
 _SHORTEST = 0.5  # [s] that a way takes at least
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
-_HELD = 0.2  # [s] for which a controller that could move holds, until that counts as asked for
+_HELD = 0.5  # [s] for which a controller that could move holds, until that counts as asked for
 _HOLDING = 'holding'  # modes of the controller
 _MOVING = 'moving'
 _LEVER = 0.1  # [m] on which a turn is compared with a length
@@ -68,14 +68,12 @@ def check_age(stamp: int, now: int, timeout: float) -> None:
 
     Args:
         stamp: Of the goal [ns]; 0 means now.
-        now: By the robot's clock [ns]; 0 before its first state.
+        now: By the robot's clock [ns].
         timeout: Largest age that is allowed [s]; a stamp may be ahead by as much.
 
     Raises:
-        GoalError: The stamp is too far from now, or no state has come.
+        GoalError: The stamp is too far from now.
     """
-    if not now:
-        raise GoalError('no joint_states have come yet; expected them before a goal')
     age = (now - stamp) / NANOSECONDS
     if stamp and not abs(age) <= timeout:
         side = 'behind' if age > 0.0 else 'ahead of'

@@ -3,7 +3,7 @@
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
 from redres_ros.parameter import make
-from redres_ros.tasks.joints import Elbow, Joint
+from redres_ros.tasks.joints import Configuration, Elbow, Joint
 from redres_ros.tasks.task import Task
 from redres_ros.tasks.tip import Axis, Orientation, Pose, Position
 
@@ -14,6 +14,7 @@ TASKS: dict[str, type[Task]] = {
     'axis': Axis,
     'elbow': Elbow,
     'joint': Joint,
+    'configuration': Configuration,
 }
 TASKS.update(installed('tasks'))
 register(Task, TASKS)
@@ -37,6 +38,7 @@ def make_task(name: str, **gains: object) -> Task:
 __all__ = [
     'TASKS',
     'Axis',
+    'Configuration',
     'Elbow',
     'Joint',
     'Orientation',

@@ -69,7 +69,11 @@ class Joint(Task):
 
 @dataclass(frozen=True)
 class Configuration(Task):
-    """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task."""
+    """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task.
+
+    Below another task it keeps the joints as near to its target as that one lets them, so that a
+    closed path of the tip ends with the joints with which it began.
+    """
 
     size: ClassVar[int] = 0  # that of the arm
     target: tuple[float, ...] = param((), 'desired angles [rad]; none: those of the start')
@@ -78,7 +82,10 @@ class Configuration(Task):
         return model.n
 
     def jacobian(self, state: RobotState) -> np.ndarray:
-        return np.eye(len(state.q))
+        n = len(state.q)
+        if len(self.target) != n:
+            check_target('target of configuration', self.target, n)
+        return np.eye(n)
 
     def error(self, state: RobotState) -> np.ndarray:
         return np.array(self.target) - state.q

@@ -1,0 +1,205 @@
+"""A task runs again and again: joints go to its start first. The real nodes, in virtual time."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from rclpy.parameter import Parameter
+from virtual_graph import VirtualRun, virtual_run
+
+from redres_ros import LAWS, Controller, RobotModel, load_task
+from redres_ros.nodes.conversions import to_pose
+from redres_ros.planning.joint_path import path_to
+from redres_ros.planning.planner import Planner
+from redres_ros.planning.progress import ProgressMonitor
+from redres_ros.planning.task_clock import TaskClock
+from redres_ros.planning.task_executor import UNDER_WAY, Goal, TaskExecutor, TaskState
+from redres_ros.robots import ARMS
+
+pytestmark = pytest.mark.slow
+
+SIM = {'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
+PLANNER = {'home_speed': 0.5}
+LIMITS = ('position', 'velocity', 'acceleration')
+THERE = 0.02  # [rad], home_tolerance
+
+
+def arm(robot: str = 'lwr4_paper', rate: float = 100.0, **controller: Any) -> Any:
+    """The nodes of an arm."""
+    loop = {'rate': rate, 'robot': robot}
+    return virtual_run(
+        sim={**SIM, **loop}, controller={**loop, **controller}, planner={**PLANNER, **loop}
+    )
+
+
+def state(run: VirtualRun) -> TaskState:
+    return run.nodes['planner']._run.state
+
+
+def from_start(run: VirtualRun) -> float:
+    """Distance of the joint farthest from the start of the task [rad]."""
+    distance: float = np.abs(run.nodes['sim']._robot.q - run.nodes['planner']._task.start).max()
+    return distance
+
+
+def set_parameters(run: VirtualRun, **values: Any) -> None:
+    """Of the controller."""
+    parameters = [Parameter(name, value=value) for name, value in values.items()]
+    results = run.nodes['controller'].set_parameters(parameters)
+    assert all(result.successful for result in results), results
+
+
+def run_once(run: VirtualRun) -> None:
+    response = run.graph.call('planner/start')
+    assert response.success, response.message
+    over = (TaskState.FINISHED, TaskState.STUCK, TaskState.IDLE)
+    assert run.run_until(lambda: state(run) in over, 120.0)
+    assert state(run) is TaskState.FINISHED, run.graph.log[-3:]
+    assert run.commanding
+
+
+def test_with_the_default_law_a_task_is_run_again_after_a_law_switch_and_a_hold() -> None:
+    with arm() as run:
+        run.run(0.5)
+        run_once(run)
+        assert from_start(run) > 1.0  # this law leaves the posture in which it began
+        set_parameters(run, law='minimum_velocity')
+        run_once(run)
+        run.graph.call('controller/hold', data=True)
+        run.run(1.0)
+        run.graph.call('controller/hold', data=False)
+        run_once(run)
+
+
+@pytest.mark.parametrize(
+    ('robot', 'law'), [('iiwa7', 'minimum_velocity'), ('gen3', 'dynamically_consistent')]
+)
+def test_other_arms_run_their_tasks_again(robot: str, law: str) -> None:
+    with arm(robot, rate=250.0, law=law) as run:
+        run.run(0.5)
+        for _ in range(2):
+            run_once(run)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('law', LAWS)
+@pytest.mark.parametrize('robot', ARMS)
+def test_every_task_runs_ten_times_with_every_law(robot: str, law: str) -> None:
+    """Without nodes, at 500 Hz: what the planner's executor asks for, by the controller."""
+    T = 0.002  # [s]
+    model = RobotModel.named(robot)
+    task = load_task(ARMS[robot].task)
+    controller = Controller(model, law, T, limits=LIMITS, switch_time=0.2)
+    executor = TaskExecutor(T, TaskClock(T), ProgressMonitor(5.0, 30.0))
+    goal = Goal(
+        lambda q: path_to(model, q, task.start, 0.5, THERE),
+        lambda x, R: Planner(task, x, R, feedback_limit=0.2),
+        patience=None,
+        goes_on=True,
+    )
+    q = task.start
+    stamp = 0  # [ns]
+    for _ in range(10):
+        executor.begin(goal)
+        while executor.state in UNDER_WAY:
+            stamp += round(T * 1e9)
+            x, R = model.tip(q)
+            step = executor.enter_state(stamp, q, x, R, stamp / 1e9)
+            assert step is not None, executor.remark
+            controller.follow_joints(step.dq is not None)
+            command = controller.update(q, step.dx if step.dq is None else step.dq)
+            executor.set_scaling(command.s)
+            q = command.q_ref
+        assert executor.state is TaskState.FINISHED, executor.remark
+
+
+def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
+    with arm() as run:
+        run.run(0.5)
+        run_once(run)
+        run.graph.kept['joint_command'] = []
+        response = run.graph.call('planner/home')
+        assert response.success
+        assert 'the joints go to its start' in response.message
+        run.run(0.5)
+        assert state(run) is TaskState.HOMING
+        assert run.run_until(lambda: state(run) is TaskState.FINISHED, 60.0)
+        assert from_start(run) < THERE
+        run.run(1.0)
+        model = RobotModel.named('lwr4_paper')
+        q = np.array([message.position for _, message in run.graph.kept['joint_command']])
+    dq = np.diff(q, axis=0) * 100.0
+    assert (np.abs(dq) <= model.dq_max * (1.0 + 1e-9)).all()
+    A = np.array(model.arm.acceleration_limit)
+    assert (np.abs(np.diff(dq, axis=0) * 100.0) <= A * (1.0 + 1e-6)).all()
+    assert not dq[-10:].any()
+
+
+def test_home_of_an_arm_that_is_there_says_so_and_moves_nothing() -> None:
+    with arm() as run:
+        run.run(0.5)
+        q = run.nodes['sim']._robot.q.copy()
+        response = run.graph.call('planner/home')
+        assert response.success
+        assert 'at its start already' in response.message
+        run.run(0.5)
+        assert state(run) is TaskState.FINISHED
+        assert np.abs(run.nodes['sim']._robot.q - q).max() < 1e-6
+
+
+def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
+    with arm() as run:
+        run.run(0.5)
+        run_once(run)
+        run.graph.call('planner/home')
+        run.run(1.0)
+        run.graph.call('planner/stop')
+        run.run(1.0)
+        q = run.nodes['sim']._robot.q.copy()
+        run.run(1.0)
+        assert state(run) is TaskState.IDLE
+        assert from_start(run) > THERE
+        assert np.abs(run.nodes['sim']._robot.q - q).max() < 1e-6
+
+
+def test_a_target_on_the_way_home_is_refused() -> None:
+    with arm() as run:
+        run.run(0.5)
+        run_once(run)
+        run.graph.call('planner/home')
+        run.run(0.5)
+        run.graph.publish('target_pose', to_pose(0, '', np.array((0.3, 0.3, 0.5)), np.eye(3)))
+        run.run(0.1)
+        assert state(run) is TaskState.HOMING
+        assert any('planner/stop ends it' in line for _, line in run.graph.log)
+
+
+def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:
+    """A sphere where the tip would be half way; the motion is given up before it."""
+    model = RobotModel.named('lwr4_paper')
+    with arm() as run:
+        run.run(0.5)
+        run_once(run)
+        q = run.nodes['sim']._robot.q.copy()
+        middle = (q + run.nodes['planner']._task.start) / 2.0
+        x, _ = model.tip(middle)
+        changes = {
+            'limits': ['position', 'velocity', 'acceleration', 'collision'],
+            'collision.spheres': [*x.tolist(), 0.05],
+        }
+        set_parameters(run, **changes)
+        run.run(0.5)
+        run.nodes['planner']._run._monitor.stuck_after = 1.0
+        run.nodes['planner']._run._monitor.give_up_after = 3.0
+        run.graph.call('planner/home')
+        nearest = np.inf
+        while state(run) not in (TaskState.STUCK, TaskState.FINISHED):
+            run.run(0.1)
+            tip, _ = model.tip(run.nodes['sim']._robot.q)
+            nearest = min(nearest, float(np.linalg.norm(tip - x)))
+        assert state(run) is TaskState.STUCK
+        assert nearest > 0.05
+        assert any('no progress' in line and 'collision' in line for _, line in run.graph.log)
