@@ -20,7 +20,7 @@ def topics() -> Iterator[str]:
     types.setdefault('forward_position_controller/commands', 'std_msgs/Float64MultiArray')
     _check_words('topic', TOPICS, types)
     rows = [
-        (f'{code(topic)}<br>{types[topic]}', _way(topic), words + _mark(topic))
+        (f'{code(topic)}<br>{types[topic]}', _direction(topic), words + _mark(topic))
         for topic, words in TOPICS.items()
     ]
     yield from table(('topic, type', 'from → to', 'is'), rows)
@@ -69,7 +69,7 @@ def _shown(value: Any) -> str:
     return str(value)
 
 
-def _way(topic: str) -> str:
+def _direction(topic: str) -> str:
     """From which nodes to which; anyone where it is none of ours."""
     graph = interfaces().items()
     sources = [name for name, node in graph if topic in node.published]
