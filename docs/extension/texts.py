@@ -4,7 +4,7 @@ Building the site fails if a topic or service has no description here, or a desc
 """
 
 TOPICS = {
-    'joint_states': 'measured joint positions, at the rate of the robot; joints are matched by name',
+    'joint_states': 'measured positions, at the rate of the robot; joints are matched by name',
     'joint_command': 'next reference q and velocity, with the stamp of its state',
     'joint_velocity': 'joint velocities in place of a task velocity: towards the start of a task',
     'cartesian_velocity': 'desired task velocity, in the frame of any link; a zero stamp means now',
@@ -22,7 +22,7 @@ TOPICS = {
     'controller/null_velocity_norm': 'the part of q̇ that does not move the tip [rad/s]',
     'controller/joint_torque_norm': '‖τ‖ that the command needs [Nm]',
     'controller/min_singular_value': 'of the Jacobian: 0 at a singularity',
-    'controller/task_scaling': 'task scaling s: the fraction of the task velocity that the limits leave',
+    'controller/task_scaling': 's: the fraction of the task velocity that the limits leave',
     'controller/active_limits': 'the joint or pair of bodies, and its most active limit',
     'controller/lost_velocity': 'unachieved task velocity, at a singularity [m/s]',
     'controller/snapshot': 'for pages: q, q̇ and the figures above, at most 20 times a second, with '
@@ -44,7 +44,8 @@ TOPICS = {
 SERVICES = {
     'sim/reset': 'clear a stop; command mode begins again after half a second of good timing',
     'controller/hold': 'decelerate to rest and hold, or resume',
-    'planner/start': 'begin the task, after a motion to its start if needed. The response says what will happen',
+    'planner/start': 'begin the task, after a motion to its start if needed. The response says '
+    'what will happen',
     'planner/home': 'go to the joint positions at which the task starts',
     'planner/stop': 'end the task; the arm decelerates to rest',
 }
