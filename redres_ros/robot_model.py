@@ -40,7 +40,6 @@ class RobotState:
     _M: np.ndarray | None = None
     _n: np.ndarray | None = None
     _free_acceleration: np.ndarray | None = None
-    _joint_poses: np.ndarray | None = None
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
     gap = 1  # cycles between two commands, at most, within which a joint must be able to stop
@@ -117,13 +116,6 @@ class RobotState:
     def jacobian_derivatives(self, frame: str) -> np.ndarray:
         """dJ/dq_i of a frame's Jacobian J (6, n), (n, 6, n); '' is the tip."""
         return jacobian_derivatives(self.jacobian(frame))
-
-    @property
-    def joint_poses(self) -> np.ndarray:
-        """Poses of the base and of the frame that each joint moves, (n + 1, 4, 4)."""
-        if self._joint_poses is None:
-            self._joint_poses = self.model._joint_poses(self.q)
-        return self._joint_poses
 
 
 class RobotModel:
@@ -357,11 +349,6 @@ class RobotModel:
         pin.forwardKinematics(self._model, self._data, q)
         pin.updateFramePlacement(self._model, self._data, self._tip)
         self._placed = q
-
-    def _joint_poses(self, q: np.ndarray) -> np.ndarray:
-        self._placed = None
-        pin.forwardKinematics(self._model, self._data, q)
-        return np.array([placement.homogeneous for placement in self._data.oMi])
 
     def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
         self._placed = q if frame == self._tip else None

@@ -1,6 +1,7 @@
 """The collision limit: distances as another library has them, and arms that keep them."""
 
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import coal
@@ -8,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from redres_ros import Command, Controller, RobotModel, make_law
+from redres_ros import Command, Controller, RobotModel, RobotState, make_law
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.distances import FIRST_SPHERE, FLOOR
 from redres_ros.limits import make_limits
@@ -44,13 +45,21 @@ def random_states(arm: str, count: int):
 # --- distances ------------------------------------------------------------------------------------
 
 
+def joint_pose(state: RobotState, joints: int) -> np.ndarray:
+    """Of the frame that so many joints move, (4, 4), by Pinocchio."""
+    model = state.model._model
+    data = model.createData()
+    pin.forwardKinematics(model, data, state.q)
+    return data.oMi[int(joints)].homogeneous
+
+
 def shape_of(limit: CollisionLimit, state, body: int):
     """A body, or a ball, in the other library: its shape and its place."""
     if body <= FIRST_SPHERE:
         ball = np.reshape(limit.spheres, (-1, 4))[FIRST_SPHERE - body]
         return coal.Sphere(ball[3]), coal.Transform3s(np.eye(3), ball[:3])
     bodies = limit.bodies
-    H = state.joint_poses[bodies.moved_by[body]]
+    H = joint_pose(state, bodies.moved_by[body])
     ends = bodies.ends[body] @ H[:3, :3].T + H[:3, 3]
     along = ends[1] - ends[0]
     turn = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), along)
@@ -76,7 +85,7 @@ def test_distances_are_those_of_another_library(arm):
 
 def height_of(bodies, body: int, state) -> float:
     """Of a body's lowest point [m]."""
-    H = state.joint_poses[bodies.moved_by[body]]
+    H = joint_pose(state, bodies.moved_by[body])
     return float((bodies.ends[body] @ H[2, :3] + H[2, 3]).min() - bodies.radius[body])
 
 
@@ -171,6 +180,73 @@ def test_an_arm_that_is_drawn_into_itself_keeps_clear(arm):
     assert least_distance(limit, commands) > CLEARANCE - ABOUT
     allowed = np.array(ARMS[arm].acceleration_limit) * (1.0 + 1e-9)
     assert all((np.abs(command.ddq) <= allowed).all() for command in commands)
+
+
+def random_motion_of(
+    arm: str, seed: int, names: tuple[str, ...], *, T: float = T, limit_scale: float = 1.0
+) -> tuple[CollisionLimit, list[Command]]:
+    """Commands to an ideal arm that is sent in a random direction, or inward, every 0.4 s; it has
+    two balls around its start.
+    """
+    model = model_of(arm)
+    random = np.random.default_rng(seed)
+    q = np.array(ARMS[arm].start)
+    x, _ = model.tip(q)
+    spheres = []
+    for way in random.normal(size=(2, 3)):
+        spheres += [*(x + 0.35 * way / np.linalg.norm(way)), 0.05]
+    limit = limit_of(arm, spheres=tuple(spheres))
+    controller = Controller(
+        model, make_law('minimum_acceleration'), T, limits=(*names, limit), limit_scale=limit_scale
+    )
+    commands = []
+    for _ in range(8):
+        way = -model.tip(q)[0] if random.uniform() < 0.5 else random.normal(size=3)
+        dx = random.uniform(0.5, 1.5) * way / np.linalg.norm(way)
+        for _ in range(round(0.4 / T)):
+            commands.append(controller.update(q, dx))
+            q = commands[-1].q_ref
+    return limit, commands
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('settings', [{}, {'T': 0.01}, {'limit_scale': 0.3}])
+@EVERY_ARM
+def test_random_motion_keeps_the_clearance(arm, settings):
+    """At up to 1.5 m/s, where arms that brake by the damper alone come 60 mm too near."""
+    for seed in range(2):
+        limit, commands = random_motion_of(arm, seed, BOX, **settings)
+        if least_distance(limit, commands[:1]) < CLEARANCE:
+            continue  # it starts inside
+        assert least_distance(limit, commands) > CLEARANCE - ABOUT, seed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('arm', ['planar4r', 'fr3', 'gen3'])
+def test_without_an_acceleration_limit_the_clearance_is_kept_as_well(arm):
+    for seed in range(2):
+        limit, commands = random_motion_of(arm, seed, ('position', 'velocity'))
+        assert least_distance(limit, commands) > CLEARANCE - ABOUT, seed
+
+
+@pytest.mark.slow
+def test_without_an_acceleration_limit_joints_do_not_swing_beside_a_ball():
+    """A swing: a joint goes from one end of its acceleration to the other from tick to tick."""
+    arm = 'fr3'
+    A = np.array(ARMS[arm].acceleration_limit)
+    swings = 0
+    acting = 0
+    for seed in range(2):
+        _, commands = random_motion_of(arm, seed, ('position', 'velocity'))
+        for before, after in pairwise(commands):
+            if all(command.active_limits.endswith('collision') for command in (before, after)):
+                acting += 1
+                first = before.ddq / A
+                second = after.ddq / A
+                least = np.minimum(np.abs(first), np.abs(second))
+                swings += ((first * second < 0.0) & (least > 0.9)).any()
+    assert acting > 100
+    assert swings < 0.1 * acting  # every other tick with rows that leave the acceleration free
 
 
 def test_a_ball_in_the_way_is_passed_by_no_body():

@@ -37,7 +37,9 @@ class ActiveLimits:
             touched += [(box_limit, joint) for joint in _touched(snapshot.dq, *box)]
         for row_limit, (C, low, high) in zip(bounds.row_limits, bounds.rows, strict=True):
             touched += [(row_limit, row) for row in _touched(C @ snapshot.dq, low, high)]
-        return {(limit_name(limit), limit.place(state, index)) for limit, index in touched}
+        return {
+            (limit_name(limit), limit.place(state, index, self.period)) for limit, index in touched
+        }
 
 
 def _touched(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int]:

@@ -4,28 +4,53 @@ A body is a capsule: all points within a radius of a line segment. Its distance 
 that of their segments, less the radii; the witness points are where the segments are nearest.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float64, int64, types
+from numba import boolean, float64, int64, types
 
 from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled, matrix, several, vector
+from redres_ros.kernels.compiled import compiled, several, vector
 
 FLOOR = -1  # in place of a second body
 FIRST_SPHERE = -2  # the second one is -3
 
+# Of a row for where the arm comes to rest beside a velocity damper, where not all can be kept: what
+# cannot be braked any more comes first.
+WEIGHT = 100.0
+
 _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a part in
 
 
-class Scene(NamedTuple):
-    """Where the bodies are, how the joints move them, and what was found to be near."""
+class Chain(NamedTuple):
+    """The joints of a serial arm, as they are in the URDF."""
 
+    before: np.ndarray  # (n, 4, 4) from the frame that the joint before moves to this joint's
+    axes: np.ndarray  # (n, 3) unit vectors in the joint's frame
+    is_prismatic: np.ndarray  # (n,) of bool
+
+
+class Shapes(NamedTuple):
+    """The bodies of the arm, and what they may collide with."""
+
+    moved_by: np.ndarray  # (B,) how many joints move each body
+    ends: np.ndarray  # (B, 2, 3) of the bodies' axes, in the frame that its last joint moves [m]
+    radius: np.ndarray  # (B,) [m]
+    pairs: np.ndarray  # (P, 2) bodies that may collide with each other
+    spheres: np.ndarray  # (S, 4) centres and radii of obstacles [m]
+    floor: float  # its height [m]
+    lever: float  # of any joint at most [m]
+
+
+class Scene(NamedTuple):
+    """Where joints and bodies are at one configuration, and which bodies are near."""
+
+    origins: np.ndarray  # (n, 3) of the joints [m]
+    axes: np.ndarray  # (n, 3) of the joints
+    is_prismatic: np.ndarray  # (n,)
     points: np.ndarray  # (B, 2, 3) ends of the bodies' axes [m]
     radius: np.ndarray  # (B,) [m]
     moved_by: np.ndarray  # (B,) the number of joints that move a body
-    J: np.ndarray  # (6, n) of the tip
-    x: np.ndarray  # (3,) where that is [m]
     reach: float  # [m], what is farther away does not matter
     C: np.ndarray  # (r, n) C dq is the speed of approach [m/s]
     distance: np.ndarray  # (r,) [m]
@@ -65,22 +90,19 @@ def nearest_shares(
 def add_motion(
     scene: Scene, row: np.ndarray, normal: np.ndarray, p: np.ndarray, joints: int
 ) -> None:
-    """Add to row (n,) how fast the joints move a point along a normal, row dq.
+    """Add to row (n,) how fast the first `joints` joints move p (3,) along a normal, row dq.
 
-    The first `joints` joints move the point p (3,) as they would the tip, were it there:
-    v = J_v dq + (J_w dq) x (p - x).
+    A joint with the axis z through o moves p by z x (p - o), a prismatic one by z.
     """
-    arm = p - scene.x
-    turn = np.array(  # (p - x) x normal
-        (
-            arm[1] * normal[2] - arm[2] * normal[1],
-            arm[2] * normal[0] - arm[0] * normal[2],
-            arm[0] * normal[1] - arm[1] * normal[0],
-        )
-    )
     for k in range(joints):
-        for c in range(3):
-            row[k] += normal[c] * scene.J[c, k] + turn[c] * scene.J[3 + c, k]
+        z = scene.axes[k]
+        if scene.is_prismatic[k]:
+            row[k] += dot(normal, z)
+            continue
+        arm = p - scene.origins[k]
+        row[k] += z[0] * (arm[1] * normal[2] - arm[2] * normal[1])
+        row[k] += z[1] * (arm[2] * normal[0] - arm[0] * normal[2])
+        row[k] += z[2] * (arm[0] * normal[1] - arm[1] * normal[0])
 
 
 @compiled()
@@ -109,7 +131,7 @@ def look_at_body(scene: Scene, i: int, j: int) -> None:
     length = np.sqrt(dot(p_j - p_i, p_j - p_i))
     distance = length - scene.radius[i] - scene.radius[j]
     if distance < scene.reach and length**2 > _NOTHING:
-        row = np.zeros(scene.J.shape[1])
+        row = np.zeros(len(scene.axes))
         normal = (p_j - p_i) / length
         add_motion(scene, row, normal, p_i, scene.moved_by[i])
         add_motion(scene, row, -normal, p_j, scene.moved_by[j])
@@ -123,7 +145,7 @@ def look_at_floor(scene: Scene, i: int, floor: float) -> None:
     p = scene.points[i, lower]
     distance = p[2] - scene.radius[i] - floor
     if distance < scene.reach:
-        row = np.zeros(scene.J.shape[1])
+        row = np.zeros(len(scene.axes))
         add_motion(scene, row, np.array((0.0, 0.0, -1.0)), p, scene.moved_by[i])
         enter(scene, i, FLOOR, row, distance)
 
@@ -138,81 +160,207 @@ def look_at_sphere(scene: Scene, i: int, name: int, ball: np.ndarray) -> None:
     length = np.sqrt(dot(ball[:3] - p, ball[:3] - p))
     distance = length - scene.radius[i] - ball[3]
     if ball[3] > 0.0 and distance < scene.reach and length**2 > _NOTHING:
-        row = np.zeros(scene.J.shape[1])
+        row = np.zeros(len(scene.axes))
         add_motion(scene, row, (ball[:3] - p) / length, p, scene.moved_by[i])
         enter(scene, i, name, row, distance)
 
 
 @compiled()
-def placed(poses: np.ndarray, moved_by: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """The ends of the bodies' axes in the base frame, (B, 2, 3) [m]."""
-    points = np.empty(ends.shape)
-    for i in range(len(ends)):
-        H = poses[moved_by[i]]
-        for end in range(2):
-            for c in range(3):
-                points[i, end, c] = H[c, 3] + dot(H[c, :3], ends[i, end])
-    return points
+def turned(R: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
+    """R (3, 3) times the rotation about a unit vector (3,) by an angle [rad]: Rodrigues."""
+    sine = np.sin(angle)
+    cosine = np.cos(angle)
+    product = np.empty((3, 3))
+    for i in range(3):
+        row = R[i]
+        along = (1.0 - cosine) * dot(row, axis)
+        product[i, 0] = cosine * row[0] + along * axis[0]
+        product[i, 1] = cosine * row[1] + along * axis[1]
+        product[i, 2] = cosine * row[2] + along * axis[2]
+        product[i, 0] += sine * (row[1] * axis[2] - row[2] * axis[1])
+        product[i, 1] += sine * (row[2] * axis[0] - row[0] * axis[2])
+        product[i, 2] += sine * (row[0] * axis[1] - row[1] * axis[0])
+    return product
 
 
-def _cube() -> object:
-    return types.Array(float64, 3, 'A', readonly=True)
-
-
-@compiled(
-    several(float64[:, ::1], float64[::1], int64[:, ::1])(
-        *(_cube(), vector(int64), _cube(), vector(), matrix(int64)),
-        *(float64, matrix(), matrix(), vector(), float64),
-    )
-)
-def approaches(
-    poses: np.ndarray,
-    moved_by: np.ndarray,
-    ends: np.ndarray,
-    radius: np.ndarray,
-    pairs: np.ndarray,
-    floor: float,
-    spheres: np.ndarray,
-    J: np.ndarray,
-    x: np.ndarray,
-    reach: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All that is nearer to the arm than `reach`, itself included.
-
-    Args:
-        poses: (n + 1, 4, 4) of the base and of the frame that each joint moves.
-        moved_by: (B,) how many joints move each body.
-        ends: (B, 2, 3) of the bodies' axes, in the frame that its last joint moves [m].
-        radius: (B,) [m].
-        pairs: (P, 2) bodies that may collide with each other.
-        floor: Its height [m].
-        spheres: (S, 4) centres and radii of obstacles [m].
-        J: (6, n) Jacobian of the tip.
-        x: (3,) where that is [m].
-        reach: [m].
-
-    Returns:
-        Rows C (r, n), so that C dq is the speed of approach [m/s]; the distances (r,) [m]; and who
-        approaches whom, (r, 2), with FLOOR, FIRST_BALL and so on for the second one.
-    """
-    most = len(pairs) + len(radius) * (1 + len(spheres))
+@compiled()
+def look_around(q: np.ndarray, chain: Chain, shapes: Shapes, reach: float) -> Scene:
+    """The scene at q (n,) [rad], with all that is nearer than `reach` [m]."""
+    n = len(q)
+    B = len(shapes.radius)
+    most = len(shapes.pairs) + B * (1 + len(shapes.spheres))
     scene = Scene(
-        placed(poses, moved_by, ends),
-        radius,
-        moved_by,
-        J,
-        x,
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        chain.is_prismatic,
+        np.empty((B, 2, 3)),
+        shapes.radius,
+        shapes.moved_by,
         reach,
-        np.zeros((most, J.shape[1])),
+        np.zeros((most, n)),
         np.zeros(most),
         np.zeros((most, 2), np.int64),
         np.zeros(1, np.int64),
     )
-    for k in range(len(pairs)):
-        look_at_body(scene, pairs[k, 0], pairs[k, 1])
-    for i in range(len(radius)):
-        look_at_floor(scene, i, floor)
-        for k in range(len(spheres)):
-            look_at_sphere(scene, i, FIRST_SPHERE - k, spheres[k])
+    R = np.eye(3)
+    o = np.zeros(3)
+    for joints in range(n + 1):  # the frame that so many joints move
+        if joints > 0:
+            k = joints - 1
+            before = chain.before[k]
+            moved = np.empty((3, 3))
+            for i in range(3):
+                o[i] += dot(R[i], before[:3, 3])
+                for j in range(3):
+                    moved[i, j] = dot(R[i], before[:3, j])
+            for i in range(3):
+                scene.axes[k, i] = dot(moved[i], chain.axes[k])
+                scene.origins[k, i] = o[i]
+            if chain.is_prismatic[k]:
+                o += q[k] * scene.axes[k]
+                R = moved
+            else:
+                R = turned(moved, chain.axes[k], q[k])
+        for i in range(B):
+            if shapes.moved_by[i] == joints:
+                for end in range(2):
+                    for c in range(3):
+                        scene.points[i, end, c] = o[c] + dot(R[c], shapes.ends[i, end])
+    for k in range(len(shapes.pairs)):
+        look_at_body(scene, shapes.pairs[k, 0], shapes.pairs[k, 1])
+    for i in range(B):
+        look_at_floor(scene, i, shapes.floor)
+        for k in range(len(shapes.spheres)):
+            look_at_sphere(scene, i, FIRST_SPHERE - k, shapes.spheres[k])
+    return scene
+
+
+_POINTS = float64[:, :, ::1]
+_CHAIN: Any = types.NamedTuple(  # type: ignore[no-untyped-call]
+    (_POINTS, float64[:, ::1], boolean[::1]), Chain
+)
+_SHAPES: Any = types.NamedTuple(  # type: ignore[no-untyped-call]
+    (int64[::1], _POINTS, float64[::1], int64[:, ::1], float64[:, ::1], float64, float64), Shapes
+)
+_ROWS = several(float64[:, ::1], float64[::1], int64[:, ::1])
+
+
+@compiled(_ROWS(vector(), _CHAIN, _SHAPES, float64))
+def approaches(
+    q: np.ndarray, chain: Chain, shapes: Shapes, reach: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All that is nearer to the arm than `reach`, itself included.
+
+    Args:
+        q: Joint positions, (n,) [rad].
+        chain: The joints.
+        shapes: The bodies and the obstacles.
+        reach: [m].
+
+    Returns:
+        Rows C (r, n), so that C dq is the speed of approach [m/s]; the distances (r,) [m]; and who
+        approaches whom, (r, 2), with FLOOR, FIRST_SPHERE and so on for the second one.
+    """
+    scene = look_around(q, chain, shapes, reach)
     found = scene.found[0]
     return scene.C[:found], scene.distance[:found], scene.who[:found]
+
+
+@compiled()
+def is_inside(scene: Scene, pair: np.ndarray, clearance: float) -> bool:
+    """Whether a pair is nearer than the clearance [m] already."""
+    for r in range(scene.found[0]):
+        who = scene.who[r]
+        if who[0] == pair[0] and who[1] == pair[1]:
+            return scene.distance[r] < clearance
+    return False
+
+
+@compiled(
+    _ROWS(
+        *(vector(), vector(), vector(), float64, int64, _CHAIN, _SHAPES),
+        *(float64, float64, float64),
+    )
+)
+def collision_rows(
+    q: np.ndarray,
+    dq_prev: np.ndarray,
+    A: np.ndarray,
+    T: float,
+    gap: int,
+    chain: Chain,
+    shapes: Shapes,
+    influence: float,
+    clearance: float,
+    rate: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows C dq <= high for which the arm keeps its clearance.
+
+    Two kinds, with d the distance of a pair and d_s the clearance. At q, of pairs nearer than the
+    influence, the velocity damper n' (J_a - J_b) dq <= rate (d - d_s). And at q + s(dq), where the
+    joints come to rest if they brake by A from the next tick on, d >= d_s. To first order in dq,
+    about the velocity v of braking already in this tick,
+
+        C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2 (exact for v = j A T)
+
+    with S = ds/dv. Braking, dq = v, changes nothing about where the joints come to rest, so it
+    keeps all of these rows, if those of the tick before were kept. That is why they can be kept for
+    ever, however many pairs there are.
+
+    Args:
+        q: Joint positions, (n,) [rad].
+        dq_prev: Last command, (n,) [rad/s].
+        A: Acceleration limits, (n,) [rad/s^2].
+        T: Sampling time [s].
+        gap: Cycles between two commands, at most: the joints come to rest after as many times s.
+        chain: The joints.
+        shapes: The bodies and the obstacles.
+        influence: d_i [m].
+        clearance: d_s [m].
+        rate: 1 / t_d [1/s].
+
+    Returns:
+        C (r, n), high (r,), and who approaches whom, (r, 2), as of `approaches`.
+    """
+    n = len(q)
+    v = np.empty(n)
+    q_stop = np.empty(n)
+    slope = np.empty(n)  # S [s]; dq - v is at most 2 A T, in the sense of v
+    reach = clearance
+    for k in range(n):
+        speed = max(abs(dq_prev[k]) - A[k] * T, 0.0)
+        v[k] = np.copysign(speed, dq_prev[k])
+        q_stop[k] = q[k] + gap * v[k] * (speed / (2.0 * A[k]) + T / 2.0)
+        slope[k] = gap * (speed / A[k] + T)
+        reach += slope[k] * 2.0 * A[k] * T * shapes.lever
+    now = look_around(q, chain, shapes, influence)
+    then = look_around(q_stop, chain, shapes, reach)
+    most = now.found[0] + then.found[0]
+    C = np.empty((most, n))
+    high = np.empty(most)
+    who = np.empty((most, 2), np.int64)
+    count = now.found[0]
+    for r in range(count):
+        C[r] = now.C[r]
+        high[r] = rate * (now.distance[r] - clearance)
+        who[r] = now.who[r]
+    for r in range(then.found[0]):
+        row = C[count]
+        farthest = 0.0  # [m] by which the distance at rest may become less in this tick
+        for k in range(n):
+            # The chord of s that is on the safe side: it becomes steeper with the speed.
+            towards = then.C[r, k] * v[k]
+            chord = slope[k] + 0.5 * gap * T * np.sign(towards)
+            row[k] = then.C[r, k] * chord
+            farthest += abs(row[k]) * 2.0 * A[k] * T
+        room = then.distance[r] - clearance
+        if room < farthest:
+            if room < 0.0 and is_inside(now, then.who[r], clearance):
+                room *= min(rate * T, 1.0)  # out again as slowly as by the damper
+            # Of the size of the other rows, times the weight.
+            size = WEIGHT * np.sqrt(dot(then.C[r], then.C[r]) / dot(row, row))
+            high[count] = size * (room + dot(row, v))
+            row *= size
+            who[count] = then.who[r]
+            count += 1
+    return C[:count], high[:count], who[:count]

@@ -1,7 +1,7 @@
 """The limits by name. A new limit is one small class and one line in this table."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -79,7 +79,21 @@ def make_limits(
         except RangeError as error:
             called = cls.scaled_by if error.name == 'scale' else gain_key(name, error.name)
             raise error.about(called) from None
-    return Limits(made)
+    return Limits(_with_the_acceleration_in_force(made))
+
+
+def _with_the_acceleration_in_force(limits: list[Limit]) -> list[Limit]:
+    """The limits, where collisions are braked by the acceleration that is in force, if any is."""
+    in_force = [limit.A for limit in limits if isinstance(limit, AccelerationLimit)]
+    if not in_force:
+        return limits
+    (A,) = in_force
+    return [
+        replace(limit, acceleration=tuple(A / limit.scale), acceleration_is_limited=True)
+        if isinstance(limit, CollisionLimit)
+        else limit
+        for limit in limits
+    ]
 
 
 def _check_arm(limit: Limit, model: RobotModel) -> None:

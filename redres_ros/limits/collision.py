@@ -3,26 +3,40 @@
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
+from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
+
+# Of the row that bounds a joint's acceleration, beside those of distances
+_OWN_WEIGHT = 1e-3
 
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
 
 
 @dataclass(frozen=True, eq=False)
-class CollisionLimit(RowLimit):
-    """n' (J_a - J_b) dq <= (d - d_s) / t_d for each pair of bodies nearer than d_i.
+class CollisionLimit(AccelerationFigures, RowLimit):
+    """n' (J_a - J_b) dq <= (d - d_s) / t_d for each pair of bodies nearer than d_i, and d >= d_s
+    where the joints come to rest if they brake.
 
     d is their distance, n the way from the nearest point of a to that of b, J_a and J_b the
     Jacobians of these points. The nearer they are, the slower they may approach; at d_s not at all,
-    and below it they go apart. Bodies are capsules around the arm's links; `scale` acts on the
-    speed.
+    and below it they go apart. The second condition is that of the limit `position`, for distances
+    in place of joint positions: the arm can always stop in time (kernels/distances.py). Bodies are
+    capsules around the arm's links; `scale` acts on the speed and on the accelerations.
+
+    Where no acceleration limit is in force, this limit keeps the accelerations itself while
+    anything is near, as well as the distances allow: joints that may jump would swing between two
+    ways round an obstacle.
+
+    Args:
+        acceleration_is_limited: Whether an acceleration limit is in force.
 
     Raises:
         ArrayError: An arm with several tips, balls of the wrong shape, or a clearance that is not
@@ -32,6 +46,7 @@ class CollisionLimit(RowLimit):
     order = 0
     holds_in_a_stop = True
 
+    acceleration_is_limited: bool = False
     influence: float = param(
         0.1, 'd_i, distance below which an approach is slowed down [m]', 0.001, 1.0, live=True
     )
@@ -49,12 +64,12 @@ class CollisionLimit(RowLimit):
     )
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.model.arm.other_tips:
             raise ArrayError(
                 f'the limit collision knows arms with one tip; {self.model.arm.source} has also '
                 f'{", ".join(self.model.arm.other_tips)}'
             )
+        super().__post_init__()
         if len(self.spheres) % 4:
             raise ArrayError(
                 f'balls holds {len(self.spheres)} numbers; '
@@ -73,40 +88,68 @@ class CollisionLimit(RowLimit):
         return self.model.arm.bodies()
 
     @cached_property
-    def _pairs(self) -> np.ndarray:
-        return self.bodies.pairs(self.influence)
-
-    @cached_property
-    def _balls(self) -> np.ndarray:
-        return np.reshape(self.spheres, (-1, 4))
-
-    def near(self, state: ReferenceState) -> Near:
-        """What is nearer than d_i: C dq is the speed of approach [m/s]."""
+    def _shapes(self) -> tuple[Any, Any]:
+        """The joints and the bodies, as the compiled functions take them."""
+        distances = _distances()
+        kinematics = self.model.arm.kinematics()
         bodies = self.bodies
-        found: Near = _distances().approaches(
-            state.joint_poses,
+        chain = distances.Chain(
+            np.array([joint.before for joint in kinematics.joints]),
+            np.array([joint.axis for joint in kinematics.joints]),
+            np.array([joint.is_prismatic for joint in kinematics.joints]),
+        )
+        shapes = distances.Shapes(
             bodies.moved_by,
             bodies.ends,
             bodies.radius,
-            self._pairs,
-            self.floor,
-            self._balls,
-            state.J,
-            state.x,
-            self.influence,
+            bodies.pairs(self.influence),
+            np.reshape(np.array(self.spheres, np.float64), (-1, 4)),
+            float(self.floor),
+            float(np.linalg.norm(kinematics.ways, axis=1).sum()),
         )
+        return chain, shapes
+
+    def near(self, state: ReferenceState) -> Near:
+        """What is nearer than d_i: C dq is the speed of approach [m/s]."""
+        found: Near = _distances().approaches(state.q, *self._shapes, self.influence)
         return found
 
     def rows(self, state: ReferenceState, T: float) -> Rows:
-        C, distance, _ = self.near(state)
-        fastest = self.scale * (distance - self.clearance) / self.time  # (r,) [m/s]
-        return C, np.full(len(C), -np.inf), fastest
+        C, high, _ = self._rows(state, T)
+        low = np.full(len(C), -np.inf)
+        if self.acceleration_is_limited or not len(C):
+            return C, low, high
+        own = _OWN_WEIGHT * np.eye(len(state.q))
+        steps = _OWN_WEIGHT * T * self.A
+        middle = _OWN_WEIGHT * state.dq_prev
+        return (
+            np.concatenate((C, own)),
+            np.concatenate((low, middle - steps)),
+            np.concatenate((high, middle + steps)),
+        )
 
-    def place(self, state: ReferenceState, index: int) -> str:
-        """As 'link_5 to floor'."""
-        _, _, who = self.near(state)
+    def place(self, state: ReferenceState, index: int, T: float) -> str:
+        """As 'link_5 to floor'; of a row that bounds an acceleration the joint."""
+        _, _, who = self._rows(state, T)
+        if index >= len(who):
+            return super().place(state, index - len(who), T)
         i, other = who[index].tolist()
         return f'{self.bodies.links[i]} to {self._name(other)}'
+
+    def _rows(self, state: ReferenceState, T: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """C (r, n), high (r,), and who approaches whom (r, 2)."""
+        found: tuple[np.ndarray, np.ndarray, np.ndarray] = _distances().collision_rows(
+            state.q,
+            state.dq_prev,
+            self.A,
+            T,
+            state.gap,
+            *self._shapes,
+            self.influence,
+            self.clearance,
+            self.scale / self.time,
+        )
+        return found
 
     def _name(self, other: int) -> str:
         distances = _distances()

@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.constrained import Box
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, POSITION, VELOCITY, fill_boxes
-from redres_ros.limits.limit import BoxLimit, ReferenceState
+from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState
 from redres_ros.parameter import param
 
 
@@ -34,7 +34,7 @@ class JointLimit(BoxLimit):
 
 
 @dataclass(frozen=True, eq=False)
-class _Braking(JointLimit):
+class AccelerationFigures(Limit):
     """What the limits that count on an acceleration share.
 
     Args:
@@ -59,7 +59,7 @@ class _Braking(JointLimit):
 
 
 @dataclass(frozen=True, eq=False)
-class AccelerationLimit(_Braking):
+class AccelerationLimit(AccelerationFigures, JointLimit):
     """|dq - dq_prev| <= A T. It holds whatever the state.
 
     Only a joint that would leave its range, because limits have become narrower while it was fast,
@@ -105,7 +105,7 @@ class VelocityLimit(JointLimit):
 
 
 @dataclass(frozen=True, eq=False)
-class PositionLimit(_Braking):
+class PositionLimit(AccelerationFigures, JointLimit):
     """-beta(q - q_min) <= dq <= beta(q_max - q): the joint can always stop within its range.
 
     beta is the largest speed from which it stops in time if it brakes by A T a tick

@@ -42,10 +42,6 @@ class ReferenceState(Protocol):
     def gap(self) -> int:
         """Cycles between two commands, at most."""
 
-    @property
-    def joint_poses(self) -> np.ndarray:
-        """Poses of the base and of the frame that each joint moves, (n + 1, 4, 4)."""
-
 
 @dataclass(frozen=True, eq=False)
 class Limit(ABC):
@@ -68,12 +64,13 @@ class Limit(ABC):
     def __post_init__(self) -> None:
         check_parameters(self)
 
-    def place(self, state: ReferenceState, index: int) -> str:
+    def place(self, state: ReferenceState, index: int, T: float) -> str:
         """The name of a bound's joint, or pair of bodies.
 
         Args:
             state: Of the reference at this tick.
             index: Number of the bound.
+            T: Sampling time [s].
         """
         return self.model.joint_names[index]
 

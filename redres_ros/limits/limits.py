@@ -144,7 +144,7 @@ class Limits:
         from redres_ros.limits import limit_name  # whose table is made of what this package has
 
         limit, index = acting
-        return solved.dq, solved.s, f'{limit.place(state, index)}: {limit_name(limit)}'
+        return solved.dq, solved.s, f'{limit.place(state, index, T)}: {limit_name(limit)}'
 
     def braked(self, dq: np.ndarray, state: ReferenceState, T: float) -> np.ndarray:
         """A velocity of an arm that is being stopped, (n,) [rad/s].
