@@ -151,6 +151,7 @@ def test_processor_time_is_that_of_the_process() -> None:
     assert np.isnan(processor_seconds(process.pid))
 
 
+@pytest.mark.slow
 def test_the_bare_echo_over_udp_answers_every_datagram() -> None:
     got = measure_udp(0.005, 0.1)
     assert len(got.latencies) == 20

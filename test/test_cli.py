@@ -294,6 +294,7 @@ def test_an_option_of_another_command_is_refused_with_the_help_that_lists_the_ri
     assert capsys.readouterr().err == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('line', 'status'), [('laws', 0), ('simulate --law fastest', 1), ('simulate --x', 2)]
 )
@@ -460,6 +461,7 @@ def test_a_gain_that_cannot_act_is_refused(springy, options, message, capsys):
 # --- robots ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['iiwa7', 'planar4r'])
 def test_a_robot_does_its_own_task_by_default(name, tmp_path, capsys):
     assert main(['simulate', '--robot', name, '--period', '0.01']) == 0
@@ -512,6 +514,7 @@ def test_another_tip_goes_round_a_square_of_its_own(robot, capsys):
 # --- what is loaded -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('options', 'loaded'), [([], False), (['--limits', 'velocity'], True)])
 def test_the_search_under_limits_is_loaded_only_where_there_are_limits(short, options, loaded):
     program = (

@@ -162,6 +162,7 @@ def lowest_point(arm: str) -> float:
     )
 
 
+@pytest.mark.slow
 @EVERY_ARM
 def test_no_body_comes_nearer_to_the_floor_than_its_clearance(arm):
     limit = limit_of(arm, floor=lowest_point(arm) - 0.1)
@@ -170,6 +171,7 @@ def test_no_body_comes_nearer_to_the_floor_than_its_clearance(arm):
     assert any(command.active_limits.endswith(' to floor: collision') for command in commands)
 
 
+@pytest.mark.slow
 @EVERY_ARM
 def test_an_arm_that_is_drawn_into_itself_keeps_clear(arm):
     model = model_of(arm)

@@ -199,6 +199,7 @@ def from_rest(positions: np.ndarray) -> np.ndarray:
     return np.vstack((positions[0] - ahead * step, positions))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('which', AT_99_PERCENT)
 @pytest.mark.parametrize('seed', range(3))
 def test_noise_of_encoders_at_99_percent_of_a_limit_stops_nothing(which, seed):

@@ -183,6 +183,7 @@ def test_of_several_violations_the_first_is_reported() -> None:
     assert violation(rows) == f'{LIMITS.joint_names[1]} acceleration, 0.03 s'
 
 
+@pytest.mark.slow
 def test_the_command_writes_plot_and_data(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -224,6 +225,7 @@ def test_bad_laws_get_one_line(
     assert all(word in lines[0] for word in words)
 
 
+@pytest.mark.slow
 def test_dampings_that_print_alike_stay_apart(tmp_path: Path) -> None:
     laws = 'minimum_acceleration@5,minimum_acceleration@5.0000001'
     options = ['--task', 'side_to_side', '--period', '0.01', '--out', str(tmp_path)]

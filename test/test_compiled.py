@@ -59,6 +59,7 @@ def test_without_compiling_the_formulas_run_as_python():
     assert done.stdout.strip() == 'rotation_error'
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_loaded_without_the_compiler_and_scipy():
     """Which take longer to load than all the rest."""
     source = 'import sys, redres_ros.nodes.controller; print(*sys.modules)'

@@ -48,6 +48,7 @@ def finished() -> Experiment:
 # --- the paper's two outcomes ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert not stopped.recording.finished
     assert stopped.stop_reason.startswith('protective stop')
@@ -55,6 +56,7 @@ def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert stopped.stop_reason in stopped.recording.ending
 
 
+@pytest.mark.slow
 def test_within_limits_the_same_law_finishes_half_a_millimetre_beside_its_path_at_most():
     limits = ('position', 'velocity', 'acceleration')
     recording = experiment(controller('minimum_velocity', limits=limits), TASK, ARM).recording
@@ -64,6 +66,7 @@ def test_within_limits_the_same_law_finishes_half_a_millimetre_beside_its_path_a
     assert path_deviation.max() < 0.5e-3
 
 
+@pytest.mark.slow
 def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):
     assert finished.recording.finished
     assert not finished.stop_reason

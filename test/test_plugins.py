@@ -91,6 +91,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
         load_plugin(tmp_path / 'nowhere.py')
 
 
+@pytest.mark.slow
 def test_a_package_that_is_installed_brings_its_laws_by_entry_point(tmp_path: Path) -> None:
     info = tmp_path / 'my_laws-1.0.dist-info'
     info.mkdir()

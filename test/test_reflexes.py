@@ -199,6 +199,7 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
     assert client.session.reason == ''
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
 def test_a_task_of_the_arm_keeps_clear_of_every_reflex(law):
     model = RobotModel.named('fr3')

@@ -9,6 +9,8 @@ from imports import PACKAGE, ROS, WITH_ROS, imports, subpackage
 
 import redres_ros
 
+pytestmark = pytest.mark.slow
+
 TOOLS = 'mujoco|matplotlib'  # of the extra [tools]
 REDRES = 'from redres_ros.cli import main; sys.exit(main(sys.argv[1:]))'
 
