@@ -1,4 +1,4 @@
-"""One tick's answer, and the figures of it that recordings and topics show."""
+"""The command of a tick, and its figures for recordings and topics."""
 
 import math
 from collections.abc import Callable
@@ -11,18 +11,18 @@ from redres_ros.robot_model import RobotState
 
 
 class Command(NamedTuple):
-    """One tick's answer. What only onlookers want is computed when it is asked for.
+    """The command of a tick. Figures for recordings and topics are computed on request.
 
     Attributes:
         dq: Joint velocity, (n,) [rad/s].
         q_ref: Position reference, (n,) [rad].
-        state: What it answers.
+        state: The state it responds to.
         T: Sampling time [s].
         J: Jacobian of the first task, (m, n).
         W: Weight of the law.
         s: Task scaling: the fraction of dx that the limits allow.
-        active_limits: 'joint: limit' that acts; empty if none does.
-        unachieved: The part of dx that a singularity does not let through, (m,).
+        active_limits: The most active limit as 'joint: limit'; empty if none is active.
+        unachieved: The part of dx that a singularity blocks, (m,).
     """
 
     dq: np.ndarray

@@ -1,16 +1,16 @@
-"""The same optimum under limits: of the joint velocities that keep them, the best.
+"""The constrained optimum: the best of the joint velocities that keep the limits.
 
-In order of priority, each level kept as well as the ones before it allow:
+In order of priority, each level as well as the higher ones allow:
 
 1. the box, lower <= dq <= upper, always;
 2. rows, low <= C dq <= high, group after group, with the least sum of squares of the excess;
-3. the first task with its direction kept, J dq = s dx with the largest s in [0, 1]; where no s will
-   do, the least |J dq - s dx|, and then the largest s;
+3. the first task with its direction kept, J dq = s dx with the largest s in [0, 1]; if no s is
+   feasible, the least |J dq - s dx|, and then the largest s;
 4. the other tasks with the least |J dq - dx|, one after the other;
 5. the law, with the least 1/2 (dq - b)' W (dq - b).
 
-The caller knows dq_free, the same optimum without limits (resolution.py). It is the answer where it
-keeps them all. Where not, it takes the place of b in level 5: W (dq_free - b) is orthogonal to all
+The caller knows dq_free, the same optimum without limits (resolution.py). It is the result if it
+keeps them all. If not, it replaces b in level 5: W (dq_free - b) is orthogonal to all
 motion that leaves J dq as it is, so both have the same minimum. This file knows no limit, task or
 law by name; the numerical work is done in kernels/hierarchical_qp.py.
 """
@@ -35,11 +35,11 @@ _NO_VALUES = np.zeros(0)
 
 
 class Constrained(NamedTuple):
-    """A joint velocity that keeps the box, and what had to give way for it."""
+    """A joint velocity that keeps the box, and the violations of the lower levels."""
 
     dq: np.ndarray  # (n,) [rad/s]
-    s: float = 1.0  # the share of the first task's velocity that is executed
-    error: float = 0.0  # |J dq - s dx| of the first task; more than rounding where no s would do
+    s: float = 1.0  # task scaling: the fraction of the first task's velocity that is executed
+    error: float = 0.0  # |J dq - s dx| of the first task; more than rounding if no s is feasible
     excess: float = 0.0  # of the rows, the root of the sum of squares
     limiting: int = -1  # the limit that resists hardest: joints first, then rows; -1 for none
     side: int = 0  # of that limit: +1 its upper bound, -1 its lower one
@@ -52,7 +52,7 @@ class Constrained(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """What could not be kept, in a few words; empty if everything could."""
+        """The violated levels, as text; empty if there are none."""
         reasons = []
         if not np.isfinite(self.excess + self.error):
             return 'the input is not finite, so the arm brakes'
@@ -86,7 +86,7 @@ def solve_constrained(
             shortens this one, and is overwritten. None: there was none.
 
     Returns:
-        The velocity, always finite and in the box, and what gave way for it. Where the input is not
+        The velocity, always finite and in the box, and the violations. Where the input is not
         finite it is the one nearest to standing still.
     """
     lower, upper = box

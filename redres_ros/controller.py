@@ -38,7 +38,7 @@ TURN = 2.0 * np.pi  # [rad]
 
 
 class Controller:
-    """Turns task velocities into position references by the policy in force."""
+    """Turns task velocities into position references by the active policy."""
 
     def __init__(
         self,
@@ -125,27 +125,27 @@ class Controller:
 
     @property
     def policy(self) -> Policy:
-        """The policy asked for last; a crossfade towards it may be under way."""
+        """The requested policy; a crossfade towards it may be under way."""
         return self._policy
 
     @property
     def law(self) -> Law:
-        """The law asked for last."""
+        """The requested law."""
         return self._policy.law
 
     @property
     def preferences(self) -> tuple[Preference, ...]:
-        """The preferences asked for last."""
+        """The requested preferences."""
         return self._policy.preferences
 
     @property
     def task(self) -> Task:
-        """The first task asked for last."""
+        """The requested first task."""
         return self._policy.task
 
     @property
     def secondary_tasks(self) -> tuple[Task, ...]:
-        """The tasks below the first one that were asked for last."""
+        """The requested secondary tasks."""
         return self._policy.secondary_tasks
 
     @property
@@ -164,7 +164,7 @@ class Controller:
         return self._q_ref
 
     def set_policy(self, policy: Policy) -> None:
-        """Go over to another policy; of several during one crossfade the last one counts.
+        """Switch to another policy; of several during one crossfade the last one counts.
 
         Raises RedresError for one that does not fit the arm or T; the one in force then stays.
         """
@@ -190,7 +190,7 @@ class Controller:
         self._all_achieved.flags.writeable = False  # every command shares it
 
     def switch_law(self, law: str | Law) -> None:
-        """Go over to another law, or to the same one with other gains; by name or as an object.
+        """Switch to another law, or to other gains; by name or as an object.
 
         Raises UnknownNameError, and RangeError for a damping outside [0, 1/T]; the law in force
         then stays.
@@ -198,7 +198,7 @@ class Controller:
         self._replace(law=make_policy(self.model, law).law)
 
     def set_preferences(self, preferences: Iterable[str | Preference]) -> None:
-        """Go over to other preferences; names or objects, as at construction.
+        """Switch to other preferences; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
@@ -206,7 +206,7 @@ class Controller:
         self._replace(preferences=made.preferences)
 
     def set_secondary_tasks(self, tasks: Iterable[str | Task]) -> None:
-        """Go over to other tasks below the first one; names or objects, as at construction.
+        """Switch to other secondary tasks; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
@@ -221,7 +221,7 @@ class Controller:
         torque_scale: float = 1.0,
         limit_gains: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        """Go over to other limits.
+        """Switch to other limits.
 
         With a limit on the acceleration they act at once, because nothing can jump under it. Others
         are faded in.
@@ -246,15 +246,15 @@ class Controller:
         self._replace(limits=made.limits)
 
     def hold(self) -> None:
-        """Come to a standstill, beginning at once; the task is left."""
+        """Decelerate to rest, from now on; the task is dropped."""
         self._moving = False
 
     def resume(self) -> None:
-        """Follow the policy again, beginning at once."""
+        """Follow the policy again, from now on."""
         self._moving = True
 
     def reset(self) -> None:
-        """Begin anew at the measured position, at rest.
+        """Restart at the measured position, at rest.
 
         With a limit on the acceleration an arm in motion brakes first, and begins anew where its
         reference is by then, without velocity history: nothing steps.
@@ -265,14 +265,14 @@ class Controller:
             self.restart()
 
     def restart(self) -> None:
-        """Begin anew at the next measured position, wherever that is: nothing was published."""
+        """Restart at the next measured position: nothing was published."""
         self._q_ref: np.ndarray | None = None
         self._start: np.ndarray | None = None  # from which it was integrated
         self._near: np.ndarray | None = None  # by which turns are counted
         self._forget_motion()
 
     def place(self, q_ref: np.ndarray, dq: np.ndarray | None = None) -> None:
-        """Go on from a reference that is not the last command.
+        """Continue from a reference that is not the last command.
 
         Args:
             q_ref: (n,) [rad].
@@ -376,7 +376,7 @@ class Controller:
         )
 
     def _forget_motion(self) -> None:
-        """Be at rest, with all targets unset that were."""
+        """Reset to rest, with unset targets."""
         self._dq_prev = np.zeros(self.model.n)
         self._pace = 1.0  # the fraction of the task velocity that is asked for
         self._motion = self._policy.stop
@@ -422,7 +422,7 @@ class Controller:
     def _refuse(
         self, dq: np.ndarray, dx: np.ndarray, motion: Motion, state: RobotState
     ) -> NoReturn:
-        """Raise DivergedError for a speed beyond any arm.
+        """Raise DivergedError for a speed beyond that of any arm.
 
         If dx alone would not ask for it, from rest, the velocity history does, and is dropped.
         """

@@ -1,4 +1,4 @@
-"""Errors that a user can mend: each says in one line what was got and what is allowed."""
+"""Errors of the user's input: each says in one line what was got and what is allowed."""
 
 from collections.abc import Iterable
 from numbers import Real
@@ -10,7 +10,7 @@ _MOST_NAMES = 60  # that an error lists as allowed
 
 
 def quoted(value: Any) -> str:
-    """The value as an error shows it: on one line, and cut where it is too long to be read."""
+    """The value in an error: on one line, and truncated."""
     if isinstance(value, Real) and hasattr(value, 'item'):
         value = value.item()  # of numpy, whose repr names the type
     try:
@@ -25,7 +25,7 @@ def quoted(value: Any) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text that others may have written, as a log or a terminal shows it.
+    """A text from outside, safe for a log or a terminal.
 
     It is one line, cut where nobody would read on. What is no character to be seen has become a
     space: a line's end, or what would have a terminal do something.
@@ -36,7 +36,7 @@ def one_line(text: str) -> str:
 
 
 class RedresError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base class of the errors of this package."""
 
 
 class UnknownNameError(RedresError):
@@ -79,12 +79,12 @@ class RangeError(RedresError):
         super().__init__(f'{name} is {quoted(got)}; allowed: {lower:g} to {upper:g}{remark}')
 
     def about(self, name: str) -> 'RangeError':
-        """The same error of a value that is called so by who gave it."""
+        """The same error with the caller's name of the value."""
         return RangeError(name, self.got, self.lower, self.upper, self.why)
 
 
 class RepeatedNameError(RedresError):
-    """A name that is given twice, where the second one would do nothing, or all of it twice.
+    """A name that is given twice.
 
     Args:
         kind: What it is the name of.

@@ -18,7 +18,7 @@ T = TypeVar('T')
 
 
 class Names(Collection[str]):
-    """The names in a table as it is when they are asked for, and further words.
+    """The names in a table at the time of the call, and further words.
 
     Args:
         table: Name to anything.
@@ -42,7 +42,7 @@ class Names(Collection[str]):
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a field says of itself beside its type and default."""
+    """The declaration of a field beside its type and default."""
 
     description: str
     lower: float | None = None
@@ -117,7 +117,7 @@ def make(kind: str, table: Mapping[str, type[T]], name: str, gains: Mapping[str,
 
 
 def gain_key(owner: str, gain: str) -> str:
-    """What a gain is called outside: by nodes, by the command line, and where it is refused.
+    """The name of a gain for nodes, the command line and errors.
 
     Args:
         owner: Name of the law, preference, task or limit.

@@ -1,5 +1,5 @@
-"""What the arm is to do in a tick: a law, tasks, preferences and limits in one policy; and how the
-controller goes from one policy to another without a jump.
+"""The policy of a tick: law, tasks, preferences and limits; and the crossfade from one policy to
+another, without a jump.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -40,7 +40,7 @@ _ROUNDING = 1e-9  # of dx; less counts as achieved
 
 
 class Motion(Protocol):
-    """Something that moves the arm: a policy, a stop, a crossfade."""
+    """A source of joint velocities: a policy, a stop, a crossfade."""
 
     def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
         """The joint velocity of this tick, within limits.

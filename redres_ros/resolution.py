@@ -1,8 +1,8 @@
 """Redundancy resolution: of all joint velocities that execute a task, the one nearest to a bias in
 a chosen norm; and the same for several tasks in order of priority.
 
-The formula itself is compiled, in kernels/closed_form.py. Here is what surrounds it: tasks in
-order, the neighbourhood of singularities, and errors that name their reason.
+The formula itself is compiled, in kernels/closed_form.py. This file adds tasks in
+order of priority, damping near singularities, and errors that name their reason.
 """
 
 import math
@@ -24,7 +24,7 @@ from redres_ros.kernels.closed_form import (
 from redres_ros.kernels.factors import FACTOR, IDENTITY, SQUARE, WEIGHT
 from redres_ros.kernels.solving import fill_factor, solve_rows
 
-# [rad/s] beyond which a direction of a lower task counts as lost; several times what arms can do
+# [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 FASTEST = 100.0
 # rows whose singular value is below this fraction are dependent: lower tasks may use the rest
 DEPENDENT_RATIO = 1e-9
@@ -244,7 +244,7 @@ def _resolve_in_order_carefully(
 def _check_outcome(
     outcome: int, dq: np.ndarray, J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight
 ) -> None:
-    """Raise ArrayError for a problem that has no answer. Others may need damping."""
+    """Raise ArrayError for a problem without a solution. Others may need damping."""
     if outcome == INDEFINITE:
         raise _indefinite(as_array(W)[0])
     if outcome == NOT_FINITE:
@@ -252,7 +252,7 @@ def _check_outcome(
 
 
 def stacked(levels: Sequence[Level], n: int) -> Level:
-    """J and dx of several tasks, one below the other; of a single task its own arrays.
+    """J and dx of all tasks, stacked; of a single task its own arrays.
 
     Args:
         levels: J and dx of each; there may be none.
@@ -279,7 +279,7 @@ def scaled(J: np.ndarray, dx: np.ndarray, scale: np.ndarray | None) -> Level:
 
 
 def as_array(W: Weight) -> tuple[np.ndarray, int]:
-    """The array behind a weight, and what it is: IDENTITY, WEIGHT, FACTOR or SQUARE."""
+    """The array of a weight, and its kind: IDENTITY, WEIGHT, FACTOR or SQUARE."""
     if W is None:
         return _NO_WEIGHT, IDENTITY
     if isinstance(W, Factor):

@@ -23,7 +23,7 @@ _CROSS = np.array(
 
 
 class RobotState:
-    """Everything a law, a task or a preference may ask, at one (q, dq_prev).
+    """Kinematics and dynamics at one (q, dq_prev), for laws, tasks and preferences.
 
     Each quantity is evaluated once, when it is asked for first: most laws do without most of them.
 
@@ -94,7 +94,7 @@ class RobotState:
 
     @property
     def free_acceleration(self) -> np.ndarray:
-        """-M^-1 n, (n,) [rad/s^2]: how the arm would move without any torque, Eq. (6)."""
+        """-M^-1 n, (n,) [rad/s^2]: the acceleration without torque, Eq. (6)."""
         if self._free_acceleration is None:
             ddq = np.empty(self.model.n)
             free_motion(0.0, self.dq_prev, 1.0, self.M, self.n, ddq)
@@ -119,7 +119,7 @@ class RobotState:
 
 
 class RobotModel:
-    """An arm as Pinocchio sees it.
+    """An arm's model in Pinocchio.
 
     arm: geometry and dynamics. Raises FileError for a URDF that cannot be used, UnknownNameError
     for a frame that does not exist.
@@ -345,7 +345,7 @@ class RobotModel:
         return self._tip_R.copy()
 
     def _place_tip(self, q: np.ndarray) -> None:
-        """Let the data have the tip's pose at q, as they have after its Jacobian."""
+        """Compute the tip's pose at q in the data, as its Jacobian does."""
         pin.forwardKinematics(self._model, self._data, q)
         pin.updateFramePlacement(self._model, self._data, self._tip)
         self._placed = q

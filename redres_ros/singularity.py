@@ -1,4 +1,4 @@
-"""The way out of a singularity, where the Jacobian alone shows none.
+"""The escape direction from a singularity, where the Jacobian alone shows none.
 
 In the stretched arm no joint velocity moves the tip along the arm: J dq = dx has no part in that
 direction u. But to second order a self-motion dq = z does: with H = sum_c u_c dJ_c/dq,
@@ -6,28 +6,28 @@ direction u. But to second order a self-motion dq = z does: with H = sum_c u_c d
     u' ddx = z' H z,
 
 and so the self-motion that takes the tip along u the most is the eigenvector of H, within the null
-space, that belongs to the largest eigenvalue. Where none is positive, there is no such way, as for
-the way outward from the stretched arm.
+space, that belongs to the largest eigenvalue. If none is positive, there is no escape, as for
+the outward direction of the stretched arm.
 """
 
 import numpy as np
 
 from redres_ros.kernels.closed_form import SINGULAR_RATIO
 
-# of the threshold below which a direction is damped: above it, the damped motion is on its way out
+# of the threshold below which a direction is damped: above it, the damped motion escapes
 _STUCK = 0.1
-_NOTHING = 1e-9  # of dx, is not asked for; of H, is no way
+_NOTHING = 1e-9  # of dx, counts as zero; of H, is no escape
 
 
 def escape_direction(
     J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, dq_prev: np.ndarray
 ) -> np.ndarray | None:
-    """A self-motion (n,) that leads out of a singularity, as fast as what is asked for; or None.
+    """A self-motion (n,) that leaves a singularity as fast as the task demands; or None.
 
     Args:
         J: (m, n) Jacobian of the task, with comparable rows.
         dJ: (n, m, n) its derivatives by each joint.
-        dx: (m,) what is asked for.
+        dx: (m,) the task velocity.
         dq_prev: (n,) [rad/s] the last command; the motion goes on in its sense.
     """
     U, s, Vt = np.linalg.svd(J)

@@ -1,4 +1,4 @@
-"""Vectors that users give, checked: as long as they must be, real and finite."""
+"""Checks of users' vectors: length, real and finite."""
 
 from typing import Any
 
@@ -70,7 +70,7 @@ def _as_floats(values: Any, size: int, name: str) -> np.ndarray:
 
 
 def _check_real(values: Any, size: int, name: str) -> None:
-    """Refuse what numpy would turn into floats by leaving out a mask or an imaginary part."""
+    """Refuse arrays whose mask or imaginary part numpy would drop."""
     problem = ''
     if np.ma.is_masked(values):
         problem = 'has masked values'

@@ -1,1 +1,1 @@
-"""A run of the three nodes from start to end: processes, recordings, and what came of it."""
+"""A run of the three nodes from start to end: processes, recordings, and results."""

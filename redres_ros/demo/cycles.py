@@ -1,4 +1,4 @@
-"""What became of every cycle of the robot, from its recording."""
+"""Counts the cycles of the robot by their outcome, from its recording."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ _HELD_UP = 1.5  # cycles from one state to the next, beyond which the robot's cl
 
 @dataclass(frozen=True)
 class CycleCounts:
-    """How the states of the robot were answered; every state is one of these.
+    """The outcome of a cycle of the robot.
 
     Attributes:
         in_time: Answered within the cycle.

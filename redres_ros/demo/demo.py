@@ -1,4 +1,4 @@
-"""`redres demo`: the three nodes as processes, a task from start to end, and what came of it."""
+"""`redres demo`: the three nodes as processes, a task from start to end, and its results."""
 
 import math
 import time
@@ -123,7 +123,7 @@ class Demo:
         return title
 
     def run(self, progress: Callable[[float], None], report: Callable[[str], None]) -> Ending:
-        """From starting the processes to ending them; Ctrl-C ends it early.
+        """Run from the start of the processes to their end; Ctrl-C ends it early.
 
         Args:
             progress: Called with the fraction done, 0 to 1.
@@ -182,7 +182,7 @@ class Demo:
         return monitor.word(SESSION) in COMMANDING
 
     def _run_task(self, monitor: DemoMonitor, progress: Callable[[float], None]) -> None:
-        """Run the task until it is finished, the robot is stopped, or it took far too long."""
+        """Run the task until it is finished, the robot is stopped, or a time limit."""
         called = time.monotonic()
         self._start_task(monitor)
         switches = sorted(self.options.switches, key=lambda pair: pair[1])
@@ -228,7 +228,7 @@ class Demo:
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, monitor: DemoMonitor) -> None:
-        """Keep the nodes as long as somebody looks, or until Ctrl-C, an ordinary end here."""
+        """Keep the nodes while a view is open, or until Ctrl-C, an ordinary end here."""
         try:
             # Loads what draws, so that nobody waits for that after Ctrl-C.
             import_module('redres_ros.simulation.plots')
@@ -249,7 +249,7 @@ class Demo:
             raise DemoError(f'no state from the robot for {SILENCE:g} s; see {self._out}/*.log')
 
     def outcome(self, ending: Ending) -> Outcome:
-        """What came of the run that ended so, from the recordings, which are removed."""
+        """The outcome of the run, from its recordings, which are removed."""
         recordings = self._node_group.recordings
         if self.options.mcap:
             self._write_mcap(self.options.mcap, recordings)
@@ -281,7 +281,7 @@ class Demo:
         )
 
     def remove_recordings(self) -> None:
-        """Remove what the outcome is made from."""
+        """Remove the recordings."""
         self._node_group.remove_recordings()
 
     def _write_mcap(self, path: Path, recordings: list[Path]) -> None:

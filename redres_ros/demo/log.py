@@ -1,4 +1,4 @@
-"""What the nodes' recordings say of a run, by the stamps of the robot's states."""
+"""The log of a run from the nodes' recordings, by the stamps of the robot's states."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -47,7 +47,7 @@ _DISORDER = 1e9  # [ns] by which a stamp may come before a smaller one, where fa
 
 @dataclass(frozen=True)
 class Log:
-    """What was said, by the stamp [ns] of the state that it belongs to.
+    """Messages by the stamp [ns] of their state.
 
     Attributes:
         states: q, (n,) [rad].
@@ -157,7 +157,7 @@ class Log:
 
 
 def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float = math.inf) -> Log:
-    """What was recorded of one run.
+    """The log of one run.
 
     Args:
         paths: of the recordings, one a process.
@@ -187,7 +187,7 @@ def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float =
 
 
 class _Topics:
-    """What was said on each topic that a log is made from, by stamp.
+    """The messages of each topic of a log, by stamp.
 
     Args:
         joint_names: In the order in which positions and velocities are wanted.
@@ -206,7 +206,7 @@ class _Topics:
         self._newest: dict[str, tuple[bytes, Any]] = {}
 
     def take(self, stamp: int, message: RecordedMessage) -> None:
-        """Note what was said, if a log is made from it.
+        """Store a message, if the log uses its topic.
 
         Args:
             stamp: Of the state that it belongs to [ns].

@@ -24,10 +24,10 @@ _CLOCK_PATIENCE = 5.0
 
 
 class NodeGroup:
-    """The nodes of one run, and what shows them.
+    """The nodes of one run, and their views.
 
     Args:
-        options: What to run.
+        options: The options of a run.
         task: The one that the options name.
         law: In force at the start.
         out: Directory for what they print, and for their recordings.
@@ -67,7 +67,7 @@ class NodeGroup:
                     process.end()
 
     def check(self) -> None:
-        """Raise GraphError if a node has ended, or what shows them has failed."""
+        """Raise GraphError if a node has ended, or a view has failed."""
         for node in self.nodes:
             node.check()
         for view in self._views:
@@ -76,7 +76,7 @@ class NodeGroup:
 
     @property
     def is_watched(self) -> bool:
-        """Whether something that shows the nodes still runs."""
+        """Whether a view still runs."""
         return any(view.status is None for view in self._views)
 
     @property

@@ -1,4 +1,4 @@
-"""What a run of the demo is to be."""
+"""The options of a run of the demo."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,12 +9,12 @@ from redres_ros.errors import RedresError
 
 
 class DemoError(RedresError):
-    """A run that could not begin, or failed on the way."""
+    """A run that could not begin, or failed."""
 
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """What to run.
+    """The options of a run.
 
     Attributes:
         task: Its name.

@@ -1,4 +1,4 @@
-"""What came of a demo: in numbers, in words, as a file."""
+"""The outcome of a demo: figures, text, and a file."""
 
 import json
 import math
@@ -27,7 +27,7 @@ _MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
 
 @dataclass(frozen=True)
 class Endurance:
-    """What came of repeating a task.
+    """The outcome of a repeated task.
 
     Attributes:
         rounds: How often.
@@ -41,7 +41,7 @@ class Endurance:
 
     @property
     def steady(self) -> bool:
-        """Whether no process has grown more than an interpreter usually does at first."""
+        """Whether no process has grown more than an interpreter usually does."""
         return all(end - start < MOST_GROWTH for start, end in self.memory.values())
 
 
@@ -122,7 +122,7 @@ class MotionFigures:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of it.
+    """The outcome of a demo.
 
     Attributes:
         recording: Of the task.

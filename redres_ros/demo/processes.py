@@ -1,5 +1,5 @@
-"""A ROS graph of our own: a domain that nobody else uses on this machine, and node processes that
-end with us.
+"""A separate ROS graph: an unused domain on this machine, and node processes that end with this
+one.
 """
 
 import fcntl

@@ -62,7 +62,7 @@ def replay(
 
 
 def _reference(wanted: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
-    """What the planner asked for, without the velocity, which is not needed here."""
+    """The planner's reference, without its velocity."""
     x_d = wanted[:3]
     reference = Reference(np.zeros(3), x_d, x_d - state.x, segment, finished=False)
     if not pose:

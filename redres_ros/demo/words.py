@@ -6,7 +6,7 @@ from redres_ros.robot_model import RobotModel
 
 
 def before(options: DemoOptions, model: RobotModel) -> str:
-    """Two sentences on what is about to happen.
+    """Two sentences before a run.
 
     Args:
         options: Of the demo.
@@ -26,7 +26,7 @@ def before(options: DemoOptions, model: RobotModel) -> str:
 
 
 def after(outcome: Outcome, options: DemoOptions, robot: str) -> str:
-    """Two sentences on what came of it; none where there is nothing to learn from it.
+    """Two sentences after a run; none if there is nothing to learn from it.
 
     Args:
         outcome: What came of the run.

@@ -55,7 +55,7 @@ def end_of_reach(
     Args:
         J: (m, n) Jacobian of the task, with comparable rows.
         dJ: (n, m, n) its derivatives by each joint.
-        dx: (m,) what is asked for.
+        dx: (m,) the task velocity.
         ddq_max: (n,) [rad/s^2] the acceleration limits.
         near: Share of the largest singular value below which a direction is beside its end.
     """

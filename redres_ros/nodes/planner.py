@@ -106,7 +106,7 @@ class PlannerParameters(ListenerParameters):
 
 
 class PlannerNode(ManagedNode):
-    """Knows time only from the states and from what the controller carries out: when the robot's
+    """Takes time from the states and the task scaling: when the robot's
     clock stands, or the arm is stopped, so does the task.
     """
 
@@ -260,7 +260,7 @@ class PlannerNode(ManagedNode):
         return self._answer('planner/start', response, self._start_task)
 
     def _start_task(self) -> str:
-        """Begin the task; what will happen."""
+        """Begin the task; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             return 'is under way already; planner/stop ends it'
         goal = self._task_goal()
@@ -275,7 +275,7 @@ class PlannerNode(ManagedNode):
         return self._answer('planner/home', response, self._go_home)
 
     def _go_home(self) -> str:
-        """Move the joints to the start of the task; what will happen."""
+        """Move the joints to the start of the task; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             raise GoalError('a task is under way; planner/stop ends it')
         if not self._can_home:
@@ -285,7 +285,7 @@ class PlannerNode(ManagedNode):
         return self._announced_home() or 'the joints are at its start already'
 
     def _announced_home(self) -> str:
-        """What the way to the start of the task is; empty if there is none."""
+        """Describes the motion to the start of the task; empty if there is none."""
         path = None if self._q is None or not self._can_home else self._path_home(self._q)
         if path is None:
             return ''

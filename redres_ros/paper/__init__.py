@@ -1,1 +1,1 @@
-"""What the paper shows: schemes of second order, experiments, figures and claims."""
+"""The paper: second-order schemes, experiments, figures and claims."""

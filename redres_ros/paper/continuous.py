@@ -1,4 +1,4 @@
-"""The schemes of second order in continuous time: what the velocity laws tend to as the sampling
+"""The schemes of second order in continuous time: the limit of the velocity laws as the sampling
 time goes to zero.
 """
 

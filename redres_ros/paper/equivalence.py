@@ -1,6 +1,4 @@
-"""How far a velocity law is from the scheme of second order that it was made from, sampled and in
-continuous time.
-"""
+"""Difference of a velocity law from its second-order scheme, sampled and in continuous time."""
 
 from dataclasses import dataclass, replace
 
@@ -53,7 +51,7 @@ def difference(
     model: RobotModel | None = None,
     preference: Preference | None = None,
 ) -> Difference:
-    """The task executed by a law and by its yardstick, each in its own closed loop.
+    """The task executed by a law and by its scheme, each in its own closed loop.
 
     Args:
         law_name: In the table LAWS.

@@ -28,7 +28,7 @@ AFTERMATH = 1.0
 
 @dataclass(frozen=True)
 class Experiment:
-    """What was commanded, and what the arm did.
+    """Commands and measured motion of an experiment.
 
     Attributes:
         recording: One row a tick until the last point was reached or the robot stopped. q and all
@@ -134,7 +134,7 @@ class _Run:
         return self._planner.reference(x, self._t + self._ahead, unachieved=self._unachieved)
 
     def _command(self, reference: Reference) -> Command:
-        """A cycle in which the client answers with what it wants next."""
+        """A cycle with the client's next reference."""
         command = self._client.update(self._robot.q, reference.dx)
         self._ahead -= (1.0 - command.s) * self._client.T
         self._unachieved = command.unachieved
@@ -143,7 +143,7 @@ class _Run:
         return command
 
     def _mirror(self) -> None:
-        """A cycle in which the client answers with where the arm is."""
+        """A cycle with the measured position as reference."""
         self._recorder.add(self._robot.q)
         self._advance(self._robot.q)
 

@@ -1,4 +1,4 @@
-"""The paper's simulations and experiments by name: what each runs, and what came of it."""
+"""The paper's simulations and experiments by name, and their results."""
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
@@ -80,7 +80,7 @@ class Runs(dict[str, Any]):
         self.update(zip(names, in_parallel(compute, names, progress), strict=True))
 
     def difference(self, law: str, scheme: str) -> VelocityDifference:
-        """How far apart two experiments are.
+        """The difference of two experiments.
 
         Args:
             law: Name of the law's run.
@@ -274,7 +274,7 @@ def _convergence(law: str) -> Computation:
 
 
 def _published(benchmark: saturation.Benchmark) -> Computation:
-    """A motion that others published, under a law of ours."""
+    """A motion published by others, under one of our laws."""
     return Computation(lambda _: saturation.run(benchmark), seconds=benchmark.seconds / 4.0)
 
 

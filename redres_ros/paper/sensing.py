@@ -52,7 +52,7 @@ def as_in_the_paper(seed: int) -> Sensing:
 
 
 class Recorder:
-    """Writes joint positions down, one row a cycle, some of them a cycle late.
+    """Records joint positions, one row a cycle, some of them a cycle late.
 
     Args:
         sensing: Says how many.
@@ -68,7 +68,7 @@ class Recorder:
         return len(self._rows)
 
     def add(self, q: np.ndarray) -> None:
-        """Write joint positions q (n,) [rad] down."""
+        """Record joint positions q (n,) [rad]."""
         row = q.copy()
         if self._late and self._last is not None:
             late = self._random.random(len(q)) < self._late

@@ -1,4 +1,4 @@
-"""How far apart two experiments are that were run one after the other, for Figures 13 and 16."""
+"""The difference of two experiments, for Figures 13 and 16."""
 
 from dataclasses import dataclass
 

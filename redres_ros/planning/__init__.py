@@ -1,1 +1,1 @@
-"""What the arm is to do: waypoints, the planner, and tasks as they are executed."""
+"""Waypoints, planner, and the execution of tasks."""

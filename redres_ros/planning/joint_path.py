@@ -16,7 +16,7 @@ _MARGIN = 0.1  # [rad] between an equal angle, a turn away, and the end of the r
 
 @dataclass(frozen=True)
 class JointReference:
-    """What a joint path asks for at one tick.
+    """The reference of a joint path at one tick.
 
     Attributes:
         dq: Joint velocity, (n,) [rad/s].
@@ -49,7 +49,7 @@ class JointPath:
         gain: float = 10.0,
         tolerance: float = 0.005,
     ) -> None:
-        """A path at its beginning.
+        """A path, at its start.
 
         Args:
             q_start: (n,) [rad].
@@ -73,7 +73,7 @@ class JointPath:
         self.duration = float(max(by_speed.max(), by_acceleration.max(), _SHORTEST))  # [s]
 
     def reference(self, q: np.ndarray, t: float, rate: float = 1.0) -> JointReference:
-        """What to ask for now.
+        """The reference at this time.
 
         Args:
             q: (n,) where the joints are [rad].

@@ -27,13 +27,13 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Reference:
-    """What the planner asks for at one tick.
+    """The reference of the planner at one tick.
 
     Attributes:
         dx: Task velocity, (3,) [m/s], or (6,) with the angular part [rad/s] below.
         x_d: Desired position, (3,) [m].
         error: x_d - x, (3,) [m].
-        segment: 1 for the way to x_1 and so on, 0 for an approach to x_0.
+        segment: 1 for the segment to x_1 and so on, 0 for an approach to x_0.
         finished: The last point is reached and held.
         R_d: Desired orientation, (3, 3); None for a position alone.
         orientation_error: The turn that is left, (3,) [rad]; None likewise.
@@ -49,7 +49,7 @@ class Reference:
 
 
 class Planner:
-    """Walks through a task's points, one segment after the other, and then holds the last one."""
+    """Passes a task's points, one segment after the other, and then holds the last one."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class Planner:
         unachieved: np.ndarray | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """What to ask for now.
+        """The reference at this time.
 
         The next segment begins at the first tick at which this one is over, WaypointTask.switching
         saying when that is.
@@ -208,7 +208,7 @@ class Planner:
         )
 
     def _reachable(self, error: np.ndarray, unachieved: np.ndarray) -> np.ndarray:
-        """The part of an error (3,) whose feedback is not lost."""
+        """The part of an error (3,) whose feedback is achieved."""
         asked = self._feedback(error)
         size = float(np.linalg.norm(asked))
         if size == 0.0:
@@ -228,7 +228,7 @@ class Planner:
         return bool(np.linalg.norm(turn) * _LEVER > tolerance)
 
     def _approach_from(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> None:
-        """Put the way to x_0 before the task."""
+        """Add a segment to x_0 before the task."""
         x = self._points[0] if x_start is None else x_start
         self._points = np.vstack((x, self._points))
         self._first_segment = 0
@@ -240,7 +240,7 @@ class Planner:
         self._approach_time = self._task.segment_time * max(approach / longest, 1.0)
 
     def _size(self, start: int) -> float:
-        """How long the way from a point to the next is [m]; a turn counts on its lever."""
+        """Length of a segment [m]; a turn counts by its arc at a radius of 0.1 m."""
         _, way = self._on_the_line(start, 1.0)
         size = float(np.linalg.norm(way))
         if self._turns is None:

@@ -1,11 +1,11 @@
-"""Whether a motion gets anywhere, by the time that is left of its segment and by its error."""
+"""Detects a motion without progress, by the remaining time of its segment and by its error."""
 
 _STEP = 0.05  # [s] of the segment's time that count as progress
 _SHARE = 0.9  # of the error at the end of a segment's time, below which it has become smaller
 
 
 class ProgressMonitor:
-    """Counts the time for which a motion has not got any further.
+    """Counts the time without progress.
 
     While a segment's time is not over, progress is time that the path goes on. Afterwards it is an
     error that becomes smaller.
@@ -28,7 +28,7 @@ class ProgressMonitor:
         self._error = 0.0
 
     def enter(self, seconds: float, segment: int, left: float, error: float) -> None:
-        """Take in how far the motion is.
+        """Update the progress.
 
         Args:
             seconds: Since the last call [s].
@@ -48,10 +48,10 @@ class ProgressMonitor:
 
     @property
     def is_stuck(self) -> bool:
-        """Whether it got nowhere for stuck_after."""
+        """Whether there was no progress for stuck_after."""
         return self.idle >= self.stuck_after
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether it got nowhere for give_up_after."""
+        """Whether there was no progress for give_up_after."""
         return self.idle >= self.give_up_after

@@ -8,7 +8,7 @@ _START_UP = 0.5  # [s] in which a task that was interrupted gets back to its pac
 
 
 class TaskClock:
-    """Keeps the time of a task by what the controller says that it carries out.
+    """The time of a task, which advances with the task scaling of the controller.
 
     If limits leave only a fraction of the task velocity, the task's time advances by that fraction,
     and the path is kept. While the controller holds or is silent, the time stands still.

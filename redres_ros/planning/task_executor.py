@@ -25,7 +25,7 @@ _LEVER = 0.1  # [m] on which a turn is compared with a length
 
 
 class TaskState(Enum):
-    """What a task run does."""
+    """The state of a task."""
 
     IDLE = 'idle'
     WAITING = 'waiting'  # for a robot that takes commands and a controller that follows
@@ -40,7 +40,7 @@ UNDER_WAY = (TaskState.WAITING, TaskState.HOMING, TaskState.MOVING)
 
 @dataclass(frozen=True)
 class Goal:
-    """What the arm is to do: its joints go to their places, then its tip follows a path.
+    """A goal: a joint motion, then a path of the tip.
 
     Attributes:
         make_path: A joint-space motion from q (n,) [rad]; gives None if the arm is there already.
@@ -84,7 +84,7 @@ def check_age(stamp: int, now: int, timeout: float) -> None:
 
 
 class Step(NamedTuple):
-    """What is asked for at a state: a task velocity, or joint velocities.
+    """The velocity for a state: of the task, or of the joints.
 
     Attributes:
         stamp: Of the state [ns].
@@ -109,7 +109,7 @@ def way_to(
     *,
     turns: bool = True,
 ) -> WaypointTask:
-    """A straight way from rest to rest.
+    """A straight segment from rest to rest.
 
     Args:
         task: Has the gains and tolerances.
@@ -143,7 +143,7 @@ class _ArmState(NamedTuple):
 
 @dataclass
 class _Pursuit:
-    """A goal on its way.
+    """A goal in execution.
 
     Attributes:
         goal: What is asked for.
@@ -175,7 +175,7 @@ class _Pursuit:
         return f'{self.limits}; {self.distance}' if self.limits else self.distance
 
     def is_away(self, x: np.ndarray) -> bool:
-        """Whether the tip at x (3,) [m] is far from what was asked for last."""
+        """Whether the tip at x (3,) [m] is far from the last reference."""
         return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _AWAY)
 
     def progress(self, t: float) -> float:
@@ -196,7 +196,7 @@ class _Pursuit:
 
 
 class TaskExecutor:
-    """Decides at every state what is asked for, and when the time of the goal goes on.
+    """Decides at every state the velocity, and when the time of the goal advances.
 
     A goal begins when the controller follows. Before that it ends with a stop of the robot, with a
     hold that was asked for, and when its patience is over: nothing is carried out that was asked
@@ -249,7 +249,7 @@ class TaskExecutor:
             self.state = TaskState.HOMING
 
     def stop(self) -> None:
-        """Ask for nothing any more."""
+        """Drop the goal."""
         self._pursuit = None
         self._step = None
         self._remark = ''
@@ -257,7 +257,7 @@ class TaskExecutor:
         self.state = TaskState.IDLE
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in what fraction of the velocity the controller carries out."""
+        """Take in the task scaling of the controller."""
         self._task_clock.set_scaling(scaling)
 
     def set_mode(self, mode: str) -> None:
@@ -296,7 +296,7 @@ class TaskExecutor:
 
     @property
     def remark(self) -> str:
-        """Why the goal gets nowhere, or was over before its end; empty while all is well."""
+        """Why the goal makes no progress, or ended early; empty while all is well."""
         return self._remark
 
     @property
@@ -370,7 +370,7 @@ class TaskExecutor:
         return not (self._task_clock.follows or is_at_limit)
 
     def _wait(self, pursuit: _Pursuit, state: _ArmState) -> Step | None:
-        """Ask for no velocity: the controller says whether it would follow one."""
+        """Zero velocity: the controller reports whether it would follow."""
         if self.state is TaskState.FINISHED:
             self._pursuit = None
             return None
@@ -389,7 +389,7 @@ class TaskExecutor:
         return Step(state.stamp, dx=np.zeros(6 if self._turns else 3))
 
     def _why_over(self, pursuit: _Pursuit) -> str:
-        """Why a goal that waits is to be given up; empty if it is not."""
+        """Why a waiting goal is to be given up; empty if it is not."""
         goal = pursuit.goal
         if pursuit.has_begun and not goal.goes_on:
             return 'the motion was interrupted'
@@ -402,7 +402,7 @@ class TaskExecutor:
         return f'the controller has not followed for {goal.patience:g} s (resume_within)'
 
     def _go_home(self, pursuit: _Pursuit, state: _ArmState) -> Step | None:
-        """The joint velocity towards where the tip's path begins."""
+        """The joint velocity towards the start of the tip's path."""
         make_path = pursuit.goal.make_path
         if self.state is TaskState.WAITING:
             pursuit.path = make_path(state.q) if make_path else None
@@ -468,7 +468,7 @@ class TaskExecutor:
         return Step(state.stamp, reference.dx, None, reference) if self._pursuit else None
 
     def _watch(self, pursuit: _Pursuit, segment: int, left: float, error: float) -> None:
-        """Give a goal up that gets nowhere.
+        """Give up a goal without progress.
 
         Args:
             pursuit: Of the goal.
@@ -489,7 +489,7 @@ class TaskExecutor:
             self.state = TaskState.STUCK
 
     def _end_after(self, silence: float) -> None:
-        """End what was asked for before another robot, or long ago: somebody may be near the arm.
+        """End a goal of another robot, or of long ago: somebody may be near the arm.
 
         Args:
             silence: From the last stamp to this one [s]; negative for another clock.

@@ -25,7 +25,7 @@ _METRES = ' m'  # ends the position of a linear joint
 
 @dataclass(frozen=True)
 class WaypointTask:
-    """Points x_0 ... x_N of the tip and how to pass them.
+    """Waypoints x_0 ... x_N of the tip, and their timing.
 
     The switching 'at_rest' goes on once a segment's time is over and the error is below tolerance;
     'within_tolerance' as soon as the error is, which cuts each segment short and makes a step in
@@ -192,7 +192,7 @@ def _from_degrees(rpy: np.ndarray) -> np.ndarray:
 
 
 class _Form(NamedTuple):
-    """How a file may give an orientation."""
+    """The forms of an orientation in a file."""
 
     key: str
     size: int
