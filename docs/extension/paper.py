@@ -23,7 +23,7 @@ def claims(source: str) -> Iterator[str]:
     results = [(claim, found.get((claim.section, claim.says))) for claim in wanted]
     measured = [result for _, result in results if result]
     held = sum(result['held'] == 'yes' for result in measured)
-    yield f'Of {len(measured)} measured here {held} held.'
+    yield f'{held} of {len(measured)} held.'
     yield ''
     yield from table(('section', 'claim', 'held?', 'measured'), [_row(*each) for each in results])
 
