@@ -17,6 +17,7 @@ from redres_ros.demo.node_group import NODES, NodeGroup
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
 from redres_ros.demo.replay import replay
+from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.mcap_file import McapFile, merge, read_messages
 from redres_ros.laws import Law
@@ -40,6 +41,7 @@ SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _STATES = 'joint_states'
+_ASK_AGAIN = 0.5  # [s] after a start that was refused
 _LOOK = 0.02  # [s] between looks at the state
 _ANSWER = 30.0  # [s] for the answer of a node that is there, and may stall
 
@@ -204,12 +206,33 @@ class Demo:
         """Wait until the planner has begun, or the robot is stopped."""
         before = monitor.began
         until = time.monotonic() + START_PATIENCE
-        monitor.client.trigger('planner/start')
+        self._ask_to_start(monitor, until)
         while monitor.began == before and not monitor.word(REASON):
             self._check(monitor)
             if time.monotonic() > until:
                 raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s')
             time.sleep(_LOOK)
+
+    def _ask_to_start(self, monitor: DemoMonitor, until: float) -> None:
+        """Call planner/start until it is granted: the planner may not know yet that the controller
+        is active.
+
+        Args:
+            monitor: Calls it.
+            until: Then a refusal counts [s].
+
+        Raises:
+            CallError: It was refused to the end, for this reason.
+        """
+        while not monitor.word(REASON):
+            self._check(monitor)
+            try:
+                monitor.client.trigger('planner/start')
+                return
+            except CallError:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(_ASK_AGAIN)
 
     def _repeat(self, monitor: DemoMonitor, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""

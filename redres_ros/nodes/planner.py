@@ -316,7 +316,8 @@ class PlannerNode(ManagedNode):
             raise GoalError(f'the robot has stopped: {self._stop_reason}; sim/reset lets it go on')
         if self._q is None:
             raise GoalError('no joint_states have come yet; expected them before a goal')
-        if self._mode == 'inactive':
+        # In lock-step the controller answers its first state with the first task velocity.
+        if self._mode == 'inactive' and not self._settings.lockstep:
             raise GoalError('the controller is inactive; activate it first')
 
     def _check_not_homing(self) -> None:
