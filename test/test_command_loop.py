@@ -8,17 +8,13 @@ import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.interpolation import quintic
-from redres_ros.loop.command_loop import (
-    CommandLoop,
-    LeapError,
-    Response,
-    TwistAgeError,
-    TwistSpeedError,
-)
+from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.loop.faults import LeapError
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBufferSettings
+from redres_ros.loop.velocity_input import TwistAgeError, TwistSpeedError
 from redres_ros.robots import find_arm
 
 T = 0.002  # [s]

@@ -263,8 +263,8 @@ class ControllerNode(ManagedNode):
             'forgetting factor': law.forgetting_factor(self._controller.T),
             'commands published': loop.responses,
             'states skipped': loop.skipped,
-            'task velocities missing': loop.twist_buffer.missing,
-            'task velocities late': loop.twist_buffer.late,
+            'task velocities missing': loop.input.of_task.missing,
+            'task velocities late': loop.input.of_task.late,
             'references changed by the gate': loop.gate.count,
             'messages refused': self._inputs.count,
         }

@@ -1,0 +1,180 @@
+"""What stops an arm in motion, and when it may go on: an arm that does not follow its references,
+measurements that cannot be, null-space motion without end.
+"""
+
+from collections import deque
+
+import numpy as np
+
+from redres_ros.errors import RedresError
+from redres_ros.robot_model import RobotModel
+
+_LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
+_DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
+_DELAY = 0.03  # [s] of dead time that is allowed for
+_SHORTEST = 0.02  # [s] between two looks at whether the arm has moved
+_LONGEST = 1.0  # [s]
+_COMMANDED = 1e-3  # [rad] that a joint must be commanded to move before it is judged
+_MOVED = 0.1  # of that, which shows that it moves
+_NOISE = 1e-4  # [rad] of a measurement
+_LEAPS = 3.0  # states in short succession that cannot be of this arm
+_LEAP_DECAY = 0.1  # of these for each good one
+_PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
+_SETTLING_TIME = 5.0  # [s] in which null-space motion has to come to rest, if no task moves
+_SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
+
+
+class LeapError(RedresError):
+    """A state in which a joint is where it cannot have got to since the last one."""
+
+
+class FaultMonitor:
+    """Notices faults. The first one stays until motion is asked for anew, or it is cleared.
+
+    Args:
+        model: The arm.
+        T: The robot's cycle [s].
+    """
+
+    def __init__(self, model: RobotModel, T: float) -> None:
+        self.reason = ''  # of the fault
+        self.executes = True  # False for an arm that does not move at all
+        self.released = False  # nobody asks any more for the motion that was stopped
+        self._model = model
+        self._T = T
+        self._leaps = 0.0
+        self._pause = 0.0  # [s] for which no motion was asked for
+        self._settling = 0.0  # [s] for which the arm has moved without a task
+        self._fast = np.zeros(model.n)  # recent speed of the reference, (n,) [rad/s]
+        self._references: deque[np.ndarray] = deque(maxlen=max(round(_DELAY / T), 1))
+        self.begin()
+
+    def begin(self) -> None:
+        """The arm is at rest, at its reference."""
+        self._references.clear()
+        self._commanded = _Range()
+        self._moved = _Range()
+        self._elapsed = 0.0  # [s] of these
+        self._settling = 0.0
+        self._fast = np.zeros(self._model.n)
+
+    def set(self, reason: str) -> None:
+        """There is a fault; of several the first one counts."""
+        if not self.reason:
+            self.reason = reason
+            self.released = False
+            self._pause = 0.0
+
+    def clear(self) -> None:
+        """There is none any more."""
+        self.reason = ''
+        self.executes = True
+        self.released = False
+        self._leaps = 0.0
+
+    def note_request(self, asks: bool, stale: bool, seconds: float) -> None:
+        """Whether motion is asked for; asked for anew, it clears a fault.
+
+        Args:
+            asks: A velocity asks for motion.
+            stale: None came for some time.
+            seconds: Since the last call.
+        """
+        self.released = self.released or (stale and self._pause >= _PAUSE)
+        if asks and self.reason and (self.released or self._pause >= _PAUSE):
+            self.clear()
+        self._pause = 0.0 if asks else self._pause + seconds
+        self._settling = 0.0 if asks else self._settling + seconds
+
+    def check_leap(self, q: np.ndarray, before: np.ndarray, seconds: float, allowed: float) -> None:
+        """Refuse a state in which a joint has moved further than it can.
+
+        An encoder that fails for a moment is passed over. Several such states are a fault: they may
+        come from two robots with the same joint names.
+
+        Args:
+            q: Measured, (n,) [rad].
+            before: The same, of the last state that was believed.
+            seconds: Between these.
+            allowed: Distance beyond what the joints' speed explains [rad].
+
+        Raises:
+            LeapError: It is refused.
+        """
+        leap = float((np.abs(q - before) - seconds * self._model.dq_max).max())
+        if leap <= allowed:
+            self._leaps = max(self._leaps - _LEAP_DECAY, 0.0)
+            return
+        self._leaps += 1.0
+        what = f'a joint has moved {leap:.3g} rad further than it can; allowed: {allowed:g}'
+        if self._leaps < _LEAPS:
+            raise LeapError(f'{what} (parameter following_tolerance)')
+        self.set(f'{what}; does another robot publish joint_states, too?')
+
+    def lag(self, q: np.ndarray, q_ref: np.ndarray) -> tuple[float, int]:
+        """How far the joint furthest behind is from its reference [rad], and which one it is.
+
+        What a servo may be behind a moving reference does not count.
+
+        Args:
+            q: Measured, (n,) [rad].
+            q_ref: Published last, (n,) [rad].
+        """
+        behind = np.abs(q_ref - q) - _LAG_TIME * self._fast
+        joint = int(behind.argmax())
+        return float(behind[joint]), joint
+
+    def watch(
+        self, q: np.ndarray, q_ref: np.ndarray, dq: np.ndarray, cycles: int, allowed: float
+    ) -> None:
+        """Compare what was measured of a moving arm with what was commanded.
+
+        Args:
+            q: Measured, (n,) [rad].
+            q_ref: Published last, (n,) [rad].
+            dq: Velocity of that, (n,) [rad/s].
+            cycles: Since the state before.
+            allowed: Distance of a joint from its reference [rad].
+        """
+        moves = self._moves(q, q_ref, dq, cycles * self._T)
+        lag, joint = self.lag(q, q_ref)
+        if lag > allowed:
+            self.set(
+                f'the arm does not follow: {self._model.joint_names[joint]} is {lag:.3g} rad from '
+                f'its reference, allowed {allowed:g}'
+            )
+        if not moves:
+            self.executes = False
+            self.set('the arm does not move: the robot executes no commands')
+        if self._settling > _SETTLING_TIME and float(np.abs(dq).max()) > _SETTLED:
+            self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
+
+    def _moves(self, q: np.ndarray, q_ref: np.ndarray, dq: np.ndarray, seconds: float) -> bool:
+        """Whether any joint moves, as far as they were commanded to."""
+        self._fast = np.maximum(np.abs(dq), self._fast * max(1.0 - seconds / _DECAY_TIME, 0.0))
+        delayed = self._references[0] if self._references else q_ref
+        self._references.append(q_ref)
+        self._elapsed += seconds
+        commanded = self._commanded.extended(delayed)
+        moved = self._moved.extended(q)
+        is_little = float(commanded.max()) < _COMMANDED
+        if self._elapsed < _SHORTEST or (is_little and self._elapsed < _LONGEST):
+            return True
+        self._commanded = _Range(delayed)
+        self._moved = _Range(q)
+        self._elapsed = 0.0
+        return is_little or bool((moved > _MOVED * commanded + _NOISE).any())
+
+
+class _Range:
+    """The range of positions that joints have passed through."""
+
+    def __init__(self, q: np.ndarray | None = None) -> None:
+        self._lower = q
+        self._upper = q
+
+    def extended(self, q: np.ndarray) -> np.ndarray:
+        """Its width, (n,) [rad], with another position q (n,) [rad]."""
+        self._lower = q if self._lower is None else np.minimum(self._lower, q)
+        self._upper = q if self._upper is None else np.maximum(self._upper, q)
+        return self._upper - self._lower

@@ -1,0 +1,167 @@
+"""Task velocities and joint velocities as they come: their age, their speed, and the one in use."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from redres_ros.controller import Controller
+from redres_ros.errors import RedresError
+from redres_ros.loop.cycle_counter import CycleCounter
+from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
+
+# rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
+# what was queued while the process slept can only be told by when it comes.
+_QUEUED = 0.05  # [s] after a gap of all input, in which messages without a stamp may be old
+_ROUNDING = 1e-9  # of a limit
+
+
+class TwistSpeedError(RedresError):
+    """A task velocity that is faster than allowed."""
+
+
+class TwistAgeError(RedresError):
+    """A task velocity whose stamp is too far from the robot's clock."""
+
+
+class VelocityInput:
+    """The velocities that are asked for, of the task or of all joints; the newest kind counts.
+
+    Args:
+        controller: Goes over to the kind that is in use.
+        settings: Ages and speeds that are allowed.
+        twists: How velocities are buffered; in lock-step without lag.
+    """
+
+    def __init__(
+        self, controller: Controller, settings: LoopSettings, twists: TwistBufferSettings
+    ) -> None:
+        if settings.lockstep:
+            twists = replace(twists, twist_lag=0)
+        model = controller.model
+        A = np.array(model.arm.acceleration_limit or (math.inf,) * model.n)
+        self.of_task = TwistBuffer(controller.m, controller.T, twists)
+        self.of_joints = TwistBuffer(model.n, controller.T, twists, A)
+        self.buffer = self.of_task  # the one in use
+        self._controller = controller
+        self._cycle = 0  # in which the newest velocity came
+        self._time = math.inf  # when that was [s]; infinite if its stamp is that of a state
+        self._last_input = 0.0  # when any input came last [s]
+        self._woke = -math.inf  # when input came again after a gap [s]
+
+    @property
+    def is_of_joints(self) -> bool:
+        """Whether velocities of all joints are in use."""
+        return self.buffer is self.of_joints
+
+    def clear(self) -> None:
+        """Forget all velocities: the next one is approached from rest."""
+        self.buffer.clear()
+
+    def note_input(self, now: float, settings: LoopSettings) -> None:
+        """Note the time [s] of any input; after a gap of all input the process may have slept.
+
+        Args:
+            now: By a monotonic clock [s].
+            settings: In force.
+        """
+        if self._last_input and now - self._last_input > settings.command_timeout:
+            self._woke = now
+        self._last_input = now
+
+    def check_twist(self, dx: np.ndarray, settings: LoopSettings) -> None:
+        """Raise TwistSpeedError for a task velocity that is too fast.
+
+        Args:
+            dx: Task velocity, (m,) [m/s] and [rad/s].
+            settings: In force.
+        """
+        linear = math.hypot(*dx[:3].tolist())
+        angular = math.hypot(*dx[3:].tolist())
+        if not linear <= settings.max_linear:
+            raise TwistSpeedError(
+                f'{linear:.6g} m/s; allowed: {settings.max_linear:g} (parameter max_linear)'
+            )
+        if not angular <= settings.max_angular:
+            raise TwistSpeedError(
+                f'{angular:.6g} rad/s; allowed: {settings.max_angular:g} (parameter max_angular)'
+            )
+
+    def check_joint_velocity(self, dq: np.ndarray) -> None:
+        """Raise TwistSpeedError for joint velocities (n,) [rad/s] beyond the arm's limits."""
+        model = self._controller.model
+        excess = np.abs(dq) - model.dq_max * (1.0 + _ROUNDING)
+        if not (excess <= 0.0).all():
+            joint = int(np.argmax(excess))
+            raise TwistSpeedError(
+                f'{model.joint_names[joint]}: {dq[joint]:.6g} rad/s; '
+                f'allowed: {model.dq_max[joint]:.6g}'
+            )
+
+    def put(self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, cycles: CycleCounter) -> bool:
+        """Take in a velocity; whether it is of the very state that its stamp names.
+
+        Args:
+            buffer: of_task or of_joints.
+            stamp: Of the state that it belongs to, or another time on the robot's clock [ns]; 0 for
+                now.
+            dx: A velocity that was checked.
+            cycles: The robot's clock.
+        """
+        if buffer is not self.buffer:
+            buffer.clear()
+            self.buffer = buffer
+            self._controller.follow_joints(self.is_of_joints)
+        of_a_state = stamp > 0 and cycles.is_of_a_state(stamp)
+        self._cycle = cycles.number
+        self._time = math.inf if of_a_state else self._last_input
+        buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
+        return of_a_state
+
+    def check_age(
+        self, stamp: int, cycles: CycleCounter, state_arrived: float, settings: LoopSettings
+    ) -> bool:
+        """Whether a velocity can be judged by the robot's clock: after a silence another robot may
+        have begun, and its planner was the first to know.
+
+        Args:
+            stamp: Of the velocity [ns]; 0 for now.
+            cycles: The robot's clock.
+            state_arrived: When the newest state came [s].
+            settings: In force.
+
+        Raises:
+            TwistAgeError: It is too old or stamped too far ahead while states come.
+        """
+        if not stamp:
+            if self._last_input - self._woke < _QUEUED:
+                raise TwistAgeError(
+                    f'without a stamp, within {_QUEUED:g} s after a gap of all input: it may have '
+                    'been sent long before'
+                )
+            return True
+        age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
+        timeout = settings.command_timeout
+        if abs(age) <= timeout:
+            return True
+        if self._last_input - state_arrived > timeout:
+            return False
+        side = 'behind' if age > 0.0 else 'ahead of'
+        raise TwistAgeError(
+            f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
+            '(parameter command_timeout; a zero stamp means now)'
+        )
+
+    def is_stale(self, cycle: int, now: float, settings: LoopSettings) -> bool:
+        """Whether the newest velocity is too old, by its stamp, and by its arrival on the robot's
+        clock; on ours if it is of no state.
+
+        Args:
+            cycle: Of the state that is responded to.
+            now: By a monotonic clock [s].
+            settings: In force.
+        """
+        timeout = settings.command_timeout
+        cycles = max(self.buffer.age(cycle), cycle - self._cycle)
+        return cycles * self._controller.T > timeout or now - self._time > timeout
