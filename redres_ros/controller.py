@@ -119,6 +119,7 @@ class Controller:
         self._policy = policy
         self._targeted = policy  # with all targets
         self._motion: Motion = policy.stop
+        self._dq_prev = np.zeros(model.n)  # the last velocity, (n,) [rad/s]
         self._follows_joints = False
         self.restart()
         self.set_policy(policy)
@@ -267,7 +268,8 @@ class Controller:
     def restart(self) -> None:
         """Restart at the next measured position: nothing was published."""
         self._q_ref: np.ndarray | None = None
-        self._start: np.ndarray | None = None  # from which it was integrated
+        self._start: np.ndarray | None = None  # from which it was integrated, and with which
+        self._dq_start = np.zeros(self.model.n)  # velocity before
         self._near: np.ndarray | None = None  # by which turns are counted
         self._forget_motion()
 
@@ -280,6 +282,7 @@ class Controller:
         """
         self._q_ref = q_ref
         self._start = q_ref
+        self._dq_start = self._dq_prev
         self._near = q_ref
         if dq is None:
             self._forget_motion()
@@ -291,6 +294,7 @@ class Controller:
         executed in a cycle of its own.
         """
         self._q_ref = self._start
+        self._dq_prev = self._dq_start
 
     def nearest_turn(self, q: np.ndarray) -> np.ndarray:
         """q (n,) [rad], with joints of more than a turn at the one nearest to the last position.
@@ -339,6 +343,7 @@ class Controller:
         if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
             self._refuse(dq, dx, motion, state)
         self._start = start
+        self._dq_start = dq_prev
         self._q_ref = q_ref
         self._near = q_ref
         self._dq_prev = dq

@@ -1,4 +1,6 @@
-"""An arm that is not at its reference: the joints go to where it is, before anything else."""
+"""Motion of all joints that comes before any other: to where the arm is, and a probe of whether the
+robot executes commands.
+"""
 
 import numpy as np
 
@@ -8,6 +10,9 @@ from redres_ros.kernels.boxes import stopping_speed
 _SPEED = 0.1  # fraction of the joints' speed limits
 _ACCELERATION = 1.0  # [rad/s^2] at most
 _ARRIVED = 1e-6  # [rad]
+_STEP = 0.4  # of A T^2
+_SEEN = 0.3  # of that step
+_ANSWER = 0.2  # [s] in which an arm has to answer
 
 
 class Approach:
@@ -24,8 +29,13 @@ class Approach:
         self._target = target
         controller.follow_joints(True)
 
-    def is_over(self, q_ref: np.ndarray) -> bool:
-        """Whether the reference q_ref (n,) [rad] is there."""
+    def is_over(self, q_ref: np.ndarray, q: np.ndarray) -> bool:
+        """Whether other motion may begin.
+
+        Args:
+            q_ref: The last reference, (n,) [rad].
+            q: Measured, (n,) [rad].
+        """
         return float(np.abs(self._target - q_ref).max()) <= _ARRIVED
 
     def velocity(self, q_ref: np.ndarray) -> np.ndarray:
@@ -40,3 +50,30 @@ class Approach:
             for d, V in zip(rest.tolist(), self._V.tolist(), strict=True)
         ]
         return rest * float(np.min(allowed / np.maximum(np.abs(rest), _ARRIVED)))
+
+
+class Probe(Approach):
+    """A step so small that a robot may execute it at once, which shows whether it does.
+
+    Args:
+        controller: Follows joint velocities until the probe is over.
+        q: Where the arm is, (n,) [rad].
+    """
+
+    def __init__(self, controller: Controller, q: np.ndarray) -> None:
+        A = np.array(controller.model.arm.acceleration_limit or (_ACCELERATION,) * len(q))
+        middle = (controller.model.q_min + controller.model.q_max) / 2.0
+        step = np.copysign(_STEP * A * controller.T**2, np.nan_to_num(middle) - q)  # (n,) [rad]
+        super().__init__(controller, q + step)
+        self._q = q
+        self._step = np.abs(step)
+        self._left = _ANSWER  # [s]
+
+    def is_over(self, q_ref: np.ndarray, q: np.ndarray) -> bool:
+        self._left -= self._T
+        return bool((np.abs(q - self._q) > _SEEN * self._step).any())
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the arm has not moved."""
+        return self._left <= 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.command import Command
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.loop.approach import Approach
+from redres_ros.loop.approach import Approach, Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.gate import Gate
@@ -28,6 +28,7 @@ _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
 _AT_REST = 1e-4  # [rad/s]
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
 _GAP_TIME = 2.0  # [s] after which a gap between states counts for less
+_MORE = 2  # cycles by which the next gap may be longer
 
 
 class Response(NamedTuple):
@@ -336,7 +337,10 @@ class CommandLoop:
         """Notice faults, and that one is over."""
         asks = not stale and float(np.abs(dx).max()) > _NO_TASK
         self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
-        if self.mode in (Mode.MOVING, Mode.STOPPING) and not self.faults.reason:
+        if isinstance(self._approach, Probe):
+            if self._approach.has_failed:
+                self.faults.set_not_executing()
+        elif self.mode in (Mode.MOVING, Mode.STOPPING) and not self.faults.reason:
             gate = self.gate
             allowed = self.settings.following_tolerance
             self.faults.watch(state.q, gate.q_ref, gate.dq, missed + 1, allowed)
@@ -350,7 +354,7 @@ class CommandLoop:
     def _change_mode(self, state: _State, dx: np.ndarray, stale: bool) -> None:
         """Go over to the mode that this state asks for."""
         allowed = self._is_motion_allowed(stale)
-        asked = allowed and bool(dx.any())
+        asked = allowed and bool(dx.any() or self.faults.is_probing)
         conditions = Conditions(
             active=self._active,
             commandable=self.commanding,
@@ -369,7 +373,9 @@ class CommandLoop:
         if self.mode is Mode.MOVING:
             if self.gate.is_open:
                 self._stand_at(state.q)
-            if self.faults.lag(state.q, self.gate.q_ref)[0] > self.settings.following_tolerance:
+            if self.faults.is_probing:
+                self._approach = Probe(controller, state.q)
+            elif self.faults.lag(state.q, self.gate.q_ref)[0] > self.settings.following_tolerance:
                 self._approach = Approach(controller, state.q)
             controller.resume()
             return
@@ -398,8 +404,9 @@ class CommandLoop:
         if admitted.reason:
             self._controller.place(admitted.q_ref, admitted.dq)
             command = command._replace(q_ref=admitted.q_ref.copy(), dq=admitted.dq.copy())
-        if self._approach is not None and self._approach.is_over(admitted.q_ref):
+        if self._approach is not None and self._approach.is_over(admitted.q_ref, state.q):
             self._end_approach()
+            self.faults.is_probing = False
         return command
 
     def _end_approach(self) -> None:
@@ -449,7 +456,7 @@ class CommandLoop:
         elif (cycle - self._gap_cycle) * self._controller.T > _GAP_TIME:
             self._gap -= 1
             self._gap_cycle = cycle
-        self._controller.gap = self._gap
+        self._controller.gap = self._gap + _MORE if self._gap > 1 else 1
 
     def _rollback_if_late(self, state: _State) -> None:
         """Of two responses in one cycle, a robot that holds executes the second alone: the first

@@ -19,6 +19,7 @@ _MOVED = 0.1  # of that, which shows that it moves
 _NOISE = 1e-4  # [rad] of a measurement
 _LEAPS = 3.0  # states in short succession that cannot be of this arm
 _LEAP_DECAY = 0.1  # of these for each good one
+_PROBE_TIME = 0.5  # [s] between looks at whether an arm that does not move is moved again
 _PAUSE = 0.5  # [s] without a request for motion, after which a new one clears a fault
 _SETTLING_TIME = 5.0  # [s] in which null-space motion has to come to rest, if no task moves
 _SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
@@ -40,6 +41,8 @@ class FaultMonitor:
         self.reason = ''  # of the fault
         self.executes = True  # False for an arm that does not move at all
         self.released = False  # nobody asks any more for the motion that was stopped
+        self.is_probing = False  # motion begins with a probe of whether the arm moves
+        self._until_probe = 0.0  # [s]
         self._model = model
         self._T = T
         self._leaps = 0.0
@@ -53,6 +56,7 @@ class FaultMonitor:
         """The arm is at rest, at its reference."""
         self._references.clear()
         self._commanded = _Range()
+        self._delayed = _Range()  # the same, as late as an arm may be
         self._moved = _Range()
         self._elapsed = 0.0  # [s] of these
         self._settling = 0.0
@@ -65,8 +69,16 @@ class FaultMonitor:
             self.released = False
             self._pause = 0.0
 
+    def set_not_executing(self) -> None:
+        """The arm does not move at all. Whether it does again is probed now and then."""
+        self.set('the arm does not move: the robot executes no commands')
+        self.executes = False
+        self.is_probing = False
+        self._until_probe = _PROBE_TIME
+
     def clear(self) -> None:
         """There is none any more."""
+        self.is_probing = False
         self.reason = ''
         self.executes = True
         self.released = False
@@ -83,6 +95,11 @@ class FaultMonitor:
         self.released = self.released or (stale and self._pause >= _PAUSE)
         if asks and self.reason and (self.released or self._pause >= _PAUSE):
             self.clear()
+        if not stale and not self.executes:
+            self._until_probe -= seconds
+            if self._until_probe <= 0.0:
+                self.clear()
+                self.is_probing = True
         self._pause = 0.0 if asks else self._pause + seconds
         self._settling = 0.0 if asks else self._settling + seconds
 
@@ -144,23 +161,23 @@ class FaultMonitor:
                 f'its reference, allowed {allowed:g}'
             )
         if not moves:
-            self.executes = False
-            self.set('the arm does not move: the robot executes no commands')
+            self.set_not_executing()
         if self._settling > _SETTLING_TIME and float(np.abs(dq).max()) > _SETTLED:
             self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
 
     def _moves(self, q: np.ndarray, q_ref: np.ndarray, dq: np.ndarray, seconds: float) -> bool:
-        """Whether any joint moves, as far as they were commanded to."""
+        """Whether any joint moves, as far as they are commanded to, and were shortly before."""
         self._fast = np.maximum(np.abs(dq), self._fast * max(1.0 - seconds / _DECAY_TIME, 0.0))
         delayed = self._references[0] if self._references else q_ref
         self._references.append(q_ref)
         self._elapsed += seconds
-        commanded = self._commanded.extended(delayed)
+        commanded = np.minimum(self._commanded.extended(q_ref), self._delayed.extended(delayed))
         moved = self._moved.extended(q)
         is_little = float(commanded.max()) < _COMMANDED
         if self._elapsed < _SHORTEST or (is_little and self._elapsed < _LONGEST):
             return True
-        self._commanded = _Range(delayed)
+        self._commanded = _Range(q_ref)
+        self._delayed = _Range(delayed)
         self._moved = _Range(q)
         self._elapsed = 0.0
         return is_little or bool((moved > _MOVED * commanded + _NOISE).any())

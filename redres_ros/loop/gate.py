@@ -85,7 +85,7 @@ class Gate:
         admitted = np.empty(len(q_ref))
         dq = np.empty(len(q_ref))
         joint = admit(q_ref, p, v, T, V, A, model.q_min, model.q_max, admitted, dq)
-        self._before = (self.q_ref, self.dq)
+        self._before = (p, v)
         self.q_ref = admitted
         self.dq = dq
         if joint < 0:
