@@ -234,6 +234,21 @@ def test_a_hold_pauses_a_task_on_its_way(run: VirtualRun) -> None:
     assert state(run) is TaskState.MOVING
 
 
+@pytest.mark.parametrize(('seconds', 'goes_on'), [(1.0, True), (3.0, False)])
+def test_a_stop_of_the_robot_ends_a_task_that_waits_longer_than_resume_within(
+    run: VirtualRun, seconds: float, goes_on: bool
+) -> None:
+    assert run.graph.call('planner/start').success
+    run.run(1.0)
+    run.nodes['sim']._session.stop('protective stop: for the test')
+    run.run(seconds)
+    run.graph.call('sim/reset')
+    assert run.run_until(lambda: run.commanding, 2.0)
+    run.run(0.5)
+    assert (state(run) is TaskState.MOVING) is goes_on
+    assert logged(run, 'the task is over', 'resume_within') is not goes_on
+
+
 # --- progress and standstill ----------------------------------------------------------------------
 
 

@@ -143,7 +143,8 @@ class TestWithin:
         planner._on_target(PoseStamped())
         assert 'inactive' in planner._refusals.reasons
         assert planner.trigger_activate() is TransitionCallbackReturn.SUCCESS
-        assert planner._on_start(Trigger.Request(), Trigger.Response()).success
+        response = planner._on_start(Trigger.Request(), Trigger.Response())
+        assert 'no joint_states' in response.message  # it would begin with a robot
 
     def test_an_inactive_sim_neither_sends_nor_receives_and_monitors_anew_when_activated(
         self, start_inactive: None

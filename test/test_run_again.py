@@ -12,11 +12,12 @@ from virtual_graph import VirtualRun, virtual_run
 
 from redres_ros import LAWS, Controller, RobotModel, load_task
 from redres_ros.nodes.conversions import to_pose
+from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import path_to
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.task_executor import UNDER_WAY, Goal, TaskExecutor, TaskState
+from redres_ros.planning.task_executor import UNDER_WAY, TaskExecutor, TaskState
 from redres_ros.robots import ARMS
 
 pytestmark = pytest.mark.slow

@@ -5,11 +5,12 @@ import pytest
 
 from redres_ros import load_task
 from redres_ros.loop.cycle_counter import ClockError
+from redres_ros.planning.goals import Goal, way_to
 from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.task_executor import Goal, Step, TaskExecutor, TaskState, way_to
+from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
 from redres_ros.rotation import rotation_matrix
 
 T = 0.002  # [s]

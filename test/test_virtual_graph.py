@@ -239,7 +239,7 @@ def test_after_a_long_silence_of_the_robot_nothing_moves_until_it_is_asked_for(
     assert len(log_lines) == (not goes_on)
     assert resting.graph.call('planner/start').success
     resting.run(0.5)
-    assert task.state is TaskState.MOVING
+    assert task.state is (TaskState.MOVING if goes_on else TaskState.HOMING)
 
 
 def test_a_task_that_was_started_before_the_controller_was_there_begins_without_a_snap(

@@ -36,20 +36,10 @@ from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.task_topics import TaskTopics
 from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, TwistWriter
 from redres_ros.parameter import param
-from redres_ros.planning.joint_path import JointPath, path_to
-from redres_ros.planning.planner import Planner
+from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
 from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.task_executor import (
-    UNDER_WAY,
-    Goal,
-    GoalError,
-    Step,
-    TaskExecutor,
-    TaskState,
-    check_age,
-    way_to,
-)
+from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.policy import Policy
 from redres_ros.tasks import make_task
@@ -61,31 +51,6 @@ class PlannerParameters(ListenerParameters):
 
     task: str = param(
         '', "name of a task in config/tasks, or a path ending in .yaml; empty: the arm's own"
-    )
-    autostart: bool = param(
-        False, 'begin as soon as the robot takes commands instead of waiting for planner/start'
-    )
-    resume_within: float = param(
-        2.0,
-        'how long a goal waits for the robot and the controller, to begin or to go on; after a '
-        'longer time, as of a driver that was started again, it is over. With autostart the task '
-        'waits for ever [s]',
-        0.0,
-        1e6,
-    )
-    feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
-    target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
-    target_timeout: float = param(
-        1.0, "largest age of a target_pose by the robot's clock [s]", 0.001, 1e6
-    )
-    home_speed: float = param(
-        0.25, "fraction of the arm's limits for the motion to the start of the task", 0.01, 1.0
-    )
-    home_tolerance: float = param(
-        0.02,
-        'distance of a joint from the start of the task within which the task begins at once [rad]',
-        0.001,
-        1.0,
     )
     stuck_after: float = param(
         5.0, 'time without progress after which that is reported [s]', 0.1, 3600.0
@@ -118,7 +83,10 @@ class PlannerNode(ManagedNode):
         self._model = self._robot.model
         name = settings.task
         self._task = load_task(name) if name else task_for(self._robot.arm, self._robot.name)
-        self._task.check_joints(self._model.n)
+        task_space = self._robot.task_space
+        goals = declare(self, GoalSettings())
+        self._autostart = goals.autostart
+        self._goals = Goals(self._model, self._task, goals, task_space)
         self._frame = settings.base_frame or self._model.base_frame
         self._states = JointStateReader()
         self._twists = TwistWriter(self._frame)
@@ -158,37 +126,6 @@ class PlannerNode(ManagedNode):
         self.create_service(Trigger, 'planner/start', self._on_start)
         self.create_service(Trigger, 'planner/home', self._on_home)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
-
-    def _task_goal(self) -> Goal:
-        settings = self._settings
-        return Goal(
-            self._path_home if self._can_home else None,
-            lambda x, R: Planner(self._task, x, R, feedback_limit=settings.feedback_limit),
-            self._task.segments * self._task.segment_time,
-            goes_on=True,
-            patience=None if settings.autostart else settings.resume_within,
-        )
-
-    def _target_goal(self, x_end: np.ndarray, R_end: np.ndarray) -> Goal:
-        settings = self._settings
-        turns = self._robot.task_space == 'pose'
-
-        def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
-            way = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=turns)
-            return Planner(way, x, R, feedback_limit=settings.feedback_limit)
-
-        if self._q is not None:
-            make_planner(*self._model.tip(self._q))  # refused here if it is too far away
-        return Goal(make_planner=make_planner, patience=settings.resume_within)
-
-    def _path_home(self, q: np.ndarray) -> JointPath | None:
-        settings = self._settings
-        start = self._task.start
-        return path_to(self._model, q, start, settings.home_speed, settings.home_tolerance)
-
-    @property
-    def _can_home(self) -> bool:
-        return self._joint_publisher.get_subscription_count() > 0
 
     def _on_state(self, message: JointState | bytes) -> None:
         if not self.configured:
@@ -243,13 +180,11 @@ class PlannerNode(ManagedNode):
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
-            self._check_ready()
+            q = self._check_ready()
             self._check_not_homing()
             x, R = from_pose(message, (self._frame, ''))
-            stamp = to_nanoseconds(message.header.stamp)
-            check_age(stamp, self._stamp, self._settings.target_timeout)
-            self._model.check_reach(x)
-            goal = self._target_goal(x, R)
+            self._goals.check_age(to_nanoseconds(message.header.stamp), self._stamp)
+            goal = self._goals.target(x, R, q)
         except RedresError as error:
             self._refusals.refuse('target_pose', error)
             return
@@ -259,14 +194,14 @@ class PlannerNode(ManagedNode):
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._answer('planner/start', response, self._start_task)
 
-    def _start_task(self) -> str:
-        """Begin the task; returns what will happen."""
+    def _start_task(self, q: np.ndarray) -> str:
+        """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             return 'is under way already; planner/stop ends it'
-        goal = self._task_goal()
+        goal = self._goals.task()
         self._begin_goal(goal)
         seconds = f'{goal.duration:.3g} s'
-        home = self._announced_home()
+        home = self._announced_home(q)
         if home:
             return f'{home}, then begins; the task takes {seconds}'
         return f'begins as soon as the robot takes commands; takes {seconds}'
@@ -274,31 +209,27 @@ class PlannerNode(ManagedNode):
     def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._answer('planner/home', response, self._go_home)
 
-    def _go_home(self) -> str:
-        """Move the joints to the start of the task; returns what will happen."""
+    def _go_home(self, q: np.ndarray) -> str:
+        """Move the joints from q (n,) [rad] to the start of the task; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             raise GoalError('a task is under way; planner/stop ends it')
-        if not self._can_home:
-            raise GoalError('no controller listens to joint_velocity')
-        goal = Goal(self._path_home, patience=self._settings.resume_within)
-        self._begin_goal(goal)
-        return self._announced_home() or 'the joints are at its start already'
+        self._begin_goal(self._goals.home())
+        return self._announced_home(q) or 'the joints are at its start already'
 
-    def _announced_home(self) -> str:
-        """Describes the motion to the start of the task; empty if there is none."""
-        path = None if self._q is None or not self._can_home else self._path_home(self._q)
+    def _announced_home(self, q: np.ndarray) -> str:
+        """Describes the motion from q (n,) [rad] to the start of the task is; empty if there is none."""
+        path = self._goals.path_home(q)
         if path is None:
             return ''
         return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
     def _answer(
-        self, service: str, response: Trigger.Response, begin: Callable[[], str]
+        self, service: str, response: Trigger.Response, begin: Callable[[np.ndarray], str]
     ) -> Trigger.Response:
         """Answer what will happen, or why nothing will."""
         task = self._settings.task or 'the task'
         try:
-            self._check_ready()
-            response.message = f'{task}: {begin()}'
+            response.message = f'{task}: {begin(self._check_ready())}'
             response.success = True
         except RedresError as error:
             self._refusals.refuse(service, error)
@@ -308,8 +239,8 @@ class PlannerNode(ManagedNode):
             self._refusals.accept(service)
         return response
 
-    def _check_ready(self) -> None:
-        """Raise for a state of the nodes or of the robot in which nothing may begin."""
+    def _check_ready(self) -> np.ndarray:
+        """Where the joints are, (n,) [rad]; raises GoalError or LifeError if nothing may begin."""
         if not self.active:
             raise LifeError(f'the planner is {self.life}; it moves the arm only while active')
         if self._stop_reason:
@@ -319,6 +250,7 @@ class PlannerNode(ManagedNode):
         # In lock-step the controller answers its first state with the first task velocity.
         if self._mode == 'inactive' and not self._settings.lockstep:
             raise GoalError('the controller is inactive; activate it first')
+        return self._q
 
     def _check_not_homing(self) -> None:
         if self._run.state is TaskState.HOMING:
@@ -355,8 +287,8 @@ class PlannerNode(ManagedNode):
         return response
 
     def _begin(self) -> None:
-        if self._settings.autostart:
-            self._run.begin(self._task_goal())
+        if self._autostart:
+            self._run.begin(self._goals.task())
         self._topics.publish()
 
     def _end(self) -> None:

@@ -11,7 +11,7 @@ from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
 
-_LEVER = 0.1  # [m] on which a turn is compared with a length
+LEVER = 0.1  # [m] on which a turn is compared with a length
 
 
 def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
@@ -225,7 +225,7 @@ class Planner:
         if R_start is None or self._turns is None:
             return False
         turn = orientation_error(self._turns[0], R_start)
-        return bool(np.linalg.norm(turn) * _LEVER > tolerance)
+        return bool(np.linalg.norm(turn) * LEVER > tolerance)
 
     def _approach_from(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> None:
         """Add a segment to x_0 before the task."""
@@ -246,7 +246,7 @@ class Planner:
         if self._turns is None:
             return size
         _, turn = self._on_the_arc(self._turns, start, 1.0)
-        return max(size, _LEVER * float(np.linalg.norm(turn)))
+        return max(size, LEVER * float(np.linalg.norm(turn)))
 
     def _hold(self, R: np.ndarray) -> None:
         """The same orientation at every point."""

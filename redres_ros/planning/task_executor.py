@@ -1,27 +1,23 @@
 """A goal from its first state to its end, through holds, stops and new robots."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.errors import RedresError
-from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
+from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath
-from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.planner import LEVER, Planner, Reference
 from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.waypoints import WaypointTask
 
-_SHORTEST = 0.5  # [s] that a way takes at least
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
 _HELD = 0.5  # [s] for which a controller that could move holds, until that counts as asked for
 _HOLDING = 'holding'  # modes of the controller
 _MOVING = 'moving'
-_LEVER = 0.1  # [m] on which a turn is compared with a length
 
 
 class TaskState(Enum):
@@ -38,51 +34,6 @@ class TaskState(Enum):
 UNDER_WAY = (TaskState.WAITING, TaskState.HOMING, TaskState.MOVING)
 
 
-@dataclass(frozen=True)
-class Goal:
-    """A goal: a joint motion, then a path of the tip.
-
-    Attributes:
-        make_path: A joint-space motion from q (n,) [rad]; gives None if the arm is there already.
-            None: no such motion.
-        make_planner: A planner for a tip at (3,) with orientation (3, 3); None: no path of the tip.
-        duration: How long that path takes [s].
-        goes_on: Whether it goes on after a hold or a stop; if not, it ends with the first
-            interruption.
-        patience: How long it waits, to begin or to go on [s]; None: for ever.
-    """
-
-    make_path: Callable[[np.ndarray], JointPath | None] | None = None
-    make_planner: Callable[[np.ndarray, np.ndarray], Planner] | None = None
-    duration: float = 0.0
-    goes_on: bool = False
-    patience: float | None = 2.0
-
-
-class GoalError(RedresError):
-    """A goal that cannot be taken at present."""
-
-
-def check_age(stamp: int, now: int, timeout: float) -> None:
-    """Refuse a goal of long ago.
-
-    Args:
-        stamp: Of the goal [ns]; 0 means now.
-        now: By the robot's clock [ns].
-        timeout: Largest age that is allowed [s]; a stamp may be ahead by as much.
-
-    Raises:
-        GoalError: The stamp is too far from now.
-    """
-    age = (now - stamp) / NANOSECONDS
-    if stamp and not abs(age) <= timeout:
-        side = 'behind' if age > 0.0 else 'ahead of'
-        raise GoalError(
-            f"stamped {abs(age):.4g} s {side} the robot's clock; allowed: {timeout:g} "
-            '(parameter target_timeout; a zero stamp means now)'
-        )
-
-
 class Step(NamedTuple):
     """The velocity for a state: of the task, or of the joints.
 
@@ -97,38 +48,6 @@ class Step(NamedTuple):
     dx: np.ndarray | None = None
     dq: np.ndarray | None = None
     reference: Reference | None = None
-
-
-def way_to(
-    task: WaypointTask,
-    x: np.ndarray,
-    R: np.ndarray,
-    x_end: np.ndarray,
-    R_end: np.ndarray,
-    speed: float,
-    *,
-    turns: bool = True,
-) -> WaypointTask:
-    """A straight segment from rest to rest.
-
-    Args:
-        task: Has the gains and tolerances.
-        x: Where it begins, (3,) [m].
-        R: Orientation there, (3, 3).
-        x_end: Where it ends, (3,) [m].
-        R_end: Orientation there, (3, 3).
-        speed: At most, of the tip [m/s], and of the turn ten times as many [rad/s].
-        turns: Whether the orientation is part of the task.
-    """
-    distance = float(np.linalg.norm(x_end - x))
-    angle = float(np.linalg.norm(rotation_error(R, R_end))) if turns else 0.0
-    peak = 15.0 / 8.0  # of Eq. (36), over the mean
-    return replace(
-        task,
-        waypoints=np.array((x, x_end)),
-        orientations=np.array((R, R_end)) if turns else None,
-        segment_time=max(peak * max(distance, _LEVER * angle) / speed, _SHORTEST),
-    )
 
 
 class _ArmState(NamedTuple):
@@ -461,7 +380,7 @@ class TaskExecutor:
         if reference.orientation_error is not None:
             angle = float(np.linalg.norm(reference.orientation_error))
             pursuit.distance += f', and turned by {angle:.3g} rad'
-            error = max(error, _LEVER * angle)
+            error = max(error, LEVER * angle)
         if left > 0.0:
             pursuit.distance = f'{left:.3g} s before the next point'
         self._watch(pursuit, reference.segment, left, error)

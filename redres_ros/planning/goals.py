@@ -1,0 +1,192 @@
+"""Goals: what the arm is to do, made of a task, of a target pose, or of the start of a task."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from redres_ros.errors import RedresError
+from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.parameter import check_parameters, param
+from redres_ros.planning.joint_path import JointPath, path_to
+from redres_ros.planning.planner import LEVER, Planner
+from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.robot_model import RobotModel
+
+_SHORTEST = 0.5  # [s] that a way takes at least
+
+
+class GoalError(RedresError):
+    """A goal that cannot be taken at present."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A goal: a joint motion, then a path of the tip.
+
+    Attributes:
+        make_path: A joint-space motion from q (n,) [rad]; gives None if the arm is there already.
+            None: no such motion.
+        make_planner: A planner for a tip at (3,) with orientation (3, 3); None: no path of the tip.
+        duration: How long that path takes [s].
+        goes_on: Whether it goes on after a hold or a stop; if not, it ends with the first
+            interruption.
+        patience: How long it waits, to begin or to go on [s]; None: for ever.
+    """
+
+    make_path: Callable[[np.ndarray], JointPath | None] | None = None
+    make_planner: Callable[[np.ndarray, np.ndarray], Planner] | None = None
+    duration: float = 0.0
+    goes_on: bool = False
+    patience: float | None = 2.0
+
+
+@dataclass(frozen=True)
+class GoalSettings:
+    """How goals are made, and for how long they wait."""
+
+    autostart: bool = param(
+        False, 'begin as soon as the robot takes commands instead of waiting for planner/start'
+    )
+    resume_within: float = param(
+        2.0,
+        'how long a goal waits for the robot and the controller, to begin or to go on; after a '
+        'longer time, as of a driver that was started again, it is over. With autostart the task '
+        'waits for ever [s]',
+        0.0,
+        1e6,
+    )
+    feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
+    target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
+    target_timeout: float = param(
+        1.0, "largest age of a target_pose by the robot's clock [s]", 0.001, 1e6
+    )
+    home_speed: float = param(
+        0.25, "fraction of the arm's limits for the motion to the start of the task", 0.01, 1.0
+    )
+    home_tolerance: float = param(
+        0.02,
+        'distance of a joint from the start of the task within which the task begins at once [rad]',
+        0.001,
+        1.0,
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+class Goals:
+    """Makes the goals of one arm, and refuses those that it cannot reach.
+
+    Args:
+        model: The arm.
+        task: Its task.
+        settings: Speeds, tolerances and times.
+        task_space: 'position' or 'pose'.
+
+    Raises:
+        ArrayError: The task is that of an arm with another number of joints.
+    """
+
+    def __init__(
+        self, model: RobotModel, task: WaypointTask, settings: GoalSettings, task_space: str
+    ) -> None:
+        task.check_joints(model.n)
+        self._model = model
+        self._task = task
+        self._settings = settings
+        self._turns = task_space == 'pose'
+
+    def task(self) -> Goal:
+        """The joints to the start of the task, then the task."""
+        settings = self._settings
+        return Goal(
+            self.path_home,
+            lambda x, R: Planner(self._task, x, R, feedback_limit=settings.feedback_limit),
+            self._task.segments * self._task.segment_time,
+            goes_on=True,
+            patience=None if settings.autostart else settings.resume_within,
+        )
+
+    def home(self) -> Goal:
+        """The joints to the start of the task."""
+        return Goal(self.path_home, patience=self._settings.resume_within)
+
+    def path_home(self, q: np.ndarray) -> JointPath | None:
+        """The way of the joints from q (n,) [rad] to the start of the task; None at the start."""
+        settings = self._settings
+        start = self._task.start
+        return path_to(self._model, q, start, settings.home_speed, settings.home_tolerance)
+
+    def target(self, x_end: np.ndarray, R_end: np.ndarray, q: np.ndarray) -> Goal:
+        """The tip in a straight line to a pose.
+
+        Args:
+            x_end: Position, (3,) [m].
+            R_end: Orientation, (3, 3).
+            q: Where the joints are, (n,) [rad].
+
+        Raises:
+            RangeError: The pose is out of reach, or so far away that it would take hours.
+        """
+        settings = self._settings
+        self._model.check_reach(x_end)
+
+        def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
+            way = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns)
+            return Planner(way, x, R, feedback_limit=settings.feedback_limit)
+
+        make_planner(*self._model.tip(q))
+        return Goal(make_planner=make_planner, patience=settings.resume_within)
+
+    def check_age(self, stamp: int, now: int) -> None:
+        """Refuse a goal of long ago.
+
+        Args:
+            stamp: Of the goal [ns]; 0 means now.
+            now: By the robot's clock [ns].
+
+        Raises:
+            GoalError: The stamp is further than target_timeout from now.
+        """
+        age = (now - stamp) / NANOSECONDS
+        timeout = self._settings.target_timeout
+        if stamp and not abs(age) <= timeout:
+            side = 'behind' if age > 0.0 else 'ahead of'
+            raise GoalError(
+                f"stamped {abs(age):.4g} s {side} the robot's clock; allowed: {timeout:g} "
+                '(parameter target_timeout; a zero stamp means now)'
+            )
+
+
+def way_to(
+    task: WaypointTask,
+    x: np.ndarray,
+    R: np.ndarray,
+    x_end: np.ndarray,
+    R_end: np.ndarray,
+    speed: float,
+    *,
+    turns: bool = True,
+) -> WaypointTask:
+    """A straight segment from rest to rest.
+
+    Args:
+        task: Has the gains and tolerances.
+        x: Where it begins, (3,) [m].
+        R: Orientation there, (3, 3).
+        x_end: Where it ends, (3,) [m].
+        R_end: Orientation there, (3, 3).
+        speed: At most, of the tip [m/s], and of the turn ten times as many [rad/s].
+        turns: Whether the orientation is part of the task.
+    """
+    distance = float(np.linalg.norm(x_end - x))
+    angle = float(np.linalg.norm(rotation_error(R, R_end))) if turns else 0.0
+    peak = 15.0 / 8.0  # of Eq. (36), over the mean
+    return replace(
+        task,
+        waypoints=np.array((x, x_end)),
+        orientations=np.array((R, R_end)) if turns else None,
+        segment_time=max(peak * max(distance, LEVER * angle) / speed, _SHORTEST),
+    )
