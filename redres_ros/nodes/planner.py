@@ -217,7 +217,7 @@ class PlannerNode(ManagedNode):
         return self._announced_home(q) or 'the joints are at its start already'
 
     def _announced_home(self, q: np.ndarray) -> str:
-        """Describes the motion from q (n,) [rad] to the start of the task is; empty if there is none."""
+        """Describes the motion from q (n,) [rad] to the start of the task; empty at the start."""
         path = self._goals.path_home(q)
         if path is None:
             return ''
