@@ -1,5 +1,5 @@
-"""Motion of all joints that comes before any other: to where the arm is, and a probe of whether the
-robot executes commands.
+"""Motions of all joints that precede any other: an approach to the reference, and a probe whether
+the robot executes commands.
 """
 
 import numpy as np

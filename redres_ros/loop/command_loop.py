@@ -1,5 +1,5 @@
-"""Everything between two ticks of the controller: modes, the robot's clock and session, what is
-asked for, faults, and the gate.
+"""Everything between two ticks of the controller: modes, the robot's clock and session, input
+velocities, faults, and the gate.
 """
 
 import math
@@ -32,7 +32,7 @@ _MORE = 2  # cycles by which the next gap may be longer
 
 
 class Response(NamedTuple):
-    """What is published for a state.
+    """The published response to a state.
 
     Attributes:
         stamp: Of the state [ns].
@@ -125,7 +125,7 @@ class CommandLoop:
 
     @property
     def error(self) -> str:
-        """What keeps the arm from moving, and what to do about it; empty if nothing does."""
+        """What blocks motion, and the remedy; empty if nothing does."""
         if self.faults.reason:
             return (
                 f'{self.faults.reason}; controller/hold with false, or a new motion, lets it go on'
@@ -134,13 +134,13 @@ class CommandLoop:
 
     @property
     def warning(self) -> str:
-        """What happened at the last state that should not; empty in the ordinary course."""
+        """The irregularity at the last state; empty if there was none."""
         if self.gate_action:
             return f'the gate has changed the reference: {self.gate_action}'
         return self.silence
 
     def _position_error(self) -> str:
-        """Why the arm would have to leave the place at which it is held."""
+        """Why the arm cannot stay at its held position."""
         limits = self._controller.policy.limits
         if self.mode is not Mode.HOLDING or self.gate.is_open or self.q is None:
             return ''
@@ -164,7 +164,7 @@ class CommandLoop:
         )
 
     def hold(self, held: bool) -> None:
-        """Bring the arm to rest and hold it there, or let it go on; that clears a fault."""
+        """Decelerate to rest and hold, or resume, which clears a fault."""
         self._held = held
         if not held:
             self.faults.clear()
@@ -177,14 +177,14 @@ class CommandLoop:
         self.faults.clear()
 
     def deactivate(self) -> None:
-        """Bring the arm to rest, and then publish nothing any more."""
+        """Decelerate to rest, and then publish nothing."""
         self._active = False
         if self.mode not in (Mode.MOVING, Mode.STOPPING):
             self.mode = Mode.INACTIVE
             self.gate.clear()
 
     def forget(self) -> None:
-        """Know nothing of what came before; settings stay."""
+        """Reset all but the settings."""
         self._waiting = None
         self._response = None
         self.q = None
@@ -263,7 +263,16 @@ class CommandLoop:
         return self._enter(self.input.of_task, stamp, dx, now)
 
     def enter_joint_velocity(self, stamp: int, dq: np.ndarray, now: float) -> Response | None:
-        """As enter_twist(), for velocities of all joints, (n,) [rad/s]; the newest kind counts."""
+        """As enter_twist(), for velocities of all joints; the newest kind counts.
+
+        Args:
+            stamp: As of enter_twist().
+            dq: Joint velocities, (n,) [rad/s].
+            now: Their arrival [s].
+
+        Raises:
+            TwistSpeedError: A joint is faster than its limit.
+        """
         self.input.check_joint_velocity(dq)
         return self._enter(self.input.of_joints, stamp, dq, now)
 
@@ -346,13 +355,13 @@ class CommandLoop:
             self.faults.watch(state.q, gate.q_ref, gate.dq, missed + 1, allowed)
 
     def _is_motion_allowed(self, stale: bool) -> bool:
-        """Whether nothing is against motion; a fault is not, once its motion was given up."""
+        """Whether motion is allowed; a fault does not count once its motion was given up."""
         if not self._active or self._held or stale or self._cycles.rate_error:
             return False
         return not self.faults.reason or self.faults.released
 
     def _change_mode(self, state: _State, dx: np.ndarray, stale: bool) -> None:
-        """Go over to the mode that this state asks for."""
+        """Switch to the mode of this state."""
         allowed = self._is_motion_allowed(stale)
         asked = allowed and bool(dx.any() or self.faults.is_probing)
         conditions = Conditions(
@@ -410,7 +419,7 @@ class CommandLoop:
         return command
 
     def _end_approach(self) -> None:
-        """Follow what is asked for again."""
+        """Follow the input velocity again."""
         if self._approach is not None:
             self._approach = None
             self._controller.follow_joints(self.input.is_of_joints)
@@ -474,7 +483,7 @@ class CommandLoop:
             self.gate.rollback()
 
     def _begin_anew(self) -> None:
-        """Know nothing of what was published: the robot is another one, or was started again."""
+        """Reset the published references: the robot is another one, or was restarted."""
         self.faults.clear()
         self.input.clear()
         self.gate.clear()
@@ -486,7 +495,7 @@ class CommandLoop:
 
 
 class _Slowdown:
-    """Whether limits have left next to nothing of the task velocity for long."""
+    """Whether limits have stopped the task for long."""
 
     def __init__(self) -> None:
         self._ticks = 0

@@ -1,4 +1,4 @@
-"""Which cycle of the robot a state belongs to, by a stamp that jitters, drifts and may be set."""
+"""Assigns states to cycles of the robot, by stamps that jitter, drift and may be set."""
 
 from collections import deque
 from itertools import pairwise
@@ -159,7 +159,7 @@ class CycleCounter:
         raise ClockError(f'stamped {late:.3g} ms before the newest one; expected a later stamp')
 
     def _begin(self, stamp: int, arrived: float, cycles: int) -> int:
-        """Count from this stamp on, knowing nothing of those before."""
+        """Count from this stamp on, without those before."""
         self._late = 0.0
         self._rate = 0.0
         self._counted = 0

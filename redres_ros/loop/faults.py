@@ -1,5 +1,5 @@
-"""What stops an arm in motion, and when it may go on: an arm that does not follow its references,
-measurements that cannot be, null-space motion without end.
+"""Faults that stop the arm, and when it may resume: an arm that does not follow its references,
+impossible measurements, null-space motion without end.
 """
 
 from collections import deque
@@ -26,7 +26,7 @@ _SETTLED = 0.02  # [rad/s] of a joint that counts as at rest then
 
 
 class LeapError(RedresError):
-    """A state in which a joint is where it cannot have got to since the last one."""
+    """A state with a joint position that is impossible after the last one."""
 
 
 class FaultMonitor:

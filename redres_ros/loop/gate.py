@@ -1,4 +1,4 @@
-"""The gate: the last judgement of a reference before it is published.
+"""The gate: the last check of a reference before it is published.
 
 Limits on dq do not bound what the robot gets: missed cycles, restarts, measurements and wrapped
 angles all act on the reference. With r the last published reference, v its velocity, and p where
@@ -18,7 +18,7 @@ from redres_ros.kernels.tick import admit
 
 
 class Admission(NamedTuple):
-    """What the gate makes of a reference.
+    """The result of the gate for a reference.
 
     Attributes:
         q_ref: To be published, (n,) [rad].
@@ -32,7 +32,7 @@ class Admission(NamedTuple):
 
 
 class Gate:
-    """Judges references by those that were published before.
+    """Checks references against those published before.
 
     Args:
         controller: Knows the arm, the cycle and how the robot bridges missed cycles.
@@ -58,7 +58,7 @@ class Gate:
         self.q_ref, self.dq = self._before
 
     def record(self, q_ref: np.ndarray) -> None:
-        """A reference is published at rest, without judgement: that of an arm that mirrors."""
+        """A reference is published at rest, without a check: that of a mirroring arm."""
         self.is_open = False
         self.q_ref = q_ref
         self.dq = np.zeros(len(q_ref))
@@ -102,7 +102,7 @@ class Gate:
         return self._figures
 
     def _reason(self, joint: int, q_ref: np.ndarray, p: np.ndarray, v: np.ndarray) -> str:
-        """What was wrong with a reference, in a few words."""
+        """The violation of a reference, as text."""
         model = self._controller.model
         V, A = self._allowed()
         T = self._controller.T

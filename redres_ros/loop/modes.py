@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class Mode(Enum):
-    """What the controller does between two states of the robot."""
+    """The mode of the controller."""
 
     INACTIVE = 'inactive'
     MIRRORING = 'mirroring'
@@ -24,7 +24,7 @@ class Mode(Enum):
 
 
 class Conditions(NamedTuple):
-    """What transitions depend on, as it is at one state of the robot.
+    """The conditions of transitions, at one state of the robot.
 
     Attributes:
         active: The node is active.
@@ -42,7 +42,7 @@ class Conditions(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Where to go if a condition has a value."""
+    """A transition under a condition."""
 
     condition: str
     value: bool

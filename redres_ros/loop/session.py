@@ -1,4 +1,4 @@
-"""Whether the robot takes commands, by what it says of its session."""
+"""Whether the robot takes commands, by its session state."""
 
 from redres_ros.loop.cycle_counter import NANOSECONDS
 
@@ -9,7 +9,7 @@ _PATIENCE = 5 * NANOSECONDS  # for a new robot's word on its session; DDS may ta
 
 
 class RobotSession:
-    """What the robot has said of its session. One that says nothing takes commands.
+    """The session state of the robot. A robot without a session takes commands.
 
     Args:
         lockstep: Then the first answer begins command mode, so the tick in which the news of that

@@ -1,4 +1,4 @@
-"""When the controller moves, waits, stops and goes on: the figures of command_loop.py."""
+"""The parameters of CommandLoop: when it moves, waits, stops and resumes."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ def why_it_would_leap(forward_commands: bool, bridging: str) -> str:
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """When the controller follows, waits, stands still, or begins anew.
+    """When the controller follows, waits, holds, or restarts.
 
     Raises RangeError or UnknownNameError for a value that is not allowed.
     """

@@ -1,4 +1,4 @@
-"""Task velocities on their way to the controller: one for each cycle, with a fixed lag.
+"""A buffer of task velocities: one for each cycle, with a fixed lag.
 
 Which task velocity a cycle uses must not depend on which process ran first: one tick more or less
 would look like an acceleration, and a law that minimises accelerations would obey it.
@@ -24,7 +24,7 @@ _KEPT = 16  # task velocities kept beside those of the lag
 
 @dataclass(frozen=True)
 class TwistBufferSettings:
-    """How task velocities are played out."""
+    """The parameters of a TwistBuffer."""
 
     twist_lag: int = param(
         1, 'cycles after its state at which a task velocity acts; in lock-step 0', 0, 100
@@ -48,7 +48,7 @@ class _Twist(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """Where the task velocity goes from a known one.
+    """A linear prediction from a known task velocity.
 
     Attributes:
         start: The known one.
@@ -71,7 +71,7 @@ class _Line(NamedTuple):
 
 
 class TwistBuffer:
-    """Plays out the task velocity that belongs to the state `twist_lag` cycles ago.
+    """Returns the task velocity of the state `twist_lag` cycles ago.
 
     One that is missing is extrapolated from the last two, and held after a few cycles; it counts as
     missing if its source sends one a cycle. What then comes is approached in a straight line, over
@@ -104,7 +104,7 @@ class TwistBuffer:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything: the next task velocity is approached from a standstill."""
+        """Clear the buffer: the next task velocity is approached from rest."""
         self._twists: list[_Twist] = []
         self._line = _Line(_Twist(-1, self._rest), self._rest, -1, guessed=True, dense=False)
         self._target = self._rest  # played last, without the detour
@@ -130,7 +130,7 @@ class TwistBuffer:
             del twists[0]
 
     def has(self, cycle: int) -> bool:
-        """Whether the task velocity that a cycle plays is known."""
+        """Whether the task velocity for a cycle is known."""
         return bool(self._twists) and self._twists[-1].cycle >= cycle - self._lag
 
     def age(self, cycle: int) -> float:
@@ -199,7 +199,7 @@ class TwistBuffer:
         self._left = max(spread, self._left, self._cycles_needed(self._detour))
 
     def _way_back(self, old: _Line, new: _Line) -> int:
-        """Cycles over which a guess that was wrong is left."""
+        """Cycles over which a wrong prediction is corrected."""
         from_standstill = old.start.cycle < 0
         if from_standstill:
             return 1

@@ -1,4 +1,4 @@
-"""Task velocities and joint velocities as they come: their age, their speed, and the one in use."""
+"""Incoming task and joint velocities: age, speed, and the one in use."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 
 # rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
-# what was queued while the process slept can only be told by when it comes.
+# what was queued while the process slept is recognised only by its arrival.
 _QUEUED = 0.05  # [s] after a gap of all input, in which messages without a stamp may be old
 _ROUNDING = 1e-9  # of a limit
 
@@ -26,7 +26,7 @@ class TwistAgeError(RedresError):
 
 
 class VelocityInput:
-    """The velocities that are asked for, of the task or of all joints; the newest kind counts.
+    """The input velocities, of the task or of all joints; the newest kind counts.
 
     Args:
         controller: Goes over to the kind that is in use.
@@ -56,7 +56,7 @@ class VelocityInput:
         return self.buffer is self.of_joints
 
     def clear(self) -> None:
-        """Forget all velocities: the next one is approached from rest."""
+        """Clear all velocities: the next one is approached from rest."""
         self.buffer.clear()
 
     def note_input(self, now: float, settings: LoopSettings) -> None:

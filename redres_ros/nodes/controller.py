@@ -193,7 +193,7 @@ class ControllerNode(ManagedNode):
         self._telemetry.publish(response, self._controller.law)
 
     def _report(self) -> None:
-        """Publish another mode, and log why it is another one."""
+        """Publish a new mode, and log its reason."""
         loop = self._loop
         if loop.warning:
             self.get_logger().error(loop.warning, throttle_duration_sec=_REPEAT)
