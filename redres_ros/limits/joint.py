@@ -39,6 +39,9 @@ class AccelerationFigures(Limit):
 
     Args:
         acceleration: (n,) [rad/s^2], for an arm whose table has none; empty for that table's.
+
+    Raises:
+        ArrayError: Neither it nor the arm's table has a positive value for each joint.
     """
 
     acceleration: tuple[float, ...] = ()
