@@ -29,6 +29,8 @@ ROS = [
     'ros-jazzy-common-interfaces',
     'mcap>=1.3',
 ]
+# `redres reproduce` filters and integrates with it.
+PAPER = ['scipy>=1.14.1']
 # The site asks the nodes what they have.
 DOCS = [
     *ROS,
@@ -84,6 +86,7 @@ setup(
         'ros': ROS,
         'view': [*ROS, *VIEW],
         'video': [*ROS, *VIDEO],
+        'paper': PAPER,
         'docs': DOCS,
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
             'embodik>=0.23',
@@ -96,6 +99,7 @@ setup(
         ],
         'test': [
             *DOCS,
+            *PAPER,
             *VIEW,
             *VIDEO,
             'mcap-ros2-support>=0.5',  # reads what we record
