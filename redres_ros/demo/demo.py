@@ -30,6 +30,7 @@ from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.task_topics import TASK_BEGUN, TASK_STATE
 from redres_ros.nodes.wire import stamp_of
 from redres_ros.parameter import check_parameters
+from redres_ros.planning.task_executor import UNDER_WAY
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
@@ -41,6 +42,7 @@ SILENCE = 10.0  # [s] without a state after which the robot counts as lost
 SETTLING = 0.3  # [s] that the arm is still watched at the last point
 
 _STATES = 'joint_states'
+_UNDER_WAY = [state.value for state in UNDER_WAY]
 _ASK_AGAIN = 0.5  # [s] after a start that was refused
 _LOOK = 0.02  # [s] between looks at the state
 _ANSWER = 30.0  # [s] for the answer of a node that is there, and may stall
@@ -69,10 +71,10 @@ class DemoMonitor(GraphMonitor):
             self.newest = stamp_of(sample.data)
             self.received_at = time.monotonic()
 
-    def has_finished(self, since: float) -> bool:
-        """Whether a task has been finished since an instant [s]."""
+    def has_ended(self, since: float) -> bool:
+        """Whether a task has been finished or given up since an instant [s]."""
         last = self.values.get(TASK_STATE)
-        return last is not None and last.at > since and last.value == FINISHED
+        return last is not None and last.at > since and last.value not in _UNDER_WAY
 
     def _on_begun(self, message: Time) -> None:
         self.began = to_nanoseconds(message)
@@ -190,7 +192,7 @@ class Demo:
         switches = sorted(self.options.switches, key=lambda pair: pair[1])
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
-        while t < PATIENCE * nominal and not monitor.has_finished(called):
+        while t < PATIENCE * nominal and not monitor.has_ended(called):
             self._check(monitor)
             if monitor.word(REASON):
                 return
@@ -201,6 +203,9 @@ class Demo:
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
         time.sleep(SETTLING)
+        if monitor.word(TASK_STATE) != FINISHED:
+            reasons = [f'{node}: {text}' for node, text in monitor.health().items()]
+            self._report('; '.join(('the task was not finished', *reasons)))
 
     def _start_task(self, monitor: DemoMonitor) -> None:
         """Wait until the planner has begun, or the robot is stopped."""
@@ -244,7 +249,7 @@ class Demo:
             return (monitor.newest - begun) / 1e9
 
         rounds = 1
-        while not monitor.word(REASON) and seconds() < duration:
+        while monitor.word(TASK_STATE) == FINISHED and seconds() < duration:
             self._run_task(monitor, lambda _: progress(min(seconds() / duration, 1.0)))
             rounds += 1
         memory = {node.name: (before[node.name], node.memory) for node in self._node_group.nodes}
