@@ -1,4 +1,4 @@
-"""scripts/lint finds what it is there for."""
+"""scripts/lint and scripts/lint_words.py find what they are there for."""
 
 import subprocess
 import sys
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-LINT = Path(__file__).resolve().parents[1] / 'scripts' / 'lint'
+SCRIPTS = Path(__file__).resolve().parents[1] / 'scripts'
+LINT = SCRIPTS / 'lint'
 UNDESCRIBED = """
 class OwnError(Exception): ...
 def f(x: int, y: int) -> int:
@@ -48,3 +49,30 @@ def test_a_fault_is_found(source: str, said: str, tmp_path: Path) -> None:
 def test_one_idea_and_one_argument_need_no_more(tmp_path: Path) -> None:
     source = 'a, b = pair()\n[i for row in rows for i in row]\ndef f(x): ...\n'
     assert faults(source, tmp_path) == []
+
+
+PRIVATE = 'ecnalg'[::-1]  # written backwards, so that the script does not find it here
+
+
+@pytest.mark.parametrize('text', [f'a {PRIVATE} at the page', f'last_{PRIVATE} = 0'])
+def test_private_words_are_found_in_prose_and_in_names(text, tmp_path):
+    assert words(text, tmp_path) == [f'{tmp_path}/page.md:1: {PRIVATE}, use: snapshot']
+
+
+def test_words_of_the_field_pass(tmp_path):
+    assert words('a snapshot of the null space', tmp_path) == []
+
+
+def words(text: str, folder: Path) -> list[str]:
+    """What scripts/lint_words.py prints of a page with that text."""
+    page = folder / 'page.md'
+    page.write_text(text)
+    done = subprocess.run(
+        [sys.executable, str(SCRIPTS / 'lint_words.py'), str(page)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lines = done.stdout.splitlines()
+    assert done.returncode == bool(lines), done.stderr
+    return lines

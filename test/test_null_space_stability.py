@@ -172,7 +172,7 @@ def test_what_is_foretold_is_what_the_controller_does(arm):
 # --- what is said ---------------------------------------------------------------------------------
 
 
-def test_a_law_that_swings_for_ever_is_told_with_what_helps():
+def test_a_law_that_oscillates_for_ever_is_reported_with_a_remedy():
     """100 Hz is below the rate of the bound at this place of rest: kappa is up to 8300 /s^2."""
     model = RobotModel.named('gen3')
     start = next(iter(random_starts(model, 1)))
@@ -184,7 +184,7 @@ def test_a_law_that_swings_for_ever_is_told_with_what_helps():
     assert '\n' not in str(found)
 
 
-def test_a_law_that_comes_to_rest_is_told_with_the_time():
+def test_a_law_that_comes_to_rest_is_reported_with_the_time():
     model = RobotModel.named('fr3')
     found = stability(model, 'minimum_acceleration', 0.01, np.array(model.arm.start))
     assert str(found) == (
