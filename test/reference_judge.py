@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from virtual_graph import Graph
 
+from redres_ros.loop.session import COMMANDING
 from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.robots.joint_limits import JointLimits
 
@@ -27,7 +28,8 @@ ROUNDING = 1e-9  # [rad] of positions and of their second differences
 NANOSECONDS = 1_000_000_000
 NEW_CLOCK = NANOSECONDS  # [ns] a step of the stamps by which a robot has been started again
 REMEMBERED = 64  # states
-_BURST = 0.2  # of a period: references that come sooner are for one cycle
+JITTER = 0.25  # of a period, by which a stamp may be off
+BURST = 0.2  # of a period: references that come sooner are for one cycle
 
 
 class Violation(NamedTuple):
@@ -58,14 +60,23 @@ class ReferenceJudge:
         period: The robot's cycle T [s].
         bridging: What the robot does in a cycle without a reference: 'hold' or 'extrapolate'.
         dynamic: Whether velocity and acceleration are judged; not with `limits: none`.
+        complete: Whether every reference is seen. Else those after a gap are judged by range and
+            mean velocity alone.
     """
 
     def __init__(
-        self, limits: JointLimits, period: float, bridging: str, *, dynamic: bool = True
+        self,
+        limits: JointLimits,
+        period: float,
+        bridging: str,
+        *,
+        dynamic: bool = True,
+        complete: bool = True,
     ) -> None:
         self.violations: list[Violation] = []
         self.judged = 0  # references
         self.mode = ''
+        self.commanding = True  # False: the robot itself takes no commands, and has stopped
         self.modes: list[str] = []  # one after the other
         self.references: list[tuple[int, np.ndarray]] = []  # stamp [ns], (n,) [rad]
         self._names = limits.joint_names
@@ -73,6 +84,8 @@ class ReferenceJudge:
         self._period = period
         self._holds = bridging == 'hold'
         self._dynamic = dynamic
+        self._complete = complete
+        self._v_is_known = True
         self._step = limits.velocity * period  # (n,) [rad], V T
         self._change = limits.acceleration * period**2  # (n,) [rad], A T^2
         self._measured: dict[int, np.ndarray] = {}  # by stamp
@@ -114,7 +127,7 @@ class ReferenceJudge:
         if not np.isfinite(r).all():
             self._note('finite', stamp, 0, np.flatnonzero(~np.isfinite(r)))
             return
-        if self._holds and 0 < stamp - self._last_stamp < _BURST * self._period * NANOSECONDS:
+        if self._holds and 0 < stamp - self._last_stamp < BURST * self._period * NANOSECONDS:
             # Of two references in one cycle the robot executes the second alone.
             self._last, self._last_stamp, self._last_mode, self._v_T = self._before
         self._before = (self._last, self._last_stamp, self._last_mode, self._v_T)
@@ -122,7 +135,7 @@ class ReferenceJudge:
         if self.mode == 'mirroring':
             self._judge_mirrored(stamp, r)
             self._v_T = np.zeros_like(r) if self._last is None else r - self._last
-        elif cycles == 0:
+        elif not cycles:
             if self._last is not None and not np.array_equal(r, self._last):
                 self._judge_excess('repeated for the same state', stamp, 0, np.abs(r - self._last))
         else:
@@ -142,39 +155,79 @@ class ReferenceJudge:
         largest = max(broken, key=lambda violation: violation.excess, default=None)
         assert not broken, f'{len(broken)} of {self.judged}: {broken[:3]}, largest {largest}'
 
-    def _cycles_to(self, stamp: int) -> int:
-        """Robot cycles since the last reference; 0 for the same state again."""
+    def _cycles_to(self, stamp: int) -> tuple[int, ...]:
+        """Robot cycles since the last reference, all that may be meant where a stamp jitters; none
+        for the same state again.
+        """
         since = stamp - self._last_stamp
         if self._last is None:
-            return 1
+            return (1,)
         if -NEW_CLOCK < since < 0:
             self._note('in the order of stamps', stamp, 0)
-            return 1
-        if since < 0 or since > NEW_CLOCK:
-            self.forget()  # the robot may have been started again
-            return 1
-        return round(since / NANOSECONDS / self._period) or int(since > 0)
+            return (1,)
+        if abs(since) > NEW_CLOCK:
+            self.forget()
+            return (1,)
+        cycles = since / NANOSECONDS / self._period
+        nearest = {round(cycles - JITTER), round(cycles + JITTER)}
+        return tuple(sorted({max(count, 1) for count in nearest})) if since else ()
 
-    def _judge(self, stamp: int, r: np.ndarray, cycles: int) -> None:
-        """Judge a reference that the robot is to follow, `cycles` after the last one."""
+    def _judge(self, stamp: int, r: np.ndarray, counts: tuple[int, ...]) -> None:
+        """Judge a reference that the robot is to follow.
+
+        Args:
+            stamp: Of the state [ns].
+            r: The reference, (n,) [rad].
+            counts: Cycles since the last one; it has to be well for one of them.
+        """
+        first, *others = counts
+        before = len(self.violations)
+        v_T = self._v_T
+        self._judge_after(stamp, r, first)
+        for cycles in others:
+            found = self.violations[before:]
+            if not found:
+                break
+            del self.violations[before:]
+            self._v_T = v_T
+            self._judge_after(stamp, r, cycles)
+            if self.violations[before:]:
+                self.violations[before:] = found
+        if self.violations[before:] and not self.commanding and self._is_at(stamp, r):
+            del self.violations[before:]
+            self._v_T = np.zeros_like(r)
+
+    def _is_at(self, stamp: int, r: np.ndarray) -> bool:
+        """Whether a reference r (n,) [rad] is where the arm of a state is at rest."""
+        measured = self._measured.get(stamp)
+        return measured is not None and bool((np.abs(r - measured) <= self._change).all())
+
+    def _judge_after(self, stamp: int, r: np.ndarray, cycles: int) -> None:
+        """Judge a reference so many cycles after the last one."""
         last = self._last
         if last is None:
             last = self._measured.get(stamp, r)
             self._v_T = np.zeros_like(r)
         if self.mode == self._last_mode == 'holding' and self._last is not None:
             self._judge_excess('constant while holding', stamp, cycles, np.abs(r - last), 0.0)
-        slow, fast, p = self._robot_at(last, cycles)
         limits = self._limits
         lowest = np.minimum(limits.lower, last)
         highest = np.maximum(limits.upper, last)
         outside = np.maximum(r - highest, lowest - r)
         self._judge_excess('range', stamp, cycles, outside)
+        if cycles > 1 and not self._complete:
+            self._judge_excess('velocity', stamp, cycles, np.abs(r - last) - cycles * self._step)
+            self._v_is_known = False
+            return
+        slow, fast, p = self._robot_at(last, cycles)
         step = r - p
         if self._dynamic:
             self._judge_excess('velocity', stamp, cycles, np.abs(step) - self._step)
+        if self._dynamic and self._v_is_known:
             change = np.maximum(step - fast, slow - step) - self._change
             self._judge_excess('acceleration', stamp, cycles, change)
         self._v_T = step
+        self._v_is_known = True
 
     def _robot_at(self, last: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the robot has done by itself since its last reference.
@@ -254,8 +307,12 @@ def judge_graph(
     def on_mode(message: String) -> None:
         judge.enter_mode(message.data)
 
+    def on_session(message: String) -> None:
+        judge.commanding = message.data in COMMANDING
+
     # What the controller receives, faults and all, before it does.
     graph.taps['joint_states', 'controller'] = on_state
     graph.listen('controller/mode', 'judge', on_mode)
     graph.listen('joint_command', 'judge', on_reference)
+    graph.listen('sim/session_state', 'judge', on_session)
     return judge

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.controller import Controller
+from redres_ros.controller import Controller, bridged
 from redres_ros.errors import RedresError
 from redres_ros.loop.approach import Approach, Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
@@ -447,6 +447,8 @@ class CommandLoop:
         self.silence = ''
         if missed <= self.settings.restart_after or self.gate.is_open:
             return missed
+        if not holds and self._has_extrapolated(state.q, missed):
+            return missed
         if self.mode in (Mode.MOVING, Mode.STOPPING):
             place = 'the last reference' if holds else 'the measured position'
             self.silence = (
@@ -456,6 +458,20 @@ class CommandLoop:
             self._stand_at(self.gate.q_ref if holds else state.q)
             self.mode = Mode.HOLDING
         return 0
+
+    def _has_extrapolated(self, q: np.ndarray, missed: int) -> bool:
+        """Whether the robot has gone on by itself all the time: then it still moves.
+
+        Args:
+            q: Measured, (n,) [rad]; a servo's lag is in the position before, too.
+            missed: Cycles without a command.
+        """
+        if self._response is None:
+            return False
+        p, _ = bridged(self.gate.q_ref, self.gate.dq, missed, self._controller)
+        expected = p - self.gate.q_ref
+        moved = q - self._response.q
+        return float(np.abs(moved - expected).max()) <= 0.5 * float(np.abs(expected).max())
 
     def _count_gap(self, gap: int, cycle: int) -> None:
         """A joint has to stop in time also if the next states get lost as the last ones did."""

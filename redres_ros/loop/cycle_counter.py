@@ -17,8 +17,10 @@ _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _DRIFT = 0.01  # [s/s] by which the robot's clock may drift against this computer's
 _REMEMBERED = 512  # states whose cycle is known by their very stamp
-_INTERVALS = 15  # between states, by whose median the robot's rate is judged
-_STEADY = (0.8, 1.25)  # of the period, within which that median has to be
+_INTERVALS = 15  # between states, by which the robot's rate is judged
+_SHORT = 3  # of these are one cycle, also where every other state gets lost
+_STEADY = (0.8, 1.25)  # of the period, within which an interval of one cycle has to be
+_BURST = NANOSECONDS // 10  # [ns] of stamps, longer than those that come at once after an overrun
 
 
 class ClockError(RedresError):
@@ -53,6 +55,7 @@ class CycleCounter:
         self._stamps: deque[int] = deque()
         self._recent: deque[int] = deque(maxlen=_INTERVALS + 1)  # stamps, believed or not [ns]
         self._unjudged = 0  # states since the rate was judged
+        self._fast_since = 0  # stamp from which on states come too fast [ns]; 0: they do not
         self.rate_error = ''  # that the robot has another rate than expected, and which
 
     def enter(self, stamp: int, arrived: float) -> int:
@@ -83,20 +86,35 @@ class CycleCounter:
         return self._go_on(stamp, arrived, cycles)
 
     def _judge_rate(self, stamp: int) -> None:
-        """Compare the usual interval between states with the period."""
+        """Compare the intervals between states with the period.
+
+        Lost states make some of them longer, and after an overrun some states come at once.
+        """
         self._recent.append(stamp)
         self._unjudged += 1
         if self._unjudged <= _INTERVALS:
             return
         self._unjudged = 0
         in_order = sorted(self._recent)
-        interval = sorted(after - before for before, after in pairwise(in_order))[_INTERVALS // 2]
+        intervals = sorted(after - before for before, after in pairwise(in_order))
+        short = intervals[_SHORT - 1]
+        usual = intervals[_INTERVALS // 2]
+        if usual >= _STEADY[0] * self.period:
+            self._fast_since = 0
+        elif not self._fast_since:
+            self._fast_since = in_order[0]
         self.rate_error = ''
-        if interval > 0 and not _STEADY[0] <= interval / self.period <= _STEADY[1]:
-            self.rate_error = (
-                f'states come at {NANOSECONDS / interval:.4g} Hz; expected '
-                f'{NANOSECONDS / self.period:.4g} Hz (parameter rate)'
-            )
+        if short > _STEADY[1] * self.period:
+            self.rate_error = self._rate_error(short)
+        elif self._fast_since and stamp - self._fast_since > _BURST and usual > 0:
+            self.rate_error = self._rate_error(usual)
+
+    def _rate_error(self, interval: int) -> str:
+        """Names the robot's rate, of an interval [ns], and the expected one."""
+        return (
+            f'states come at {NANOSECONDS / interval:.4g} Hz; expected '
+            f'{NANOSECONDS / self.period:.4g} Hz (parameter rate)'
+        )
 
     @property
     def earliest_arrival(self) -> float:
