@@ -215,7 +215,7 @@ def random_motion_of(
 @pytest.mark.parametrize('settings', [{}, {'T': 0.01}, {'limit_scale': 0.3}])
 @EVERY_ARM
 def test_random_motion_keeps_the_clearance(arm, settings):
-    """At up to 1.5 m/s, where arms that brake by the damper alone come 60 mm too near."""
+    """At up to 1.5 m/s, where arms that brake by the damper alone come 54 mm too near."""
     for seed in range(2):
         limit, commands = random_motion_of(arm, seed, BOX, **settings)
         if least_distance(limit, commands[:1]) < CLEARANCE:
