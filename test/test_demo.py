@@ -221,7 +221,7 @@ def test_the_summary_is_that_of_the_rows_and_is_what_is_printed(
     error, at = figures['path_deviation']
     assert lines['maximum path deviation'] == f'{1e3 * error:.3f} mm at {at:.3f} s'
     acceleration, at = figures['acceleration']
-    assert lines['largest joint acceleration'] == (
+    assert lines['maximum joint acceleration'] == (
         f'{acceleration:.3f} rad/s² (norm) at {at:.3f} s'
     )
 
