@@ -1,0 +1,505 @@
+"""What leaves the controller, seen from outside: held it stands still, inactive it is silent, and
+nothing that happens between two ticks makes a step. The real node, in virtual time.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from lifecycle_msgs.msg import Transition
+from reference_judge import ReferenceJudge, judge_graph
+from stand_in import Habits, StandIn, behind_ros2_control
+from virtual_graph import Fault, Graph, VirtualRun, virtual_run
+from wire_faults import lossy, off
+
+from redres_ros.files.share import share_path
+from redres_ros.nodes.conversions import to_twist
+from redres_ros.nodes.diagnostics import ERROR
+from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
+
+pytestmark = pytest.mark.slow
+
+RATE = 500.0  # [Hz]
+ARM = find_arm('lwr4_paper')
+LIMITS = JointLimits.of(ARM)
+START = np.array(ARM.start)
+SIDEWAYS = np.array((0.0, -0.1, 0.0))  # [m/s]
+NEAR_THE_END = np.array((-1.8, 1.2, 0.0, 0.6, 0.0, -0.3, 0.0))  # [rad], of A1's range
+STANDING = np.zeros(3)
+
+
+@dataclass
+class Operator:
+    """Somebody at a joystick: the same velocity again and again, with a stamp of zero."""
+
+    graph: Graph
+    velocity: np.ndarray = field(default_factory=lambda: STANDING)  # [m/s]
+    every: float = 0.01  # [s]
+    sending: bool = True
+
+    def __post_init__(self) -> None:
+        self.graph.clock.repeat(self.every, self._send)
+
+    def _send(self) -> None:
+        if self.sending:
+            self.graph.publish('cartesian_velocity', to_twist(0, '', self.velocity))
+
+
+class Iiwa(NamedTuple):
+    """The same behind ros2_control, without a session."""
+
+    graph: Graph
+    robot: StandIn
+    judge: ReferenceJudge
+    operator: Operator
+
+
+class Arm:
+    """A robot and its controller, an operator, and the judge of what is published."""
+
+    def __init__(self, run: VirtualRun, judge: ReferenceJudge) -> None:
+        self.run = run
+        self.graph = run.graph
+        self.judge = judge
+        self.operator = Operator(run.graph)
+
+    @property
+    def reference(self) -> np.ndarray:
+        """What was published last, (n,) [rad]."""
+        return self.judge.references[-1][1]
+
+    @property
+    def speed(self) -> float:
+        """Of the fastest joint in what was published last [rad/s]."""
+        (before, r_before), (now, r) = self.judge.references[-2:]
+        return float(np.abs(r - r_before).max()) / ((now - before) / 1e9)
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the robot has stopped; empty if it has not."""
+        reason: str = self.run.nodes['sim']._session.reason
+        return reason
+
+    @property
+    def newest_stamp(self) -> Any:
+        """Of the newest state."""
+        return self.graph.kept['joint_states'][-1][1].header.stamp
+
+    def go(self, velocity: np.ndarray, seconds: float) -> None:
+        """Steer for some time.
+
+        Args:
+            velocity: Of the tip, (3,) [m/s].
+            seconds: For how long [s].
+        """
+        self.operator.velocity = velocity
+        self.run.run(seconds)
+
+    def hold(self, wanted: bool) -> bool:
+        """Call controller/hold; whether it succeeded."""
+        return bool(self.graph.call('controller/hold', data=wanted).success)
+
+    def published_in(self, seconds: float) -> np.ndarray:
+        """All references of some time, (N, n) [rad]."""
+        count = len(self.judge.references)
+        self.run.run(seconds)
+        return np.array([r for _, r in self.judge.references[count:]])
+
+
+@contextmanager
+def commanded(
+    start: np.ndarray = START,
+    rate: float = RATE,
+    controller_rate: float = 0.0,
+    **controller: Any,
+) -> Iterator[Arm]:
+    """An arm in command mode that stands still; the robot goes exactly where it is told.
+
+    Args:
+        start: Its position, (n,) [rad].
+        rate: Of the robot [Hz].
+        controller_rate: What the controller takes for it [Hz]; 0: the same.
+        controller: Other parameters of the controller.
+    """
+    sim = {
+        'rate': rate,
+        'patience': 0.0,
+        'plant': 'ideal',
+        'monitor_time': 0.1,
+        'start': start.tolist(),
+        'bridged_misses': 100,
+    }
+    controller['rate'] = controller_rate or rate
+    with virtual_run(sim=sim, controller=controller) as run:
+        run.graph.kept['/diagnostics'] = []
+        run.graph.kept['joint_states'] = []
+        arm = Arm(run, judge_graph(run.graph, LIMITS, rate, 'extrapolate'))
+        run.run_until(lambda: run.commanding, 3.0)
+        run.run(0.1)
+        yield arm
+
+
+def offset(joint: int, by: float) -> Fault:
+    """States in which one joint is off.
+
+    Args:
+        joint: Its index.
+        by: By how much [rad].
+    """
+
+    def fault(message: Any, now: float) -> list[tuple[float, Any]]:
+        changed = deepcopy(message)
+        changed.position[joint] += by
+        return [(0.0, changed)]
+
+    return fault
+
+
+# --- held, and inactive ---------------------------------------------------------------------------
+
+TOO_HEAVY = {'limits': ['position', 'velocity', 'acceleration', 'torque'], 'torque_scale': 0.15}
+IN_AN_OBSTACLE = {'limits': ['position', 'velocity', 'acceleration', 'collision']}
+
+
+@contextmanager
+def held(**controller: Any) -> Iterator[Arm]:
+    """An arm that has moved, and was then asked to hold."""
+    with commanded(**controller) as arm:
+        arm.go(SIDEWAYS, 0.5)
+        assert arm.hold(True)
+        arm.go(STANDING, 1.0)
+        yield arm
+
+
+def sphere_at(x: np.ndarray) -> list[float]:
+    """An obstacle with its middle at x (3,) [m]."""
+    return [*x.tolist(), 0.1]
+
+
+def make_too_heavy(arm: Arm) -> None:
+    """Leave the arm's torque limits less than its own weight asks for."""
+    assert arm.run.set('controller', **TOO_HEAVY)
+
+
+def put_an_obstacle_at_the_tip(arm: Arm) -> None:
+    """Make the tip collide."""
+    x, _ = RobotModel(ARM).tip(arm.reference)
+    assert arm.run.set('controller', **{'collision.spheres': sphere_at(x)}, **IN_AN_OBSTACLE)
+
+
+def shift_an_encoder(arm: Arm) -> None:
+    """Have a joint measured 1 rad off from now on."""
+    arm.graph.faults['joint_states', 'controller'] = offset(2, 1.0)
+
+
+MOVES_A_HELD_ARM = (make_too_heavy, put_an_obstacle_at_the_tip, shift_an_encoder)
+
+
+@pytest.mark.parametrize('change', MOVES_A_HELD_ARM, ids=lambda change: change.__name__)
+def test_a_held_reference_is_constant_to_the_bit(change: Any) -> None:
+    with held() as arm:
+        before = arm.reference
+        change(arm)
+        references = arm.published_in(2.0)
+        assert len(references) > 0.9 * 2.0 * RATE
+        off = np.abs(references - before).max()
+        assert off == 0.0
+
+
+@pytest.mark.parametrize('change', MOVES_A_HELD_ARM[:2], ids=lambda change: change.__name__)
+def test_what_would_move_a_held_arm_is_an_error_that_says_how_to_clear_it(change: Any) -> None:
+    with held() as arm:
+        change(arm)
+        arm.run.run(2.5)
+        health = arm.run.health('controller')
+        assert health.level == ERROR, health.message
+
+
+@pytest.mark.parametrize('change', MOVES_A_HELD_ARM[:2], ids=lambda change: change.__name__)
+def test_an_arm_that_nobody_moves_stands_still_whatever_its_limits_do(change: Any) -> None:
+    with commanded() as arm:
+        arm.go(SIDEWAYS, 0.5)
+        arm.go(STANDING, 3.0)
+        before = arm.reference
+        change(arm)
+        references = arm.published_in(2.0)
+        assert np.abs(references - before).max() == 0.0
+
+
+def test_an_inactive_controller_publishes_nothing_although_a_joint_is_outside_its_range() -> None:
+    start = START.copy()
+    start[2] = LIMITS.upper[2] + 0.05
+    sim = {'rate': RATE, 'patience': 0.0, 'plant': 'ideal', 'start': start.tolist()}
+    controller = {'rate': RATE, 'initial_state': 'inactive'}
+    with virtual_run(sim=sim, controller=controller) as run:
+        judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
+        run.run(2.0)
+    assert judge.references == []
+
+
+def test_deactivated_at_rest_the_controller_is_silent_at_once() -> None:
+    with commanded() as arm:
+        arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
+        assert len(arm.published_in(1.0)) == 0
+
+
+# --- braking is over time -------------------------------------------------------------------------
+
+
+def turn_to_the_end(arm: Arm, seconds: float) -> None:
+    """Steer the tip around the base, so that A1 comes to the end of its range.
+
+    Args:
+        arm: Begins at NEAR_THE_END.
+        seconds: For how long [s].
+    """
+    model = RobotModel(ARM)
+    for _ in range(round(seconds / 0.02)):
+        x, _ = model.tip(arm.reference)
+        around = np.array((x[1], -x[0], 0.0))
+        arm.go(around / np.linalg.norm(around), 0.02)
+
+
+@contextmanager
+def mismatched() -> Iterator[Arm]:
+    """A robot of 100 Hz, and a controller for 500 Hz."""
+    with commanded(NEAR_THE_END, rate=100.0, controller_rate=500.0) as arm:
+        yield arm
+
+
+def test_a_robot_of_another_rate_is_never_sent_out_of_its_range_or_beyond_its_limits() -> None:
+    with mismatched() as arm:
+        turn_to_the_end(arm, 4.0)
+        arm.judge.assert_followable()
+        assert arm.stop_reason == ''
+
+
+def test_a_robot_of_another_rate_is_an_error_that_names_both() -> None:
+    with mismatched() as arm:
+        turn_to_the_end(arm, 2.5)
+        health = arm.run.health('controller')
+        assert health.level == ERROR, health.message
+        assert '100' in health.message and '500' in health.message
+
+
+def test_an_arm_of_another_rate_is_stopped() -> None:
+    with mismatched() as arm:
+        arm.go(SIDEWAYS, 2.0)
+        assert arm.speed == 0.0
+
+
+def test_with_three_states_of_ten_lost_the_reference_stays_within_the_limits() -> None:
+    with commanded(NEAR_THE_END, restart_after=100) as arm:
+        arm.graph.faults['joint_states', 'controller'] = lossy(0.3)
+        turn_to_the_end(arm, 2.0)
+        arm.judge.assert_followable()
+
+
+def test_with_three_states_of_ten_lost_the_arm_moves_on() -> None:
+    with commanded(restart_after=100) as arm:
+        arm.graph.faults['joint_states', 'controller'] = lossy(0.3)
+        before = arm.reference
+        arm.go(SIDEWAYS, 2.0)
+        assert np.abs(arm.reference - before).max() > 0.05
+        assert not [line for _, line in arm.graph.log if 'expected 500 Hz' in line]
+
+
+def test_a_held_arm_needs_as_long_to_stop_with_states_lost_as_without() -> None:
+    ways = []
+    for share in (0.0, 0.3):
+        with commanded(restart_after=100) as arm:
+            arm.graph.faults['joint_states', 'controller'] = lossy(share)
+            arm.go(SIDEWAYS, 1.5)
+            before = RobotModel(ARM).tip(arm.reference)[0]
+            arm.hold(True)
+            arm.run.run(1.5)
+            ways.append(float(np.linalg.norm(RobotModel(ARM).tip(arm.reference)[0] - before)))
+    assert ways[1] < 1.2 * ways[0] + 1e-3  # [m]
+
+
+# --- nothing begins anew by a step ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize('pause', [0.0, 0.004, 0.01, 0.03, 0.1])
+def test_deactivated_and_activated_in_motion_the_reference_makes_no_step(pause: float) -> None:
+    with commanded() as arm:
+        arm.go(SIDEWAYS, 1.0)
+        assert arm.speed > 0.05
+        arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
+        arm.run.run(pause)
+        arm.run.change_state('controller', Transition.TRANSITION_ACTIVATE)
+        arm.run.run(1.0)
+        arm.judge.assert_followable()
+
+
+IIWA = JointLimits.of(find_arm('iiwa7'))
+IIWA_FILE = share_path('config/robots/lbr_iiwa7.yaml')
+
+
+@contextmanager
+def iiwa(directory: Path, habits: Habits | None = None, **changes: str) -> Iterator[Iiwa]:
+    """An iiwa behind ros2_control at 100 Hz, an operator, and the judge of what is published.
+
+    Args:
+        directory: For the file of its parameters.
+        habits: Of the robot.
+        changes: Of the parameters, by name.
+    """
+    text = IIWA_FILE.read_text()
+    for name, value in changes.items():
+        text = re.sub(f'{name}: .*', f'{name}: {value}', text)
+    path = directory / 'robot.yaml'
+    path.write_text(text)
+    with behind_ros2_control(path) as (graph, _):
+        judge = judge_graph(graph, IIWA, 100.0, 'hold')
+        robot = StandIn(graph, IIWA, np.array(find_arm('iiwa7').start), 100.0, habits=habits)
+        graph.clock.advance(0.5)
+        yield Iiwa(graph, robot, judge, Operator(graph))
+
+
+FAST = {'limit_scale': '1.0', 'max_linear': '1.0'}
+
+
+def test_a_servo_that_lags_more_than_is_tolerated_makes_no_step(tmp_path: Path) -> None:
+    slow = Habits(servo=0.04)
+    with iiwa(tmp_path, slow, following_tolerance='0.02', **FAST) as now:
+        now.operator.velocity = np.array((0.0, 0.5, 0.0))
+        now.graph.clock.advance(2.0)
+        now.judge.assert_followable()
+
+
+@pytest.mark.parametrize('joint', range(6))  # the last one has no part in it
+def test_a_blocked_joint_makes_no_step_of_the_others(joint: int, tmp_path: Path) -> None:
+    with iiwa(tmp_path, **FAST) as now:
+        now.operator.velocity = np.array((0.0, 0.5, 0.0))
+        now.graph.clock.advance(0.8)
+        now.robot.blocked.append(joint)
+        now.graph.clock.advance(2.0)
+        now.judge.assert_followable()
+
+
+def test_of_two_robots_on_one_topic_neither_makes_the_reference_leap(tmp_path: Path) -> None:
+    with iiwa(tmp_path, **FAST) as now:
+        now.operator.velocity = np.array((0.0, 0.2, 0.0))
+        now.graph.clock.advance(0.5)
+        foreign = StandIn(now.graph, IIWA, now.robot.q + 0.5, 100.0)
+        foreign.deactivate()  # it takes no commands
+        now.graph.clock.advance(5.0)
+        now.judge.assert_followable()
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+def test_one_state_that_is_off_does_not_step_a_reference_from_the_measurement(rate: float) -> None:
+    with commanded(rate=rate, integrate_from='measurement') as arm:
+        arm.go(SIDEWAYS, 0.5)
+        arm.graph.faults['joint_states', 'controller'] = offset(1, 0.09)
+        arm.run.run(1.0 / rate)
+        arm.graph.faults.clear()
+        arm.run.run(0.5)
+        arm.judge.assert_followable()
+
+
+@pytest.mark.parametrize('gap', [0.02, 0.1, 0.5, 2.0])
+def test_a_driver_of_one_turn_and_a_gap_make_no_step_of_a_turn(gap: float) -> None:
+    gen3 = find_arm('gen3')
+    model = RobotModel(gen3)
+    start = np.array(gen3.start)
+    start[0] = 3.0
+    arguments = ['robot:=gen3', f'rate:={RATE}', 'bridging:=hold', 'forward_commands:=true']
+    with behind_ros2_control(arguments) as (graph, clock):
+        robot = StandIn(graph, JointLimits.of(gen3), start, RATE, habits=Habits(one_turn=True))
+        operator = Operator(graph)
+        clock.advance(0.2)
+        around = model.state(start, np.zeros(7)).jacobian(gen3.tip_frame)[:3, 0]
+        operator.velocity = 0.3 * around / np.linalg.norm(around)
+        clock.advance(2.0)
+        assert robot.q[0] > 3.2  # it has passed half a turn, where its driver begins anew
+        graph.faults['joint_states', 'controller'] = off()
+        clock.advance(gap)
+        graph.faults.clear()
+        clock.advance(1.0)
+        robot.hardware.assert_followable()
+
+
+# --- the operator's word --------------------------------------------------------------------------
+
+
+def way_after_release(zero_at_once: bool) -> float:
+    """How far the tip goes once an operator has let go [m].
+
+    Args:
+        zero_at_once: The zero comes in the cycle of the last velocity, else in the next one.
+    """
+    with commanded() as arm:
+        arm.go(2.0 * SIDEWAYS, 1.0)
+        arm.operator.sending = False
+        stamp = to_nanoseconds(arm.newest_stamp)
+        arm.graph.publish('cartesian_velocity', to_twist(stamp, '', 2.0 * SIDEWAYS))
+        if not zero_at_once:
+            arm.run.run(1.0 / RATE)
+            stamp = to_nanoseconds(arm.newest_stamp)
+        before = RobotModel(ARM).tip(arm.reference)[0]
+        arm.graph.publish('cartesian_velocity', to_twist(stamp, '', STANDING))
+        arm.run.run(2.0)
+        return float(np.linalg.norm(RobotModel(ARM).tip(arm.reference)[0] - before))
+
+
+def test_a_zero_in_the_cycle_of_the_last_velocity_stops_the_arm_as_the_next_one_would() -> None:
+    assert way_after_release(zero_at_once=True) <= way_after_release(zero_at_once=False) + 1e-4
+
+
+@pytest.mark.parametrize('first', ['joint_states', 'cartesian_velocity'])
+@pytest.mark.parametrize('stalled', [0.4, 2.0])
+def test_velocities_from_before_a_stall_of_the_process_do_not_move_the_arm(
+    stalled: float, first: str, tmp_path: Path
+) -> None:
+    with iiwa(tmp_path) as now:
+        now.operator.sending = False
+        now.graph.clock.advance(0.5)
+        before = now.judge.references[-1][1]
+        now.graph.stall('controller')
+        now.operator.velocity = np.array((0.0, 0.1, 0.0))
+        now.operator.sending = True
+        now.graph.clock.advance(0.2)
+        now.operator.sending = False
+        now.graph.clock.advance(stalled - 0.2)  # longer than velocities are good for
+        now.graph.resume('controller', first)
+        now.graph.clock.advance(1.0)
+        model = RobotModel(find_arm('iiwa7'))
+        way = model.tip(now.judge.references[-1][1])[0] - model.tip(before)[0]
+        assert np.linalg.norm(way) < 1e-6
+
+
+# --- life cycle -----------------------------------------------------------------------------------
+
+
+def test_an_inactive_controller_cannot_be_told_to_go_on() -> None:
+    with commanded() as arm:
+        arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
+        assert not arm.hold(False)
+
+
+@pytest.mark.parametrize('pause', [0.0, 0.004, 0.05])
+def test_cleaned_up_right_after_it_was_deactivated_it_brings_the_arm_to_rest_first(
+    pause: float,
+) -> None:
+    with commanded() as arm:
+        arm.go(5.0 * SIDEWAYS, 1.0)
+        arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
+        arm.run.run(pause)
+        arm.run.change_state('controller', Transition.TRANSITION_CLEANUP)
+        arm.run.run(2.0)
+        last_steps = np.abs(np.diff([r for _, r in arm.judge.references[-2:]], axis=0))
+        assert (last_steps <= LIMITS.acceleration / RATE**2 + 1e-9).all()
