@@ -1,6 +1,6 @@
 """A million ticks of the loop between robot and controller, with random pairs of disturbances.
 
-Pure, in virtual time: a robot that goes exactly where it is told, its session, and the network to
+Pure, in virtual time: an ideal robot, its session, and the network to
 the loop. Judged on what is published. By day a sample of it, with REDRES_NIGHTLY=1 all.
 """
 
@@ -51,7 +51,7 @@ class Twist(NamedTuple):
 
 @dataclass
 class Robot:
-    """Goes where it is told; bridges a cycle without a command.
+    """Follows its commands; bridges a cycle without a command.
 
     Attributes:
         q: Where the arm is, (n,) [rad].
@@ -128,7 +128,7 @@ class World:
         self._twists: list[Twist] = []
         self._kept: deque[Twist] = deque(maxlen=KEPT)
         self._state: tuple[int, np.ndarray] | None = None  # that a stalled process finds
-        self._told = True  # whether the robot takes commands, as the loop knows it
+        self._reported = True  # whether the robot takes commands, as the loop knows it
         self._session_returns = 0
         self._wanted = np.full(self.controller.m, 0.1)
         self._dx = np.zeros(self.controller.m)
@@ -140,7 +140,7 @@ class World:
         """One cycle of the robot."""
         self.tick += 1
         self.robot.advance()
-        self._tell_session()
+        self._report_session()
         stamp = self._stamps_begin + self.tick * self._period
         self._move_operator(stamp)
         if self._has('stall'):
@@ -246,14 +246,14 @@ class World:
         """The robot takes no commands for a while."""
         self.robot.commanding = False
 
-    def _tell_session(self) -> None:
-        """What the loop hears of the robot's session; it comes back after a while."""
+    def _report_session(self) -> None:
+        """Report the session to the loop; it returns after a while."""
         robot = self.robot
-        if robot.commanding is not self._told and not self._has('stall'):
-            self._told = robot.commanding
+        if robot.commanding is not self._reported and not self._has('stall'):
+            self._reported = robot.commanding
             self.loop.enter_session('CMD' if robot.commanding else 'MON')
             self._session_returns = self.tick + int(self.chance.integers(20, 200))
-        returns = not robot.commanding and not self._told and self.tick > self._session_returns
+        returns = not robot.commanding and not self._reported and self.tick > self._session_returns
         # A first command has to come from where the arm is.
         if returns and robot.last is not None and np.allclose(robot.last, robot.q, atol=1e-3):
             robot.commanding = True
