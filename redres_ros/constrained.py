@@ -12,7 +12,7 @@ In order of priority, each level as well as the higher ones allow:
 The caller knows dq_free, the same optimum without limits (resolution.py). It is the result if it
 keeps them all. If not, it replaces b in level 5: W (dq_free - b) is orthogonal to all
 motion that leaves J dq as it is, so both have the same minimum. This file knows no limit, task or
-law by name; the numerical work is done in kernels/hierarchical_qp.py.
+law by name; the numerical work is done in kernels/active_set.py.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.kernels.arithmetic import within
-from redres_ros.kernels.hierarchical_qp import hierarchical_qp
+from redres_ros.kernels.active_set import hierarchical_qp
+from redres_ros.kernels.boxes import within
 from redres_ros.resolution import Factor, Level, Weight, stacked
 
 Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]

@@ -14,15 +14,19 @@ import numpy as np
 
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.closed_form import (
+    FACTOR,
+    IDENTITY,
     INDEFINITE,
     NOT_FINITE,
     SINGULAR_RATIO,
     SOLVED,
+    SQUARE,
+    WEIGHT,
     closed_form,
     closed_form_in_order,
+    fill_factor,
+    solve_rows,
 )
-from redres_ros.kernels.factors import FACTOR, IDENTITY, SQUARE, WEIGHT
-from redres_ros.kernels.solving import fill_factor, solve_rows
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 FASTEST = 100.0

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
-from redres_ros.kernels.tick import free_motion
+from redres_ros.kernels.closed_form import free_motion
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.vectors import finite_vector
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from redres_ros import RobotModel
-from redres_ros.kernels.conditioning import is_far
+from redres_ros.kernels.closed_form import is_far
 from redres_ros.limits.boundary_braking import end_of_reach
 from redres_ros.robots import ARMS
 

@@ -521,7 +521,7 @@ def test_the_search_under_limits_is_loaded_only_where_there_are_limits(short, op
         'import sys\n'
         'from redres_ros.cli import main\n'
         'main(["simulate", *sys.argv[1:]])\n'
-        'sys.exit("redres_ros.kernels.hierarchical_qp" in sys.modules)\n'
+        'sys.exit("redres_ros.kernels.active_set" in sys.modules)\n'
     )
     done = subprocess.run(
         [sys.executable, '-c', program, '--task', short, *options], timeout=120, check=False

@@ -1,1 +1,1 @@
-"""Formulas compiled by numba, all in one room: a change of any file here compiles them anew."""
+"""Formulas compiled by numba; each file holds all that its functions call (compiled.py)."""

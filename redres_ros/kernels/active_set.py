@@ -1,35 +1,226 @@
-"""One level of a search: |A z - a| becomes the least that the limits and the levels before leave.
+"""Least squares in order of priority under limits, by an active-set search.
 
-The method is a primal active-set method (Nocedal and Wright, Numerical Optimization, 2006,
-Algorithm 16.3): z keeps every limit after every step.
+Each level minimises 1/2 |A z - a|^2 over what the levels before it have left, subject to
+lower <= G z <= upper. A finished level leaves A z as it is, and fixes the limits that its
+multipliers prove tight in every optimum. The method is a primal active-set method (Nocedal and
+Wright, Numerical Optimization, 2006, Algorithm 16.3): z keeps every limit after every step.
+
+The state of a search is in arrays of fixed size, which the functions change in place.
 """
 
-import numpy as np
+from typing import NamedTuple
 
-from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.basis import DEPENDENT, append, hold, release
-from redres_ros.kernels.compiled import compiled, inlined
-from redres_ros.kernels.search import (
-    BEHIND,
-    COUNT,
-    FIXED,
-    FREE,
-    HELD,
-    LOWER,
-    ROUNDING,
-    SIDE,
-    STATE,
-    UPPER,
-    Q,
-    R,
-    Search,
-)
-from redres_ros.kernels.step import RANK, step
+import numpy as np
+from numba import boolean, float64, int64
+
+from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
+
+# The rows of Search.ends, and the sides of a limit.
+LOWER = 0
+UPPER = 1
+
+# The layers of Search.basis.
+Q = 0  # (d, d) orthonormal rows
+R = 1  # (d, d) lower triangular: row k of those along which z may not move is sum_j R[k, j] Q[j]
+
+# The rows of Search.marks.
+STATE = 0  # of each limit, one of the four below
+SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
+BEHIND = 2  # the limit behind row k of the basis
+COUNT = 3  # how many rows are fixed for good, and how many there are
+
+FREE = 0  # the state of a limit that z may come to,
+HELD = 1  # of one whose end z may not leave for now,
+FIXED = 2  # or for good,
+LATER = 3  # and of one that a later level brings in
+
+ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
+
+MUCH = 0.5  # a row that keeps this share of its square is orthogonal to the others after one pass
+DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
+
+RANK = 1e-11  # a row of A is dependent below this share of the longest one
 
 MAX_STEPS = 200  # of one level; ten are many
 BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
 WRONG = 1e-14  # a force of the wrong sign counts from this share of the gradient's terms on
 TIGHT = 1e-10  # one of the right sign proves its limit tight from this share on
+
+# The last element of what a search leaves behind for the next one.
+UNKNOWN = 0  # nothing: there was none
+WHOLE = 1  # the whole task was executed
+LESS = -1  # less of it
+
+
+class Search(NamedTuple):
+    """A point, its limits, and the rows along which it may not move."""
+
+    z: np.ndarray  # (d,)
+    G: np.ndarray  # (K, d), of unit length
+    ends: np.ndarray  # (2, K), lower <= G z <= upper
+    basis: np.ndarray  # (2, d, d)
+    marks: np.ndarray  # (4, K + d) of int64
+    n: int  # z = (dq, s, slack variables), where dq is (n,)
+
+
+@inlined
+def dot(a: np.ndarray, b: np.ndarray) -> float:
+    """a' b."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@part
+def zeros(m: int, n: int) -> np.ndarray:
+    """Zeros, (m, n)."""
+    return np.zeros((m, n))
+
+
+# --- the rows along which the point of a search may not move, R Q with orthonormal Q --------------
+
+
+@part
+def append(search: Search, row: np.ndarray, least: float) -> bool:
+    """Add a row, unless less than a length of `least` is orthogonal to those that are there."""
+    basis = search.basis
+    k = search.marks[COUNT, 1]
+    if k == len(row):
+        return False
+    rest = np.zeros(len(row))
+    for i in range(len(row)):
+        rest[i] = row[i]
+    for j in range(k):
+        basis[R, k, j] = 0.0
+    before = dot(row, row)
+    square = before
+    for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
+        for j in range(k):
+            along = dot(basis[Q, j], rest)
+            basis[R, k, j] += along
+            for i in range(len(rest)):
+                rest[i] -= along * basis[Q, j, i]
+        square = dot(rest, rest)
+        if square > MUCH * before:
+            break
+    length = np.sqrt(square)
+    if not length > least:
+        return False
+    for i in range(len(rest)):
+        basis[Q, k, i] = rest[i] / length
+    basis[R, k, k] = length
+    search.marks[COUNT, 1] = k + 1
+    return True
+
+
+@part
+def hold(search: Search, i: int, towards: float) -> None:
+    """Keep limit i at its upper end if towards > 0, else at its lower one.
+
+    It stays free where the other rows keep it in its place already.
+    """
+    marks = search.marks
+    marks[STATE, i] = FREE
+    if append(search, search.G[i], DEPENDENT):
+        marks[BEHIND, marks[COUNT, 1] - 1] = i
+        marks[STATE, i] = HELD
+        marks[SIDE, i] = 1 if towards > 0.0 else -1
+
+
+@inlined
+def release(search: Search, k: int) -> None:
+    """Let the limit behind row k go."""
+    marks = search.marks
+    end = marks[COUNT, 1]
+    marks[COUNT, 1] = k
+    marks[STATE, marks[BEHIND, k]] = FREE
+    for j in range(k + 1, end):
+        i = marks[BEHIND, j]
+        hold(search, i, float(marks[SIDE, i]))
+
+
+# --- one step -------------------------------------------------------------------------------------
+
+
+@part
+def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """The shortest p across the basis with the least |A (z + p) - a|, (d,)."""
+    m, d = A.shape
+    count = search.marks[COUNT, 1]
+    rest = np.zeros(m)
+    P = zeros(m, d)  # A made orthogonal to the basis
+    largest = 0.0
+    for i in range(m):
+        for j in range(d):
+            P[i, j] = A[i, j]
+        rest[i] = a[i] - dot(A[i], search.z)
+        before = dot(A[i], A[i])
+        largest = max(largest, before)
+        for _ in range(2):
+            for k in range(count):
+                along = dot(P[i], search.basis[Q, k])
+                for j in range(d):
+                    P[i, j] -= along * search.basis[Q, k, j]
+            if dot(P[i], P[i]) > MUCH * before:
+                break
+    V = zeros(min(m, d - count), d)  # orthonormal rows, P = B V
+    B = zeros(m, len(V))
+    rank = 0
+    while rank < len(V):
+        longest = 0
+        square = 0.0
+        for i in range(m):
+            if dot(P[i], P[i]) > square:
+                longest = i
+                square = dot(P[i], P[i])
+        if not square > RANK**2 * largest:
+            break
+        for j in range(d):
+            V[rank, j] = P[longest, j] / np.sqrt(square)
+        for i in range(m):
+            B[i, rank] = dot(P[i], V[rank])
+            for j in range(d):
+                P[i, j] -= B[i, rank] * V[rank, j]
+        rank += 1
+    t = least_squares(B, rest, rank)
+    p = np.zeros(d)
+    for k in range(rank):
+        for j in range(d):
+            p[j] += t[k] * V[k, j]
+    return p
+
+
+@inlined
+def least_squares(B: np.ndarray, rest: np.ndarray, rank: int) -> np.ndarray:
+    """The t (rank,) with the least |B t - rest| for the first columns of B. Both are used up."""
+    m = len(B)
+    U = zeros(rank, rank + 1)
+    for k in range(rank):  # modified Gram-Schmidt on the columns of [B rest]
+        for i in range(m):
+            U[k, k] += B[i, k] ** 2
+        U[k, k] = np.sqrt(U[k, k])
+        for i in range(m):
+            B[i, k] /= U[k, k]
+        for c in range(k + 1, rank):
+            for i in range(m):
+                U[k, c] += B[i, k] * B[i, c]
+            for i in range(m):
+                B[i, c] -= U[k, c] * B[i, k]
+        for i in range(m):
+            U[k, rank] += B[i, k] * rest[i]
+        for i in range(m):
+            rest[i] -= U[k, rank] * B[i, k]
+    t = np.zeros(rank)
+    for k in range(rank - 1, -1, -1):
+        t[k] = U[k, rank]
+        for c in range(k + 1, rank):
+            t[k] -= U[k, c] * t[c]
+        t[k] /= U[k, k]
+    return t
+
+
+# --- one level ------------------------------------------------------------------------------------
 
 
 @inlined
@@ -40,7 +231,9 @@ def minimise(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, 
         The forces of the rows (d,), the least that proves a limit tight, and whether z got there.
     """
     for count in range(MAX_STEPS):
-        if advance(search, step(search, A, a)):
+        i, along = advance(search, step(search, A, a))
+        if i < len(search.G):
+            hold(search, i, along)
             continue
         force, largest = forces(search, A, a)
         k = most_wrong(search, force, WRONG * largest, count > BY_INDEX)
@@ -50,15 +243,19 @@ def minimise(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, 
     return np.zeros(len(search.z)), 1.0, False
 
 
-@compiled()
-def advance(search: Search, p: np.ndarray) -> bool:
-    """Move z along p as far as the limits allow; hold the one that stops it, False for none."""
+@part
+def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
+    """Move z along p as far as the limits allow.
+
+    Returns:
+        The limit that stops it, as many as there are for none; and the speed along its row.
+    """
     z = search.z
     largest = 0.0
     for j in range(len(p)):
         largest = max(largest, abs(p[j]))
     share = 1.0
-    first = -1
+    first = len(search.G)
     along = 0.0
     for i in range(len(search.G)):
         if search.marks[STATE, i] != FREE:
@@ -80,12 +277,10 @@ def advance(search: Search, p: np.ndarray) -> bool:
             along = slope
     for j in range(len(z)):
         z[j] += share * p[j]
-    if first >= 0:
-        hold(search, first, along)
-    return first >= 0
+    return first, along
 
 
-@compiled()
+@part
 def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float]:
     """How hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the least.
 
@@ -118,7 +313,7 @@ def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, fl
     return force, largest
 
 
-@compiled()
+@inlined
 def most_wrong(search: Search, force: np.ndarray, least: float, by_index: bool) -> int:
     """The row that keeps z from where it wants to go inside the limits, -1 for none.
 
@@ -177,3 +372,293 @@ def fix_level(search: Search, A: np.ndarray, force: np.ndarray, tight: float) ->
                 marks[STATE, i] = FIXED
             else:
                 hold(search, i, float(marks[SIDE, i]))
+
+
+# --- limits that are rows, in a level of their own ------------------------------------------------
+
+
+@inlined
+def open_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, slack: int) -> None:
+    """Bring in the limits from `begin` on, as many as A has rows: lower <= G z - w <= upper.
+
+    w are the variables of z from `slack` on. A receives the rows that ask for the least |length w|.
+    """
+    z = search.z
+    for r in range(len(A)):
+        i = begin + r
+        value = 0.0
+        noise = 0.0
+        for j in range(slack):
+            value += search.G[i, j] * z[j]
+            noise += abs(search.G[i, j] * z[j])
+        above = value - search.ends[UPPER, i]
+        below = search.ends[LOWER, i] - value
+        A[r, slack + r] = length[i]
+        search.G[i, slack + r] = -1.0
+        search.marks[STATE, i] = FREE
+        if max(above, below) > ROUNDING * noise:
+            z[slack + r] = above if above > below else -below
+            hold(search, i, z[slack + r])
+
+
+@part
+def close_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, slack: int) -> float:
+    """Move the ends of limits that remain in excess to where they are.
+
+    Returns:
+        The sum of squares of the excess.
+    """
+    z = search.z
+    square = 0.0
+    for r in range(len(A)):
+        i = begin + r
+        square += (length[i] * z[slack + r]) ** 2
+        z[slack + r] = 0.0
+        search.G[i, slack + r] = 0.0
+        value = dot(search.G[i], z)
+        search.ends[UPPER, i] = max(search.ends[UPPER, i], value)
+        search.ends[LOWER, i] = min(search.ends[LOWER, i], value)
+    return square
+
+
+# --- the start and the end of a search ------------------------------------------------------------
+
+
+@inlined
+def begin_at(
+    dq_free: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    C: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    d: int,
+    held: np.ndarray,
+) -> tuple[Search, np.ndarray]:
+    """A search that starts at the point of the box nearest to dq_free, with a share of 1.
+
+    It holds the limits that the last search held in the end: most often it is there after one step
+    of each level. Without one, it holds those that dq_free does not keep. The start has no say in
+    where the search ends, but for rounding.
+
+    Returns:
+        The search, and the lengths (K,) of its rows before they became unit vectors.
+    """
+    n = len(dq_free)
+    K = n + 1 + len(C)
+    search = Search(
+        np.zeros(d),
+        zeros(K, d),
+        zeros(UPPER + 1, K),
+        np.zeros((2, d, d)),
+        np.zeros((4, K + d), np.int64),
+        n,
+    )
+    z, G, ends, _, marks, _ = search
+    length = np.zeros(K)
+    z[n] = 1.0
+    G[n, n] = 1.0  # 0 <= s <= 1
+    ends[UPPER, n] = 1.0
+    for i in range(n):
+        G[i, i] = 1.0
+        ends[LOWER, i] = lower[i]
+        ends[UPPER, i] = upper[i]
+        z[i] = min(max(dq_free[i], lower[i]), upper[i])
+        if lower[i] == upper[i]:
+            hold(search, i, dq_free[i] - z[i])
+            marks[STATE, i] = FIXED
+    marks[COUNT, 0] = marks[COUNT, 1]
+    for i in range(n):
+        if marks[STATE, i] == FIXED:
+            continue
+        towards = dq_free[i] - z[i]
+        if held[n] != UNKNOWN:
+            towards = float(held[i])
+            end = upper[i] if towards > 0.0 else lower[i]
+            if towards == 0.0 or not np.isfinite(end):
+                continue
+            z[i] = end
+        if towards != 0.0:
+            hold(search, i, towards)
+    if held[n] != LESS:
+        hold(search, n, 1.0)
+    for r in range(len(C)):
+        i = n + 1 + r
+        marks[STATE, i] = LATER
+        square = 0.0
+        for j in range(n):
+            square += C[r, j] ** 2
+        length[i] = np.sqrt(square) if square > 0.0 else 1.0
+        for j in range(n):
+            G[i, j] = C[r, j] / length[i]
+        ends[LOWER, i] = low[r] / length[i]
+        ends[UPPER, i] = high[r] / length[i]
+    return search, length
+
+
+@inlined
+def leave_behind(search: Search, held: np.ndarray) -> None:
+    """Write down which limits a search holds in the end: the side of each joint, and the share."""
+    for i in range(search.n):
+        held[i] = 0
+        if search.marks[STATE, i] in (HELD, FIXED):
+            held[i] = search.marks[SIDE, i]
+    held[search.n] = WHOLE if search.z[search.n] >= 1.0 else LESS
+
+
+# --- all levels -----------------------------------------------------------------------------------
+
+
+@inlined
+def rows_of(level: int, groups: np.ndarray, tasks: np.ndarray, n: int) -> int:
+    """How many rows a level has: limits, the first task, its share, the other tasks, the law."""
+    first_task = len(groups)
+    if level < first_task:
+        return groups[level]
+    if level == first_task:
+        return tasks[0]
+    if level == first_task + 1:
+        return 1
+    task = level - first_task - 1
+    return tasks[task] if task < len(tasks) else n
+
+
+@inlined
+def ask_for_task(
+    J: np.ndarray, dx: np.ndarray, row: int, is_first: bool, A: np.ndarray, a: np.ndarray
+) -> None:
+    """J dq - s dx = 0 of the first task, J dq = dx of another one, whose rows begin at `row`."""
+    n = J.shape[1]
+    for i in range(len(A)):
+        for j in range(n):
+            A[i, j] = J[row + i, j]
+        if is_first:
+            A[i, n] = -dx[row + i]
+        else:
+            a[i] = dx[row + i]
+
+
+@part
+def ask_for_law(
+    W: np.ndarray, is_factor: bool, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray
+) -> None:
+    """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = F of W = F'F; I for an empty W."""
+    n = len(dq_free)
+    for i in range(n):
+        A[i, i] = 1.0
+    for i in range(len(W)):
+        for j in range(0 if is_factor else i, n):
+            if is_factor:
+                A[i, j] = W[i, j]
+                continue
+            rest = W[i, j]
+            for k in range(i):
+                rest -= A[k, i] * A[k, j]
+            A[i, j] = np.sqrt(rest) if i == j else rest / A[i, i]  # Cholesky
+    for i in range(n):
+        for j in range(n):
+            a[i] += A[i, j] * dq_free[j]
+
+
+@compiled(
+    several(float64[::1], float64, float64, float64, int64, int64, boolean)(
+        *(vector(), matrix(), boolean, matrix(), vector(), vector(int64)),
+        *(vector(), vector(), matrix(), vector(), vector(), vector(int64), int64[::1]),
+    )
+)
+def hierarchical_qp(
+    dq_free: np.ndarray,
+    W: np.ndarray,
+    is_factor: bool,
+    J: np.ndarray,
+    dx: np.ndarray,
+    tasks: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    C: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    groups: np.ndarray,
+    held: np.ndarray,
+) -> tuple[np.ndarray, float, float, float, int, int, bool]:
+    """The joint velocity nearest to dq_free under limits and after tasks, in order of priority.
+
+    Args:
+        dq_free: (n,) what the last level wants.
+        W: (n, n) its weight; (0, 0) for the identity.
+        is_factor: whether W is the factor F of a weight F'F.
+        J: (m, n) rows of all tasks.
+        dx: (m,) what they want.
+        tasks: (k,) number of rows of each task, one at least.
+        lower: (n,) limits of dq.
+        upper: (n,)
+        C: (r, n) rows of the other limits.
+        low: (r,) limits of C dq.
+        high: (r,)
+        groups: (g,) number of rows of each group that has a priority of its own.
+        held: (n + 1,) what the last search left behind, of which this one begins; zeros at first.
+            It receives what this one leaves behind.
+
+    Returns:
+        dq (n,); the share of the first task; its error; the excess of the rows; the limit that
+        resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
+        end; and whether each level got to its least.
+    """
+    n = len(dq_free)
+    d = n + 1  # z = (dq, s, slack variables of one group)
+    for rows in groups:
+        d = max(d, n + 1 + rows)
+    search, length = begin_at(dq_free, lower, upper, C, low, high, d, held)
+    z = search.z
+    first_task = len(groups)
+    share = first_task + 1
+    law = share + len(tasks)
+    hardest = -1
+    solved = True
+    excess = 0.0
+    error = 0.0
+    limit_row = n + 1
+    task_row = 0
+    for level in range(law + 1):
+        A = zeros(rows_of(level, groups, tasks, n), d)
+        a = np.zeros(len(A))
+        if level < first_task:
+            open_slack(search, limit_row, length, A, n + 1)
+        elif level == share:
+            A[0, n] = 1.0  # s = 1
+            a[0] = 1.0
+        elif level == law:
+            ask_for_law(W, is_factor, dq_free, A, a)
+        else:
+            ask_for_task(J, dx, task_row, level == first_task, A, a)
+            task_row += len(A)
+        force, tight, reached = minimise(search, A, a)
+        solved = solved and reached
+        if level == first_task:
+            for i in range(len(A)):
+                error += dot(A[i], z) ** 2
+        if hardest < 0:
+            hardest = hardest_of(search, force, tight)
+        if level < first_task:
+            excess += close_slack(search, limit_row, length, A, n + 1)
+            limit_row += len(A)
+            A = A[:0]
+        if level < law:
+            fix_level(search, A, force, tight)
+
+    leave_behind(search, held)
+    dq = np.zeros(n)
+    if not np.isfinite(dot(a, a) + dot(z, z) + error + excess):  # as the input was
+        for j in range(d):
+            z[j] = 0.0
+        for i in range(len(held)):
+            held[i] = 0
+        error = np.nan
+        solved = False
+    for i in range(n):
+        dq[i] = min(max(z[i], lower[i]), upper[i])  # which changes it at rounding level
+    s = min(max(z[n], 0.0), 1.0)
+    side = search.marks[SIDE, hardest] if hardest >= 0 else 0
+    if hardest > n:
+        hardest -= 1  # the share is no limit to others
+    return dq, s, np.sqrt(error), np.sqrt(excess), hardest, side, solved

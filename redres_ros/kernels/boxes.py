@@ -3,7 +3,7 @@
 import numpy as np
 from numba import boolean, float64, int64, types
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
 
 TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
@@ -68,7 +68,7 @@ def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[flo
     return min(max(least, lower), upper), max(min(most, upper), lower)
 
 
-@compiled()
+@part
 def saved(
     lower: float, upper: float, room: tuple[float, float], dq_prev: float, hardest: float, T: float
 ) -> tuple[float, float]:
@@ -91,6 +91,16 @@ def saved(
     elif least > upper:
         upper = max(upper, min(dq_prev + T * hardest, least, 0.0))
     return lower, upper
+
+
+@direct
+@compiled(boolean(vector(), vector(), vector()))
+def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
+    """Whether lower <= values <= upper, element by element; False for NaN."""
+    for i in range(len(values)):  # noqa: SIM110 (numba knows no generators)
+        if not lower[i] <= values[i] <= upper[i]:
+            return False
+    return True
 
 
 @direct
@@ -171,3 +181,60 @@ def fill_boxes(
         box[0, i] = lower
         box[1, i] = upper
     return meet
+
+
+@direct
+@compiled(
+    int64(
+        *(vector(), vector(), vector(), float64, vector(), vector(), vector(), vector()),
+        *(float64[::1], float64[::1]),
+    )
+)
+def admit(
+    q_ref: np.ndarray,
+    p: np.ndarray,
+    v: np.ndarray,
+    T: float,
+    V: np.ndarray,
+    A: np.ndarray,
+    q_min: np.ndarray,
+    q_max: np.ndarray,
+    admitted: np.ndarray,
+    dq: np.ndarray,
+) -> int:
+    """Write the reference that the robot may get, and its velocity.
+
+    A joint that is faster than V may not get faster; one outside its range may only come back.
+
+    Args:
+        q_ref: The reference that is proposed, (n,) [rad].
+        p: Where the robot is, (n,) [rad].
+        v: Its velocity, (n,) [rad/s].
+        T: Sampling time [s].
+        V: (n,) [rad/s].
+        A: (n,) [rad/s^2].
+        q_min: (n,) [rad].
+        q_max: (n,) [rad].
+        admitted: Receives the reference, (n,) [rad].
+        dq: Receives its velocity, (n,) [rad/s].
+
+    Returns:
+        The number of the first joint that is changed; -1 if none is.
+    """
+    changed = -1
+    for i in range(len(q_ref)):
+        lower = v[i] - T * A[i]
+        upper = v[i] + T * A[i]
+        lower, upper = narrowed(lower, upper, min(-V[i], v[i]), max(V[i], v[i]))
+        least = -stopping_speed(max(p[i] - q_min[i], 0.0), A[i], T)
+        most = stopping_speed(max(q_max[i] - p[i], 0.0), A[i], T)
+        lower, upper = narrowed(lower, upper, least, most)
+        admitted[i] = q_ref[i]
+        dq[i] = (q_ref[i] - p[i]) / T
+        if not lower - TOUCHING <= dq[i] <= upper + TOUCHING:
+            proposed = dq[i] if np.isfinite(dq[i]) else 0.0
+            dq[i] = min(max(proposed, lower), upper)
+            admitted[i] = p[i] + T * dq[i]
+            if changed < 0:
+                changed = i
+    return changed

@@ -1,73 +1,188 @@
-"""The closed form, Eq. (A.13) and (20), as one compiled call: the ground of resolution.py.
+"""The closed form, Eq. (A.13) and (20), and what else is solved by triangular factors.
 
-A call of numpy or LAPACK takes longer than the arithmetic of so few joints. The whole formula
-compiled takes as long as three of them.
+A call of numpy or LAPACK takes longer than the arithmetic of so few joints: the whole formula takes
+as long as three of them. And scipy, which brings LAPACK's triangular solvers, takes a third of a
+second to load.
 """
 
 import numpy as np
-from numba import float64, int64
+from numba import boolean, float64, int64
 
-from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled, inlined, matrix, vector
-from redres_ros.kernels.factors import (
-    IDENTITY,
-    SQUARE,
-    WEIGHT,
-    cholesky,
-    make_orthonormal,
-    solve_factor,
-    solve_transposed_factor,
-)
+from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, vector
 
-# What came of it.
+# Results of `closed_form`.
 SOLVED = 0
-SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the answer
-INDEFINITE = 2  # W is no such matrix, or holds NaN
+SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the solution
+INDEFINITE = 2  # W is not positive definite, or holds NaN
 NOT_FINITE = 3
+
+# What a weight is given as.
+IDENTITY = 0  # nothing: the weight is I
+WEIGHT = 1  # the weight
+FACTOR = 2  # the upper triangular F of the weight F'F
+SQUARE = 3  # the symmetric positive definite M of the weight M M
 
 # Task directions whose singular value is below this share of the largest one are damped.
 SINGULAR_RATIO = 1e-3
 
+# A row that keeps this share of its square, a tenth of its length, is orthogonal to the others
+# after one pass, but for ten roundings.
+MUCH = 0.01
+
+_ARRAY = float64[:, ::1]
+
 
 @inlined
-def is_regular(R: np.ndarray, first: int, m: int, size: float) -> bool:
+def product_of_rows(A: np.ndarray, i: int, j: int) -> float:
+    """The scalar product of rows i and j of A (m, n)."""
+    total = 0.0
+    for k in range(A.shape[1]):
+        total += A[i, k] * A[j, k]
+    return total
+
+
+@part
+def copied(A: np.ndarray) -> np.ndarray:
+    """A copy of A (m, n) whose rows are contiguous, as all functions below want them."""
+    m, n = A.shape
+    B = np.empty((m, n))
+    for i in range(m):
+        for j in range(n):
+            B[i, j] = A[i, j]
+    return B
+
+
+@part
+def cholesky(U: np.ndarray) -> bool:
+    """Write U of A = U'U over the upper triangle of A (n, n); whether A is positive definite."""
+    for i in range(len(U)):
+        for j in range(i, len(U)):
+            rest = U[i, j]
+            for k in range(i):
+                rest -= U[k, i] * U[k, j]
+            if j > i:
+                U[i, j] = rest / U[i, i]
+                continue
+            if not 0.0 < rest < np.inf:
+                return False
+            U[i, i] = np.sqrt(rest)
+    return True
+
+
+@part
+def solve_lower(U: np.ndarray, X: np.ndarray) -> None:
+    """Each row x of X (k, n) becomes U'^-1 x, for an upper triangular U (n, n)."""
+    for r in range(len(X)):
+        for i in range(len(U)):
+            for k in range(i):
+                X[r, i] -= U[k, i] * X[r, k]
+            X[r, i] /= U[i, i]
+
+
+@part
+def solve_upper(U: np.ndarray, X: np.ndarray) -> None:
+    """Each row x of X (k, n) becomes U^-1 x, for an upper triangular U (n, n)."""
+    for r in range(len(X)):
+        for i in range(len(U) - 1, -1, -1):
+            for k in range(i + 1, len(U)):
+                X[r, i] -= U[i, k] * X[r, k]
+            X[r, i] /= U[i, i]
+
+
+@inlined
+def solve_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
+    """Each row x of X (k, n) becomes F^-1 x; a SQUARE comes with F'F in the place of F."""
+    if form == SQUARE:
+        solve_lower(F, X)
+    solve_upper(F, X)
+
+
+@inlined
+def solve_transposed_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
+    """Each row x of X (k, n) becomes F'^-1 x; a SQUARE comes with F'F in the place of F."""
+    solve_lower(F, X)
+    if form == SQUARE:
+        solve_upper(F, X)
+
+
+@inlined
+def substitute(R: np.ndarray, x: np.ndarray) -> None:
+    """x becomes R^-1 x, for a lower triangular R (m, m)."""
+    for k in range(len(x)):
+        for j in range(k):
+            x[k] -= R[k, j] * x[j]
+        x[k] /= R[k, k]
+
+
+@part
+def make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
+    """The rows of Q (m, n) become orthonormal: before = R after, with R (m, m) lower triangular.
+
+    The upper triangle of R stays as it is.
+    """
+    for k in range(len(Q)):
+        before = product_of_rows(Q, k, k)
+        after = before
+        for j in range(k):
+            R[k, j] = 0.0
+        for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
+            for j in range(k):
+                along = product_of_rows(Q, j, k)
+                R[k, j] += along
+                for i in range(Q.shape[1]):
+                    Q[k, i] -= along * Q[j, i]
+            after = product_of_rows(Q, k, k)
+            if after > MUCH * before:
+                break
+        R[k, k] = np.sqrt(after)
+        for i in range(Q.shape[1]):
+            Q[k, i] /= R[k, k]
+
+
+@part
+def is_regular(R: np.ndarray, begin: int, end: int, size: float) -> bool:
     """Whether no direction of a task needs damping; False also where it is a close call.
 
-    Its block of R (m, m) begins at `first` and is lower triangular. The eigenvalues of R R' other
-    than the smallest one have a mean of at most trace / (m - 1). Hence the smallest one is at least
+    Its block of R (m, m) is lower triangular. The eigenvalues of R R' other than the smallest one
+    have a mean of at most trace / (m - 1). Hence the smallest one is at least
     det / (trace / (m - 1))^(m - 1). Where this is too little, as for eigenvalues of different
     sizes, it is at least 1 / trace of the inverse.
 
     Args:
         R: Its block has the singular values of the task.
-        first: Row and column of R in which the block begins.
-        m: Number of rows of the task.
+        begin: Row and column of R in which the block begins.
+        end: The same for its end.
         size: They are judged against this, or against the largest one if that is larger.
     """
-    end = first + m
     trace = 0.0
     root_of_det = 1.0
-    for k in range(first, end):
-        for j in range(first, k + 1):
-            trace += R[k, j] ** 2
+    for k in range(begin, end):
+        for j in range(begin, k + 1):
+            trace += R[k, j] * R[k, j]
         root_of_det *= R[k, k]
-    needed = SINGULAR_RATIO**2 * max(trace, size * size)  # the largest one is at most the trace
-    if root_of_det**2 * ((m - 1) / trace) ** (m - 1) > needed:
+    needed = (
+        SINGULAR_RATIO * SINGULAR_RATIO * max(trace, size * size)
+    )  # the largest one is at most the trace
+    inverse_of_mean = (end - begin - 1) / trace
+    least = root_of_det * root_of_det
+    for _ in range(begin + 1, end):
+        least *= inverse_of_mean
+    if least > needed:
         return True
     trace_of_inverse = 0.0
     column = np.empty(end)
-    for k in range(first, end):  # of the inverse
+    for k in range(begin, end):  # of the inverse
         for i in range(k, end):
             column[i] = 1.0 if i == k else 0.0
             for j in range(k, i):
                 column[i] -= R[i, j] * column[j]
             column[i] /= R[i, i]
-            trace_of_inverse += column[i] ** 2
+            trace_of_inverse += column[i] * column[i]
     return 1.0 / trace_of_inverse > needed
 
 
 @inlined
-def are_regular(R: np.ndarray, first: int) -> bool:
+def are_regular(R: np.ndarray, first: int, size: float) -> bool:
     """Whether no task needs damping in what those before it leave; False also for close calls.
 
     With J = R Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
@@ -78,24 +193,67 @@ def are_regular(R: np.ndarray, first: int) -> bool:
     Args:
         R: (m, m) lower triangular.
         first: Number of rows of the first task.
+        size: The singular values of the first task are judged against this, or against the largest
+            one if that is larger.
     """
-    if not is_regular(R, 0, first, 0.0):
-        return False
-    square = 0.0  # of all elements: at least that of the largest singular value
-    for k in range(first, len(R)):
-        for j in range(k + 1):
-            square += R[k, j] ** 2
-    return first == len(R) or is_regular(R, first, len(R) - first, np.sqrt(square))
+    begin = 0
+    end = first
+    while begin < len(R):
+        if not is_regular(R, begin, end, size):
+            return False
+        begin = end
+        end = len(R)
+        square = 0.0  # of all elements: at least that of the largest singular value
+        for k in range(begin, end):
+            for j in range(k + 1):
+                square += R[k, j] * R[k, j]
+        size = np.sqrt(square)
+    return True
 
 
 @inlined
+def add_weighted(
+    Q: np.ndarray, R: np.ndarray, r: np.ndarray, F: np.ndarray, form: int, dq: np.ndarray
+) -> bool:
+    """Add J_W^# r of the Jacobian J = Q to dq; whether W is positive definite.
+
+    With W = F'F and y = F dq it is the least y with J F^-1 y = r. The rows of J F^-1 are made
+    orthonormal, J F^-1 = R Q: then y = Q' R^-1 r. That is Eq. (A.5),
+    J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition.
+
+    Args:
+        Q: (m, n), the Jacobian; used up.
+        R: (m, m), overwritten.
+        r: (m,); used up.
+        F: (n, n) the weight as `form` says; used up.
+        form: WEIGHT, FACTOR or SQUARE.
+        dq: (n,) receives the result.
+    """
+    if form != FACTOR and not cholesky(F):
+        return False
+    solve_transposed_factor(F, form, Q)
+    make_orthonormal(Q, R)
+    substitute(R, r)
+    y = np.empty((1, len(dq)))
+    for i in range(len(dq)):
+        y[0, i] = 0.0
+        for k in range(len(r)):
+            y[0, i] += Q[k, i] * r[k]
+    solve_factor(F, form, y)
+    for i in range(len(dq)):
+        dq[i] += y[0, i]
+    return True
+
+
+@part
 def solution(
     Q: np.ndarray,
-    R: np.ndarray,
-    dx: np.ndarray,
+    r: np.ndarray,
+    first: int,
     b: np.ndarray,
     W: np.ndarray,
     form: int,
+    size: float,
     fastest: float,
     dq: np.ndarray,
 ) -> int:
@@ -106,81 +264,41 @@ def solution(
     Q^# = Q'.
 
     Args:
-        Q: (m, n), orthonormal rows; used up.
-        R: (m, m), lower triangular; used up.
-        dx: (m,); becomes r.
-        b: (n,).
-        W: The weight as `form` says.
-        form: IDENTITY, WEIGHT, FACTOR or SQUARE.
-        fastest: Where dq is longer than this, it is not the answer.
-        dq: (n,) receives the result.
-
-    Returns:
-        SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
-    """
-    substitute(R, dx)
-    for k in range(len(dx)):
-        dx[k] -= dot(Q[k], b)
-    if form == IDENTITY:
-        add_up(Q, dx, dq)
-    elif not weighted(Q, R, dx, W, form, dq):
-        return INDEFINITE
-    total = 0.0
-    for i in range(len(b)):
-        dq[i] += b[i]
-        total += dq[i]
-    if not np.isfinite(total):
-        return NOT_FINITE
-    return SOLVED if dot(dq, dq) <= fastest**2 else SINGULAR
-
-
-@inlined
-def weighted(
-    Q: np.ndarray, R: np.ndarray, r: np.ndarray, W: np.ndarray, form: int, dq: np.ndarray
-) -> bool:
-    """Write J_W^# r of the Jacobian J = Q into dq; whether W is positive definite.
-
-    With W = F'F and y = F dq it is the least y with J F^-1 y = r. The rows of J F^-1 are made
-    orthonormal, J F^-1 = R Q: then y = Q' R^-1 r. That is Eq. (A.5),
-    J_W^# = W^-1 J' (J W^-1 J')^-1, without squaring its condition.
-
-    Args:
-        Q: (m, n), the Jacobian; used up.
-        R: (m, m), overwritten.
-        r: (m,); used up.
-        W: The weight as `form` says.
-        form: WEIGHT, FACTOR or SQUARE.
+        Q: (m, n) the Jacobian J of all tasks; used up.
+        r: (m,) their velocities dx; used up.
+        first: Number of rows of the first task.
+        b: As for `closed_form`, and so are the others.
+        W: The weight.
+        form: What W is.
+        size: Of a singular value.
+        fastest: [rad/s]
         dq: (n,) receives the result.
     """
-    F = W.copy()
-    if form in (WEIGHT, SQUARE) and not cholesky(W, F):
-        return False
-    for k in range(len(r)):
-        solve_transposed_factor(F, form, Q[k])
-    R[:] = 0.0
-    make_orthonormal(Q, R)
+    m, n = Q.shape
+    if m > n:
+        return SINGULAR
+    R = np.empty((m, m))
+    make_orthonormal(Q, R)  # J = R Q
+    if not are_regular(R, first, size):
+        return SINGULAR
     substitute(R, r)
-    add_up(Q, r, dq)
-    solve_factor(F, form, dq)
-    return True
-
-
-@inlined
-def substitute(R: np.ndarray, x: np.ndarray) -> None:
-    """x becomes R^-1 x, for a lower triangular R (m, m), from its first row to its last."""
-    for k in range(len(x)):
-        for j in range(k):
-            x[k] -= R[k, j] * x[j]
-        x[k] /= R[k, k]
-
-
-@inlined
-def add_up(Q: np.ndarray, r: np.ndarray, y: np.ndarray) -> None:
-    """Write Q' r into y, for Q (m, n)."""
-    y[:] = 0.0
-    for k in range(len(r)):
-        for i in range(len(y)):
-            y[i] += Q[k, i] * r[k]
+    for i in range(n):
+        dq[i] = b[i]
+        for k in range(m):
+            r[k] -= Q[k, i] * b[i]
+    if form != IDENTITY:
+        if not add_weighted(Q, R, r, copied(W), form, dq):
+            return INDEFINITE
+    else:
+        for k in range(m):
+            for i in range(n):
+                dq[i] += Q[k, i] * r[k]
+    square = 0.0
+    for i in range(n):
+        square += dq[i] * dq[i]
+    if not np.isfinite(square):
+        return NOT_FINITE
+    return SOLVED if square <= fastest * fastest else SINGULAR
 
 
 @compiled(
@@ -208,19 +326,17 @@ def closed_form(
         W: The weight as `form` says; (0, 0) for the identity.
         form: IDENTITY, WEIGHT, FACTOR or SQUARE.
         size: Singular values are judged against this, or against the largest one of J.
-        fastest: Where dq is longer than this, it is not the answer.
+        fastest: Where dq is longer than this, it is not the solution.
         dq: (n,) receives the result.
 
     Returns:
         SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
     """
-    m, n = J.shape
-    Q = J.copy()
-    R = np.zeros((m, m))
-    make_orthonormal(Q, R)  # J = R Q
-    if m > n or not is_regular(R, 0, m, size):
-        return SINGULAR
-    return solution(Q, R, dx.copy(), b, W, form, fastest, dq)
+    m = len(dx)
+    r = np.empty(m)
+    for k in range(m):
+        r[k] = dx[k]
+    return solution(copied(J), r, m, b, W, form, size, fastest, dq)
 
 
 @compiled(
@@ -263,13 +379,85 @@ def closed_form_in_order(
     m = first + len(dx_lower)
     n = len(b)
     Q = np.empty((m, n))
-    dx = np.empty(m)
-    for k in range(m):
+    r = np.empty(m)
+    for k in range(first):
+        r[k] = dx_first[k]
         for i in range(n):
-            Q[k, i] = J_first[k, i] if k < first else J_lower[k - first, i]
-        dx[k] = dx_first[k] if k < first else dx_lower[k - first]
-    R = np.zeros((m, m))
-    make_orthonormal(Q, R)  # J = R Q
-    if m > n or not are_regular(R, first):
-        return SINGULAR
-    return solution(Q, R, dx, b, W, form, fastest, dq)
+            Q[k, i] = J_first[k, i]
+    for k in range(first, m):
+        r[k] = dx_lower[k - first]
+        for i in range(n):
+            Q[k, i] = J_lower[k - first, i]
+    return solution(Q, r, first, b, W, form, 0.0, fastest, dq)
+
+
+@direct
+@compiled(boolean(matrix(), float64))
+def is_far(J: np.ndarray, ratio: float) -> bool:
+    """Whether each singular value of J (m, n) is above a share of the largest one.
+
+    False also where it is a close call.
+    """
+    m = len(J)
+    Q = copied(J)
+    R = np.empty((m, m))
+    make_orthonormal(Q, R)
+    square = 0.0
+    for k in range(m):
+        for j in range(k + 1):
+            square += R[k, j] * R[k, j]
+    return are_regular(R, m, ratio / SINGULAR_RATIO * np.sqrt(square))
+
+
+@compiled(boolean(matrix(), _ARRAY))
+def fill_factor(W: np.ndarray, F: np.ndarray) -> bool:
+    """Fill in the upper triangle of F, W = F'F; whether W (n, n) is positive definite."""
+    for i in range(len(F)):
+        for j in range(i, len(F)):
+            F[i, j] = W[i, j]
+    return cholesky(F)
+
+
+@compiled((matrix(), int64, boolean, _ARRAY))
+def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> None:
+    """Each row x of X becomes F^-1 x, or F'^-1 x.
+
+    Args:
+        F: (n, n) upper triangular.
+        form: FACTOR, or SQUARE for F'F in the place of F.
+        transposed: Whether F' is meant.
+        X: (k, n).
+    """
+    U = copied(F)
+    if transposed:
+        solve_transposed_factor(U, form, X)
+    else:
+        solve_factor(U, form, X)
+
+
+@direct
+@compiled((float64, vector(), float64, matrix(), vector(), float64[::1]))
+def free_motion(
+    share: float, dq: np.ndarray, T: float, M: np.ndarray, n: np.ndarray, b: np.ndarray
+) -> None:
+    """Write lambda dq - T M^-1 n, Eq. (27) and (32), into b; NaN for an M that is not definite.
+
+    It is the velocity after one tick without any torque, Eq. (6), and with null-space damping.
+
+    Args:
+        share: lambda.
+        dq: (n,) [rad/s].
+        T: Sampling time [s].
+        M: (n, n) [kg m^2].
+        n: (n,) [Nm].
+        b: (n,) receives the result [rad/s].
+    """
+    U = copied(M)
+    x = np.empty((1, len(n)))
+    is_definite = cholesky(U)
+    for i in range(len(n)):
+        x[0, i] = -n[i] if is_definite else np.nan
+    solve_lower(U, x)
+    solve_upper(U, x)  # -M^-1 n
+    for i in range(len(n)):
+        b[i] = share * dq[i] + T * x[0, i]

@@ -21,7 +21,7 @@ def log_compiling(folder: str) -> None:
         return
     how_often = f'once, and kept in {folder}'
     if not folder:
-        how_often = 'in every process, as no folder to keep them in can be written'
+        how_often = 'in every process, as no folder can be written; NUMBA_CACHE_DIR names one'
     print(
         f'compiling the formulas, which takes a quarter of a minute: {how_often}',
         file=sys.stderr,

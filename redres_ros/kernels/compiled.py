@@ -1,72 +1,66 @@
-"""Compiling numerical functions: once, when their module is loaded, and never in the loop."""
+"""Compiling numerical functions: once, when their module is loaded, and never in the loop.
+
+numba keeps what it has compiled beside the source file, or where NUMBA_CACHE_DIR says, or in the
+user's cache directory. It compiles a function anew when the file of that function has changed, and
+looks at no other file. So each file here holds all that its functions call.
+"""
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 import numba
 from numba import types
-from numba.core.typeinfer import register_dispatcher
 
 from redres_ros.files.signals import interruptible
-from redres_ros.kernels.cache import Kept, enter
 from redres_ros.kernels.compile_log import log_compiling
 
 # Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
 _IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])
 
-enter()
-
 
 def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
     """A decorator that compiles a function for the given signatures, or takes it from the cache.
 
-    A function without a signature is a part of others. It is compiled with those that call it, and
-    kept within them. Where no folder for the cache can be written, all is compiled anew in every
-    process.
+    Where no folder for the cache can be written, it is compiled anew in every process.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
         if _IN_PYTHON:
             return function
-        if not signatures:
-            return _part(function, 'never')
         with interruptible():  # LLVM calls back into Python, where an interrupt would get lost
-            return _made(function, signatures)
+            try:
+                made: Any = numba.njit(list(signatures), cache=True, error_model='numpy')(function)
+            except RuntimeError:  # there is no folder that can be written
+                made = numba.njit(list(signatures), error_model='numpy')(function)
+        if not made.stats.cache_hits:
+            log_compiling(made.stats.cache_path or '')
+        return made
 
     return decorate
 
 
+def part(function: Callable[..., Any]) -> Any:
+    """A function that only compiled ones of its file call. It is compiled with them, and kept in
+    them.
+    """
+    return _part(function, 'never')
+
+
 def inlined(function: Callable[..., Any]) -> Any:
-    """A part of others that is written into them, as if it stood there.
+    """A part that is written into its callers, as if it stood there.
 
     This is for what is called at one place, which then compiles in less time, and for the smallest
-    parts: calls of those take up to a fifth of a kernel's time. Large ones that are called at many
-    places compile in two or three times the time.
+    parts, whose calls take up to a fifth of a kernel's time. Others compile in less time as parts
+    that call no parts: numba compiles each part once for itself and once with every caller.
     """
     return _part(function, 'always')
 
 
 def _part(function: Callable[..., Any], inline: str) -> Any:
-    """A function that only others of its kind call. Without wrappers, which Python would need."""
+    if _IN_PYTHON:
+        return function
     options: Any = {'inline': inline, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
     return numba.njit(error_model='numpy', **options)(function)
-
-
-def _made(function: Callable[..., Any], signatures: tuple[Any, ...]) -> Any:
-    """As numba.njit(signatures, cache=True) makes it, but from a cache of ours."""
-    made: Any = numba.njit(error_model='numpy')(function)
-    folder = ''
-    with suppress(RuntimeError):  # there is no folder that can be written
-        made._cache = Kept(function)  # type: ignore[no-untyped-call]
-        folder = made._cache.cache_path
-    with register_dispatcher(made):  # a function may call itself
-        for signature in signatures:
-            made.compile(signature)
-    made.disable_compile()
-    if not made.stats.cache_hits:
-        log_compiling(folder)
-    return made
 
 
 def direct(function: Any) -> Any:

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import boolean, float64, int64, types
 
-from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled, several, vector
+from redres_ros.kernels.compiled import compiled, inlined, part, several, vector
 
 FLOOR = -1  # in place of a second body
 FIRST_SPHERE = -2  # the second one is -3
@@ -58,13 +57,22 @@ class Scene(NamedTuple):
     found: np.ndarray  # (1,) how many rows count
 
 
-@compiled()
+@inlined
+def dot(a: np.ndarray, b: np.ndarray) -> float:
+    """a' b."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@part
 def within_one(share: float) -> float:
     """A share of a segment, clipped to it."""
     return min(max(share, 0.0), 1.0)
 
 
-@compiled()
+@part
 def nearest_shares(
     a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray
 ) -> tuple[float, float]:
@@ -86,7 +94,7 @@ def nearest_shares(
     return s, t
 
 
-@compiled()
+@part
 def add_motion(
     scene: Scene, row: np.ndarray, normal: np.ndarray, p: np.ndarray, joints: int
 ) -> None:
@@ -105,7 +113,7 @@ def add_motion(
         row[k] += z[2] * (arm[0] * normal[1] - arm[1] * normal[0])
 
 
-@compiled()
+@part
 def enter(scene: Scene, i: int, other: int, row: np.ndarray, distance: float) -> None:
     """Add what body i approaches, unless no joint can do anything about it."""
     if dot(row, row) > _NOTHING:
@@ -118,7 +126,7 @@ def enter(scene: Scene, i: int, other: int, row: np.ndarray, distance: float) ->
         scene.found[0] = at + 1
 
 
-@compiled()
+@part
 def look_at_body(scene: Scene, i: int, j: int) -> None:
     """Two bodies of the arm: n' (J_i - J_j), with n the way from the one to the other."""
     a = scene.points[i, 0]
@@ -138,7 +146,7 @@ def look_at_body(scene: Scene, i: int, j: int) -> None:
         enter(scene, i, j, row, distance)
 
 
-@compiled()
+@part
 def look_at_floor(scene: Scene, i: int, floor: float) -> None:
     """A body, and all that is below a height [m]."""
     lower = 0 if scene.points[i, 0, 2] < scene.points[i, 1, 2] else 1
@@ -150,7 +158,7 @@ def look_at_floor(scene: Scene, i: int, floor: float) -> None:
         enter(scene, i, FLOOR, row, distance)
 
 
-@compiled()
+@part
 def look_at_sphere(scene: Scene, i: int, name: int, ball: np.ndarray) -> None:
     """A body, and a ball (4,) with its centre and its radius [m]; a radius of 0 is none."""
     a = scene.points[i, 0]
@@ -165,7 +173,7 @@ def look_at_sphere(scene: Scene, i: int, name: int, ball: np.ndarray) -> None:
         enter(scene, i, name, row, distance)
 
 
-@compiled()
+@part
 def turned(R: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
     """R (3, 3) times the rotation about a unit vector (3,) by an angle [rad]: Rodrigues."""
     sine = np.sin(angle)
@@ -183,7 +191,7 @@ def turned(R: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
     return product
 
 
-@compiled()
+@part
 def look_around(q: np.ndarray, chain: Chain, shapes: Shapes, reach: float) -> Scene:
     """The scene at q (n,) [rad], with all that is nearer than `reach` [m]."""
     n = len(q)
@@ -266,7 +274,7 @@ def approaches(
     return scene.C[:found], scene.distance[:found], scene.who[:found]
 
 
-@compiled()
+@part
 def is_inside(scene: Scene, pair: np.ndarray, clearance: float) -> bool:
     """Whether a pair is nearer than the clearance [m] already."""
     for r in range(scene.found[0]):

@@ -3,17 +3,23 @@
 import numpy as np
 from numba import float64
 
-from redres_ros.kernels.arithmetic import dot
-from redres_ros.kernels.compiled import compiled, direct, inlined, matrix
+from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part
 
 # [rad] this near to half a turn, the axis is read from the symmetric part of the matrix
 NEAR_HALF_A_TURN = 0.1
 
 
 @inlined
+def dot(a: np.ndarray, b: np.ndarray) -> float:
+    """a' b, for vectors (3,)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@part
 def turn(share: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
     """Write a share of the turn from A to B, as of `rotation_error`, into w (3,)."""
-    w[:] = 0.0  # becomes sin(angle) axis, half of what is antisymmetric in R = B A'
+    for i in range(3):
+        w[i] = 0.0  # becomes sin(angle) axis, half of what is antisymmetric in R = B A'
     trace = 0.0  # of R
     for j in range(3):
         w[0] += (A[1, j] * B[2, j] - A[2, j] * B[1, j]) / 2.0
@@ -34,7 +40,7 @@ def turn(share: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
             w[i] *= share * angle / sine
 
 
-@compiled()
+@part
 def axis_of(A: np.ndarray, B: np.ndarray, cosine: float) -> np.ndarray:
     """The axis a of R = B A', up to its sign, from (R + R')/2 = cos I + (1 - cos) a a'."""
     R = np.empty((3, 3))

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.kernels.tick import free_motion
+from redres_ros.kernels.closed_form import free_motion
 from redres_ros.laws.law import Law
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState

@@ -22,8 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.kernels.closed_form import SINGULAR_RATIO
-from redres_ros.kernels.conditioning import is_far
+from redres_ros.kernels.closed_form import SINGULAR_RATIO, is_far
 from redres_ros.resolution import Level, Solution, resolve_one, scaled
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task

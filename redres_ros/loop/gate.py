@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.controller import Controller, bridged
-from redres_ros.kernels.tick import admit
+from redres_ros.kernels.boxes import admit
 
 
 class Admission(NamedTuple):
