@@ -75,8 +75,7 @@ setup(
     # the oldest versions that were tested together; older ones of numpy do not go with pin 3
     install_requires=[
         'numpy>=2.2',
-        'numba>=0.61.2,<0.70',  # the first for that numpy; kernels/cache.py knows its insides
-        'scipy>=1.14.1',
+        'numba>=0.61.2',  # the first for that numpy
         'pin>=3.3.1',
         'PyYAML>=6.0.1',
         'rich>=13.0',
