@@ -1,0 +1,224 @@
+"""An arm behind ros2_control, whose controllers come and go while it moves: what is written to its
+hardware never steps beyond the arm's limits.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from nightly import NIGHTLY
+from reference_judge import ReferenceJudge, judge_graph
+from stand_in import COMMANDS, Habits, StandIn, behind_ros2_control
+from std_msgs.msg import Float64MultiArray
+from virtual_graph import Graph
+from wire_faults import off
+
+from redres_ros.files.share import share_path
+from redres_ros.nodes.conversions import to_pose, to_twist
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import find_arm
+from redres_ros.robots.joint_limits import JointLimits
+
+pytestmark = pytest.mark.slow
+
+FILE = share_path('config/robots/lbr_iiwa7.yaml')
+ARM = find_arm('iiwa7')
+LIMITS = JointLimits.of(ARM)
+RATES = (100.0, 125.0, 500.0, 1000.0)  # [Hz]
+NOTICED = 0.05  # [s] after which the controller knows that the arm does not move
+SENT_EVERY = 0.02  # [s] by an operator
+SPEED = 0.1  # [m/s] of an operator
+AIM = np.array((0.0, 0.3, 0.0))  # [m] from where the tip is
+
+
+@dataclass
+class Scene:
+    """A robot behind ros2_control, and all that judges it."""
+
+    graph: Graph
+    robot: StandIn
+    published: ReferenceJudge
+    rate: float
+
+    @property
+    def speed(self) -> float:
+        """Of the fastest joint in what was published last [rad/s]."""
+        (before, r_before), (now, r) = self.published.references[-2:]
+        return float(np.abs(r - r_before).max()) / ((now - before) / 1e9)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        self.graph.clock.advance(seconds)
+
+    def assert_well(self) -> None:
+        """Nothing that was published or written stepped."""
+        self.published.assert_followable()
+        self.robot.hardware.assert_followable()
+
+
+@contextmanager
+def scene(directory: Path, rate: float, habits: Habits | None = None) -> Iterator[Scene]:
+    """An iiwa behind ros2_control at another rate; its own speed limits are not what acts here."""
+    given = FILE.read_text()
+    path = directory / 'robot.yaml'
+    changed = given.replace('rate: 100.0', f'rate: {rate}').replace('_scale: 0.2', '_scale: 1.0')
+    path.write_text(changed.replace('target_speed: 0.05', f'target_speed: {SPEED}'))
+    with behind_ros2_control(path) as (graph, _):
+        graph.kept['controller/mode'] = []
+        published = judge_graph(graph, LIMITS, rate, 'hold')
+        robot = StandIn(graph, LIMITS, np.array(ARM.start), rate, habits=habits)
+        yield Scene(graph, robot, published, rate)
+
+
+def plan(graph: Graph, robot: StandIn) -> None:
+    """Have the planner go somewhere."""
+    x, R = RobotModel(ARM).tip(robot.q)
+    graph.publish('target_pose', to_pose(0, '', x + AIM, R))
+
+
+def teleoperate(graph: Graph, robot: StandIn) -> None:
+    """Steer the tip to one side, and go on doing so."""
+    forward = SPEED * AIM / np.linalg.norm(AIM)
+
+    def send() -> None:
+        graph.publish('cartesian_velocity', to_twist(0, '', forward))
+
+    graph.clock.repeat(SENT_EVERY, send)
+
+
+Move = Callable[[Graph, StandIn], None]
+SOURCES = pytest.mark.parametrize('move', [plan, teleoperate], ids=['planner', 'teleoperation'])
+# Rate [Hz] and time for which the controller is inactive [s]; all of them at night.
+OFF = tuple(product(RATES, (0.1, 0.2, 1.0, 3.0)))
+FEW = ((100.0, 0.1), (125.0, 1.0), (500.0, 0.2), (1000.0, 0.1), (100.0, 3.0))
+
+
+@SOURCES
+@pytest.mark.parametrize(('rate', 'off'), OFF if NIGHTLY else FEW)
+def test_re_activated_in_motion_the_forwarding_controller_gets_no_step(
+    rate: float, off: float, move: Move, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        now.advance(0.5)
+        move(now.graph, now.robot)
+        now.advance(1.0)
+        assert now.speed > 0.01
+        now.robot.deactivate()
+        now.advance(off)
+        now.robot.activate()
+        now.advance(1.0)
+        now.assert_well()
+
+
+@SOURCES
+@pytest.mark.parametrize('rate', RATES)
+def test_an_arm_that_does_not_move_although_it_is_told_to_is_noticed(
+    rate: float, move: Move, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        now.advance(0.5)
+        move(now.graph, now.robot)
+        now.advance(1.0)
+        now.robot.deactivate()
+        at = now.graph.clock.now
+        now.advance(NOTICED + 2.0 / rate)
+        words = [word.data for time, word in now.graph.kept['controller/mode'] if time > at]
+        assert words, 'the mode has not changed'
+        assert words[0] != 'moving'
+
+
+def test_the_arm_goes_on_from_where_it_is_once_its_operator_has_let_go(tmp_path: Path) -> None:
+    with scene(tmp_path, 500.0) as now:
+        teleoperate(now.graph, now.robot)
+        now.advance(1.0)
+        now.robot.deactivate()
+        now.advance(1.0)
+        stood = now.robot.q
+        now.robot.activate()
+        now.graph.faults['cartesian_velocity', 'controller'] = off()
+        now.advance(1.0)
+        now.graph.faults.clear()
+        now.advance(1.0)
+        assert np.abs(now.robot.q - stood).max() > 0.01
+        now.assert_well()
+
+
+def test_an_arm_with_a_servo_and_no_fault_is_never_taken_for_one_that_does_not_move(
+    tmp_path: Path,
+) -> None:
+    with scene(tmp_path, 100.0, Habits(servo=0.04)) as now:
+        teleoperate(now.graph, now.robot)
+        now.advance(3.0)
+        assert 'mirroring' not in now.published.modes
+        assert now.speed > 0.01
+        now.assert_well()
+
+
+def disturb(now: Scene, fault: str) -> None:
+    """Do to a moving robot what happens to real ones."""
+    if fault == 'wrong length':
+        now.graph.publish(COMMANDS, Float64MultiArray(data=[0.0]))
+        now.advance(1.0)
+        now.robot.activate()
+    elif fault == 'read error':
+        now.robot.fail_read()
+        now.advance(1.0)
+        now.robot.recover()
+    elif fault == 'twice':
+        for _ in range(2):
+            now.robot.deactivate()
+            now.advance(0.2)
+            now.robot.activate()
+            now.advance(0.03)
+    else:
+        now.robot.overrun(float(fault))
+
+
+@SOURCES
+@pytest.mark.parametrize('rate', RATES if NIGHTLY else (100.0, 500.0))
+@pytest.mark.parametrize('fault', ['wrong length', 'read error', 'twice', '0.3'])
+def test_what_is_published_stays_within_the_limits_whatever_ros2_control_does(
+    fault: str, rate: float, move: Move, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        move(now.graph, now.robot)
+        now.advance(1.0)
+        disturb(now, fault)
+        now.advance(1.0)
+        now.published.assert_followable()
+
+
+@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize(
+    'habits',
+    [Habits(dropped=0.2), Habits(velocities=False), Habits(jitter=0.0)],
+    ids=['states dropped at the source', 'no velocities', 'stamps that do not jitter'],
+)
+def test_a_broadcaster_with_habits_of_its_own_gets_no_step(
+    habits: Habits, rate: float, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate, habits) as now:
+        teleoperate(now.graph, now.robot)
+        now.advance(1.5)
+        assert np.abs(now.robot.q - ARM.start).max() > 0.01
+        now.assert_well()
+
+
+@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize('seconds', [0.02, 0.3])
+def test_after_an_overrun_and_a_burst_of_states_the_arm_moves_on(
+    seconds: float, rate: float, tmp_path: Path
+) -> None:
+    with scene(tmp_path, rate) as now:
+        teleoperate(now.graph, now.robot)
+        now.advance(1.0)
+        now.robot.overrun(seconds)
+        now.advance(1.0)
+        assert now.speed > 0.01
