@@ -125,7 +125,7 @@ def commanded(
     controller_rate: float = 0.0,
     **controller: Any,
 ) -> Iterator[Arm]:
-    """An arm in command mode that stands still; the robot goes exactly where it is told.
+    """An arm in command mode that stands still; the robot goes exactly where it is sent.
 
     Args:
         start: Its position, (n,) [rad].
@@ -485,7 +485,7 @@ def test_velocities_from_before_a_stall_of_the_process_do_not_move_the_arm(
 # --- life cycle -----------------------------------------------------------------------------------
 
 
-def test_an_inactive_controller_cannot_be_told_to_go_on() -> None:
+def test_an_inactive_controller_cannot_be_made_to_resume() -> None:
     with commanded() as arm:
         arm.run.change_state('controller', Transition.TRANSITION_DEACTIVATE)
         assert not arm.hold(False)

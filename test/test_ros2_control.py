@@ -119,7 +119,7 @@ def test_re_activated_in_motion_the_forwarding_controller_gets_no_step(
 
 @SOURCES
 @pytest.mark.parametrize('rate', RATES)
-def test_an_arm_that_does_not_move_although_it_is_told_to_is_noticed(
+def test_an_arm_that_does_not_move_although_it_is_commanded_is_noticed(
     rate: float, move: Move, tmp_path: Path
 ) -> None:
     with scene(tmp_path, rate) as now:

@@ -267,12 +267,12 @@ def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
             slope += search.G[i, j] * p[j]
             value += search.G[i, j] * z[j]
             noise += abs(search.G[i, j] * z[j])
-        room = search.ends[UPPER, i] - value if slope > 0.0 else value - search.ends[LOWER, i]
+        margin = search.ends[UPPER, i] - value if slope > 0.0 else value - search.ends[LOWER, i]
         speed = abs(slope)
-        if speed <= 10.0 * DEPENDENT * largest or speed <= room + ROUNDING * noise:
+        if speed <= 10.0 * DEPENDENT * largest or speed <= margin + ROUNDING * noise:
             continue
-        if share * speed > room:
-            share = max(room, 0.0) / speed
+        if share * speed > margin:
+            share = max(margin, 0.0) / speed
             first = i
             along = slope
     for j in range(len(z)):

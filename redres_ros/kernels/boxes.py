@@ -70,7 +70,12 @@ def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[flo
 
 @part
 def saved(
-    lower: float, upper: float, room: tuple[float, float], dq_prev: float, hardest: float, T: float
+    lower: float,
+    upper: float,
+    margin: tuple[float, float],
+    dq_prev: float,
+    hardest: float,
+    T: float,
 ) -> tuple[float, float]:
     """[lower, upper], wider where a joint leaves its range unless it brakes harder than that.
 
@@ -79,13 +84,13 @@ def saved(
     Args:
         lower: Of what the acceleration that is allowed lets it do [rad/s].
         upper: The same.
-        room: To the lower and to the upper end of the range [rad].
+        margin: To the lower and to the upper end of the range [rad].
         dq_prev: The last command [rad/s].
         hardest: Acceleration that the arm is able to [rad/s^2].
         T: Sampling time [s].
     """
-    least = -stopping_speed(room[0], hardest, T)
-    most = stopping_speed(room[1], hardest, T)
+    least = -stopping_speed(margin[0], hardest, T)
+    most = stopping_speed(margin[1], hardest, T)
     if most < lower:
         lower = min(lower, max(dq_prev - T * hardest, most, 0.0))
     elif least > upper:
@@ -125,8 +130,8 @@ def keeps_boxes(
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
             elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
-                room = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
-                lower, upper = saved(lower, upper, room, dq_prev[i], hardest, T)
+                margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
+                lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
         if not lower <= dq[i] <= upper:
             return False
@@ -175,8 +180,8 @@ def fill_boxes(
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
             elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
-                room = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
-                lower, upper = saved(lower, upper, room, dq_prev[i], hardest, T)
+                margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
+                lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
         box[0, i] = lower
         box[1, i] = upper

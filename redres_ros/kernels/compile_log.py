@@ -1,13 +1,13 @@
-"""Telling why a start takes so long: formulas are compiled, once after an installation or update.
+"""Reports why a start takes so long: formulas are compiled, once after an installation or update.
 
-Nodes are started by others, who see their output only: so it is told whether a person looks on or
-not. This file does without numba, which takes a third of a second to load.
+Nodes are started by others, who see their output only: so it is reported on a terminal and off it.
+This file does without numba, which takes a third of a second to load.
 """
 
 import sys
 import time
 
-_times: list[float] = []  # [s] when, in this process; the first of them was told of
+_times: list[float] = []  # [s] when, in this process; the first of them was reported
 
 
 def log_compiling(folder: str) -> None:

@@ -1,7 +1,7 @@
 """Distances of bodies, and how joint velocities change them: the compiled ground of collision.py.
 
 A body is a capsule: all points within a radius of a line segment. Its distance to another one is
-that of their segments, less the radii; the witness points are where the segments are nearest.
+that of their segments, less the radii; the closest points are where the segments are nearest.
 """
 
 from typing import Any, NamedTuple
@@ -361,13 +361,13 @@ def collision_rows(
             chord = slope[k] + 0.5 * gap * T * np.sign(towards)
             row[k] = then.C[r, k] * chord
             farthest += abs(row[k]) * 2.0 * A[k] * T
-        room = then.distance[r] - clearance
-        if room < farthest:
-            if room < 0.0 and is_inside(now, then.who[r], clearance):
-                room *= min(rate * T, 1.0)  # out again as slowly as by the damper
+        margin = then.distance[r] - clearance
+        if margin < farthest:
+            if margin < 0.0 and is_inside(now, then.who[r], clearance):
+                margin *= min(rate * T, 1.0)  # out again as slowly as by the damper
             # Of the size of the other rows, times the weight.
             size = WEIGHT * np.sqrt(dot(then.C[r], then.C[r]) / dot(row, row))
-            high[count] = size * (room + dot(row, v))
+            high[count] = size * (margin + dot(row, v))
             row *= size
             who[count] = then.who[r]
             count += 1
