@@ -180,9 +180,9 @@ class PlannerNode(ManagedNode):
 
     def _on_target(self, message: PoseStamped) -> None:
         try:
+            x, R = from_pose(message, (self._frame, ''))
             q = self._check_ready()
             self._check_not_homing()
-            x, R = from_pose(message, (self._frame, ''))
             self._goals.check_age(to_nanoseconds(message.header.stamp), self._stamp)
             goal = self._goals.target(x, R, q)
         except RedresError as error:

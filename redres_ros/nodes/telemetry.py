@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
@@ -10,6 +11,7 @@ from redres_ros.nodes.qos import PUBLISH
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
 LOOK_PERIOD = 0.2
+_LOOKS: 'WeakKeyDictionary[Node, list[Callable[[], None]]]' = WeakKeyDictionary()
 
 
 class Telemetry:
@@ -30,7 +32,7 @@ class Telemetry:
             for topic, kind in {**below, **(shared or {})}.items()
         }
         self._look()  # a recording listens from the first message on
-        node.create_timer(LOOK_PERIOD, self._look)
+        _looks_of(node).append(self._look)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
         """Publish if the topic has a subscriber.
@@ -53,6 +55,15 @@ class Telemetry:
             for name, publisher in self._publishers.items()
             if publisher.get_subscription_count()
         ]
+
+
+def _looks_of(node: Node) -> list[Callable[[], None]]:
+    """What a node does every LOOK_PERIOD, with one timer: rcl warns of many on one clock."""
+    if node not in _LOOKS:
+        looks: list[Callable[[], None]] = []
+        _LOOKS[node] = looks
+        node.create_timer(LOOK_PERIOD, lambda: [look() for look in looks])
+    return _LOOKS[node]
 
 
 def _to_message(value: Any) -> Any:
