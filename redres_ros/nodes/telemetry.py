@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
@@ -11,7 +10,6 @@ from redres_ros.nodes.qos import PUBLISH
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
 LOOK_PERIOD = 0.2
-_LOOKS: 'WeakKeyDictionary[Node, list[Callable[[], None]]]' = WeakKeyDictionary()
 
 
 class Telemetry:
@@ -58,12 +56,14 @@ class Telemetry:
 
 
 def _looks_of(node: Node) -> list[Callable[[], None]]:
-    """What a node does every LOOK_PERIOD, with one timer: rcl warns of many on one clock."""
-    if node not in _LOOKS:
-        looks: list[Callable[[], None]] = []
-        _LOOKS[node] = looks
+    """What a node does every LOOK_PERIOD, with one timer: rcl warns of many on one clock.
+
+    The node keeps it: a table elsewhere would keep the node, and its DDS participant, alive.
+    """
+    looks: list[Callable[[], None]] = vars(node).setdefault('_telemetry_looks', [])
+    if not looks:
         node.create_timer(LOOK_PERIOD, lambda: [look() for look in looks])
-    return _LOOKS[node]
+    return looks
 
 
 def _to_message(value: Any) -> Any:
