@@ -1,7 +1,9 @@
 """A task runs again and again: joints go to its start first. The real nodes, in virtual time."""
 
+import sys
 from collections.abc import Iterator
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,21 +14,19 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from rclpy.parameter import Parameter
 from virtual_graph import VirtualRun, virtual_run
 
-from redres_ros import LAWS, Controller, RobotModel, load_task
+from redres_ros import LAWS, RobotModel
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.planning.goals import Goal
-from redres_ros.planning.joint_path import path_to
-from redres_ros.planning.planner import Planner
-from redres_ros.planning.progress import ProgressMonitor
-from redres_ros.planning.task_clock import TaskClock
-from redres_ros.planning.task_executor import UNDER_WAY, TaskExecutor, TaskState
+from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
+
+sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
+
+from run_again import RUNS, SWINGS, run_again
 
 pytestmark = pytest.mark.slow
 
 SIM = {'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
 PLANNER = {'home_speed': 0.5}
-LIMITS = ('position', 'velocity', 'acceleration')
 THERE = 0.02  # [rad], home_tolerance
 
 
@@ -90,44 +90,17 @@ def test_other_arms_run_their_tasks_again(robot: str, law: str) -> None:
 def pairs() -> Iterator[Any]:
     """Every arm with every law; this one swings, and takes 22 s or more than 90 s for its task."""
     for robot, law in product(ARMS, LAWS):
-        swings = (robot, law) == ('planar4r', 'minimum_weighted_torque')
+        swings = (robot, law) in SWINGS
         yield pytest.param(robot, law, marks=pytest.mark.xfail(strict=False) if swings else ())
-
-
-LONGEST = 300.0  # [s] of a run with the way to its start
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(('robot', 'law'), list(pairs()))
-def test_every_task_runs_ten_times_with_every_law(robot: str, law: str) -> None:
-    """Without nodes, at 500 Hz: what the planner's executor asks for, by the controller."""
-    T = 0.002  # [s]
-    model = RobotModel.named(robot)
-    task = load_task(ARMS[robot].task)
-    controller = Controller(model, law, T, limits=LIMITS, switch_time=0.2)
-    executor = TaskExecutor(T, TaskClock(T), ProgressMonitor(5.0, 30.0))
-    goal = Goal(
-        lambda q: path_to(model, q, task.start, 0.5, THERE),
-        lambda x, R: Planner(task, x, R, feedback_limit=0.2),
-        patience=None,
-        goes_on=True,
-    )
-    q = task.start
-    stamp = 0  # [ns]
-    for _ in range(10):
-        executor.begin(goal)
-        latest = stamp + LONGEST * 1e9
-        while executor.state in UNDER_WAY:
-            assert stamp < latest
-            stamp += round(T * 1e9)
-            x, R = model.tip(q)
-            step = executor.enter_state(stamp, q, x, R, stamp / 1e9)
-            assert step is not None, executor.remark
-            controller.follow_joints(step.dq is not None)
-            command = controller.update(q, step.dx if step.dq is None else step.dq)
-            executor.set_scaling(command.s)
-            q = command.q_ref
-        assert executor.state is TaskState.FINISHED, executor.remark
+def test_every_task_runs_ten_times_with_every_law_after_a_switch_and_a_hold(
+    robot: str, law: str
+) -> None:
+    outcome = run_again(robot, law)
+    assert outcome.finished == RUNS, outcome.remark
 
 
 def test_home_takes_the_joints_to_the_start_within_their_limits() -> None:
@@ -170,7 +143,8 @@ def test_stop_on_the_way_home_brings_the_joints_to_rest() -> None:
         run_once(run)
         run.graph.call('planner/home')
         run.run(1.0)
-        run.graph.call('planner/stop')
+        response = run.graph.call('planner/stop')
+        assert 'comes to rest' in response.message
         run.run(1.0)
         q = run.nodes['sim']._robot.q.copy()
         run.run(1.0)

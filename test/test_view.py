@@ -150,9 +150,15 @@ def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch
 
 def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
     evil = '<img src=x onerror=alert(1)>'
-    shown = words.state(dict.fromkeys(WORDS, evil), {'sim': evil})
+    shown = words.state(dict.fromkeys(WORDS, evil), {'sim': evil}, 0.0)
     shown += words.joints([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
     assert '<img' not in shown and shown.count('&lt;img') == len(WORDS) + 5
+
+
+def test_the_progress_of_a_goal_is_shown_while_it_is_under_way() -> None:
+    newest = dict.fromkeys(WORDS, '')
+    assert '43%' in words.state({**newest, TASK_STATE: 'homing'}, {}, 0.43)
+    assert '100%' not in words.state({**newest, TASK_STATE: 'finished'}, {}, 1.0)
 
 
 @pytest.mark.parametrize('name', ARMS)
@@ -415,6 +421,12 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         )
         chromium.get_by_role('button', name='x', exact=True).dispatch_event('click')
         await_that(lambda: pushes == [60.0, 0.0], 'the push and its end')
+        chromium.get_by_role('button', name='stop', exact=True).dispatch_event('click')
+        chromium.get_by_role('button', name='home').dispatch_event('click')
+        await_that(
+            lambda: node.word(TASK_STATE) in (TaskState.HOMING.value, TaskState.FINISHED.value),
+            'the motion to the start',
+        )
         controller = read_parameters(node, 'controller')
         assert controller['law'] == 'minimum_kinetic_energy'
         assert 'torque' in controller['limits'] and 'position' in controller['limits']

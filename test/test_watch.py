@@ -18,6 +18,7 @@ FULL = {
     'planner': LastValue(NodeHealth('moving', True), 100.0),
     'planner/state': LastValue('moving', 95.0),
     'planner/task_error': LastValue(0.00025, 100.0),
+    'planner/progress': LastValue(0.43, 100.0),
     'controller': LastValue(NodeHealth('commanding', True), 100.0),
     'controller/law': LastValue('minimum_torque', 100.0),
     'controller/tip_pose': LastValue((0.1, -0.2, 0.3), 100.0),
@@ -48,6 +49,7 @@ def test_values_have_units() -> None:
     text = text_of(FULL, 100.5)
     assert '0.25 mm' in line_of(text, 'task error')
     assert '42.5 Nm' in line_of(text, 'joint torque')
+    assert '43 %' in line_of(text, 'progress')
     assert '+0.1000  -0.2000  +0.3000 m' in line_of(text, ' tip ')
     assert 'old' not in text
     assert 'gone' not in text

@@ -34,6 +34,7 @@ _NEEDED = ('controller', 'planner')
 _STEERED = {
     'planner/start': Trigger,
     'planner/stop': Trigger,
+    'planner/home': Trigger,
     'sim/reset': Trigger,
     'controller/hold': SetBool,
     'controller/set_parameters_atomically': SetParametersAtomically,

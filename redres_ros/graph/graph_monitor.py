@@ -12,14 +12,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 
 from redres_ros.errors import one_line
 from redres_ros.graph.client import PATIENCE, GraphClient
 from redres_ros.graph.sampling import Sampler
-from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
-from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.task_topics import PROGRESS, TASK_STATE
 
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE)
 NODES = ('sim', 'planner', 'controller')
@@ -85,6 +85,16 @@ class GraphMonitor(Node):
                 if silence < STALE:
                     health[node] = last.value.text
         return health
+
+    def progress(self) -> float:
+        """The fraction of the goal that is done, 0 to 1; followed from the first call on."""
+        if PROGRESS not in self.values:
+            self.samples.add(PROGRESS, Float64, NEWEST)
+            self.keep(PROGRESS, 0.0)
+        message = self.samples.newest(PROGRESS)
+        if message is not None:
+            self.keep(PROGRESS, message.data)
+        return float(str(self.values[PROGRESS].value))
 
     def keep(self, source: str, value: object) -> None:
         """Store a value with the present time.

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
-from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.task_topics import PROGRESS, TASK_STATE
 
 _BAR = 33  # letters of a joint's bar
 _NEAR = 0.06  # of the range, from an end
@@ -43,6 +43,7 @@ NODES: dict[str, tuple[Row, ...]] = {
     ),
     'planner': (
         Row(TASK_STATE, 'state'),
+        Row(PROGRESS, 'progress', '%', 100.0),
         Row('planner/segment', 'segment'),
         Row('planner/task_error', 'task error', 'mm', 1e3),
     ),
@@ -63,6 +64,7 @@ _IN_LINE = {
     SESSION,
     REASON,
     TASK_STATE,
+    PROGRESS,
     'planner/task_error',
     'controller/law',
     'controller/active_limits',

@@ -283,7 +283,9 @@ class PlannerNode(ManagedNode):
         self._run.stop()
         self._topics.publish()
         response.success = True
-        response.message = 'stopped' if moved else 'was not moving'
+        response.message = 'nothing is under way'
+        if moved:
+            response.message = 'the arm comes to rest; planner/start begins the task anew'
         return response
 
     def _begin(self) -> None:

@@ -14,6 +14,7 @@ from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
 
 TASK_STATE = 'planner/state'
 TASK_BEGUN = 'planner/begun'
+PROGRESS = 'planner/progress'
 
 
 class TaskTopics:

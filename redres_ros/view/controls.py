@@ -82,9 +82,10 @@ class Controls:
 
     def _add_task(self) -> None:
         gui = self._server.gui
-        buttons = gui.add_button_group('task', ('start', 'stop', 'hold', 'go on'))
+        buttons = gui.add_button_group('task', ('start', 'home', 'stop', 'hold', 'go on'))
         orders = {
             'start': lambda: self._client.trigger('planner/start'),
+            'home': lambda: self._client.trigger('planner/home'),
             'stop': lambda: self._client.trigger('planner/stop'),
             'hold': lambda: self._client.hold(True),
             'go on': lambda: self._client.hold(False),
@@ -176,20 +177,24 @@ class Controls:
     def _give(
         self,
         event: viser.GuiEvent[Any],
-        order: Callable[[], Any],
+        order: Callable[[], str | None],
         undo: Callable[[], None] = lambda: None,
     ) -> None:
-        """Carry out an order of somebody at the page; errors are shown to its browser alone.
+        """Carry out an order of somebody at the page; what the nodes answer is shown to its browser
+        alone.
 
         Args:
             event: What was clicked, and by whom.
-            order: Asks the nodes.
+            order: Asks the nodes; gives their answer in words, if there is one.
             undo: Is called where they refuse.
         """
         if event.client is None:  # shown by us, because a node has it already
             return
         try:
-            order()
+            answer = order()
         except CallError as error:
             event.client.add_notification('Refused', str(error), color='red', auto_close_seconds=8)
             undo()
+            return
+        if answer:
+            event.client.add_notification('Done', answer, auto_close_seconds=5)

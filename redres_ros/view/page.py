@@ -97,7 +97,8 @@ class Page:
 
     def _show_slowly(self) -> None:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
-        self._state.content = words.state(newest, self._monitor.health())
+        progress = self._monitor.progress()
+        self._state.content = words.state(newest, self._monitor.health(), progress)
         arm = self._arm
         self._bars.content = words.joints(arm.model.joint_names, arm.shares, arm.acting)
         for way, trail in self._ways.items():

@@ -9,12 +9,14 @@ from redres_ros.graph.graph_monitor import NODES
 from redres_ros.graph.watch_page import is_near_an_end
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.planning.task_executor import UNDER_WAY
 
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
 _LONGEST = 400  # letters
+_UNDER_WAY = {each.value for each in UNDER_WAY}
 _COLOURS = {
     'position': '#d62728',
     'velocity': '#ff7f0e',
@@ -24,12 +26,13 @@ _COLOURS = {
 }
 
 
-def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
+def state(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
     """Session and planner as HTML, and why the robot has stopped, if it has.
 
     Args:
         words: The newest by topic.
         health: Of the nodes, by their names.
+        progress: Of the goal, 0 to 1; shown while it is under way.
     """
     lines = []
     if words[REASON]:
@@ -40,7 +43,9 @@ def state(words: Mapping[str, str], health: Mapping[str, str]) -> str:
     session = _escaped(words[SESSION] or 'no message')
     quality = _escaped(words[QUALITY])
     lines.append(f'<div>Robot: <b>{session}</b> {_dim(quality and f"connection {quality}")}</div>')
-    lines.append(f'<div>Task: <b>{_escaped(words[TASK_STATE] or "no message")}</b></div>')
+    task = words[TASK_STATE]
+    done = f'{progress:.0%}' if task in _UNDER_WAY else ''
+    lines.append(f'<div>Task: <b>{_escaped(task or "no message")}</b> {_dim(done)}</div>')
     lines.extend(_health(node, health.get(node, 'no message')) for node in NODES)
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
