@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from redres_ros.fake_robot.mujoco_arm import compiled, inertia, load, tip_body
+from redres_ros.fake_robot.mujoco_arm import compiled, inertia, load
 from redres_ros.robots import Arm
 
 
@@ -17,7 +17,7 @@ class ReferenceModel:
     def __init__(self, arm: Arm) -> None:
         self._model = compiled(load(arm), arm)
         self._data = mujoco.MjData(self._model)
-        self._tip = tip_body(self._model, arm)
+        self._tip = self._model.body(arm.tip_frame).id
 
     def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Tip position (3,) [m], orientation (3, 3) and Jacobian (6, n), linear rows first, in the

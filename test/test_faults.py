@@ -11,7 +11,7 @@ from fake_robot_helpers import Door
 from hypothesis import given
 from hypothesis import strategies as st
 
-from redres_ros.errors import RangeError
+from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
@@ -183,7 +183,8 @@ def test_every_fault_is_a_live_parameter_with_unit_or_share_and_range():
     assert {field.name for field in declared} == {field.name for field in fields(Faults)}
     for field, parameter in declared.items():
         assert parameter.live
-        assert field.type is bool or parameter.lower <= field.default <= parameter.upper
+        if field.type not in (bool, str):
+            assert parameter.lower <= field.default <= parameter.upper
 
 
 @pytest.mark.parametrize('way', ['state', 'command'])
@@ -334,6 +335,30 @@ def test_a_push_moves_the_arm_against_its_servos_until_it_ends():
     for _ in range(500):
         plant.step(Q0)
     assert plant.q == pytest.approx(Q0, abs=1e-9)
+
+
+def test_a_push_on_a_link_leaves_the_force_sensor_of_the_tip_alone():
+    plant = mujoco(push_force_x=20.0, push_link='link_4')
+    plant.step(Q0)
+    assert not plant.wrench.any()
+    assert np.abs(plant.external_torques).max() > 1.0
+
+
+def test_a_push_on_a_link_that_the_arm_does_not_have_is_refused():
+    with pytest.raises(UnknownNameError, match='link_9'):
+        mujoco(push_link='link_9')
+
+
+def test_a_force_sensor_has_noise_bias_and_a_range_and_may_fail():
+    faults = Faults(wrench_noise=1.0, wrench_bias=5.0, wrench_range=30.0)
+    true = np.array([10.0, 0.0, 20.0, 0.0, 0.0, 0.0])
+    random = np.random.default_rng(0)
+    shown = np.array([faults.measured(true, random) for _ in range(1000)])
+    # four standard errors of the mean of 1000
+    assert shown[:, :3].mean(axis=0) == pytest.approx((10.0, 0.0, 25.0), abs=0.13)
+    assert faults.measured(3.0 * true, random)[2] == 30.0
+    assert np.isnan(Faults(wrench_not_finite=True).measured(true, random)).all()
+    assert (Faults().measured(true, random) == true).all()
 
 
 @pytest.mark.parametrize('make', [ideal, mujoco])

@@ -11,7 +11,8 @@ TOPICS = {
     'forward_position_controller/commands': 'the same reference for ros2_control, '
     'with `forward_commands`',
     'target_pose': 'target of a smooth path, in place of the task',
-    'wrench': 'force and moment from outside on the tip, along the axes of the tip',
+    'wrench': 'force and moment that the environment exerts on the tip, along the axes of the tip',
+    'external_torques': 'torques that the environment exerts on the joints (`effort`)',
     'markers': 'for RViz: the paths of tip and elbow, the points of the task, obstacles',
     'robot_description': 'the URDF of the arm',
     'controller/mode': '`inactive`, `mirroring` the measured position, `holding`, `moving` or '
@@ -53,6 +54,7 @@ SERVICES = {
 # Published only while somebody listens.
 ON_DEMAND = (
     'wrench',
+    'external_torques',
     'markers',
     'controller/',
     'planner/task_error',

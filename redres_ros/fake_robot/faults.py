@@ -1,4 +1,6 @@
-"""Faults to be put into the fake robot: on the way of messages, in the encoders, at the arm."""
+"""Faults to be put into the fake robot: on the way of messages, in the encoders, at the arm, in its
+force sensor.
+"""
 
 from dataclasses import dataclass, fields
 
@@ -8,6 +10,7 @@ from redres_ros.fake_robot.network_model import Link
 from redres_ros.parameter import check_parameters, param
 
 LONGEST = 1000  # cycles
+_NOISE = np.repeat((1.0, 0.1), 3)  # of forces and moments
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,21 @@ class Faults:
     push_force_z: float = param(
         0.0, 'force on the tip along z of the base [N]', -500.0, 500.0, live=True
     )
+    push_link: str = param('', 'link that these push at its origin; empty: the tip', live=True)
+    wrench_delay: int = param(
+        0, 'delay of the measured wrench on its way [cycles]', 0, LONGEST, live=True
+    )
+    wrench_loss: float = param(0.0, 'fraction of the wrenches that are lost', 0.0, 1.0, live=True)
+    wrench_noise: float = param(
+        0.0, 'standard deviation of measured forces; of moments a tenth [N]', 0.0, 100.0, live=True
+    )
+    wrench_bias: float = param(
+        0.0, "offset of measured forces along the tip's z [N]", -500.0, 500.0, live=True
+    )
+    wrench_range: float = param(
+        0.0, 'largest force and moment that is measured; 0: any [N]', 0.0, 1e4, live=True
+    )
+    wrench_not_finite: bool = param(False, 'measured forces are NaN', live=True)
     paused_physics: bool = param(False, 'the arm ignores every command', live=True)
 
     def __post_init__(self) -> None:
@@ -76,8 +94,30 @@ class Faults:
         return self._link('command')
 
     @property
+    def wrenches(self) -> Link:
+        """What happens to measured wrenches on their way."""
+        return Link(delay=self.wrench_delay, loss=self.wrench_loss)
+
+    def measured(self, wrench: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """What a sensor with these faults shows of force and moment on the tip, (6,).
+
+        Args:
+            wrench: (6,) [N], [Nm].
+            random: Of the noise.
+        """
+        if self.wrench_not_finite:
+            return np.full(6, np.nan)
+        shown = wrench.copy()
+        shown[2] += self.wrench_bias
+        if self.wrench_noise:
+            shown += self.wrench_noise * random.normal(size=6) * _NOISE
+        if self.wrench_range:
+            shown = np.clip(shown, -self.wrench_range, self.wrench_range)
+        return shown
+
+    @property
     def push_force(self) -> np.ndarray:
-        """Force at the tip, (3,) [N], in the base frame."""
+        """Force on `push_link`, (3,) [N], in the base frame."""
         return np.array([self.push_force_x, self.push_force_y, self.push_force_z])
 
     def _link(self, of: str) -> Link:

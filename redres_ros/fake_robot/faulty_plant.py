@@ -1,5 +1,5 @@
-"""An arm with faults: what its encoders make of its position, what pushes it, and that it may not
-move at all.
+"""An arm with faults: what its encoders make of its position, its force sensor of the force, what
+pushes it, and that it may not move at all.
 """
 
 from typing import Protocol
@@ -12,12 +12,26 @@ from redres_ros.fake_robot.robot import Plant
 
 
 class PushablePlant(Plant, Protocol):
-    """A plant whose tip is pushed with a force (3,) [N] in the base frame, until the next call."""
+    """A plant of which a link is pushed, and that measures what acts on it."""
 
-    def push(self, force: np.ndarray) -> None: ...
+    def check_link(self, link: str) -> None: ...
+
+    def push(self, force: np.ndarray, link: str) -> None:
+        """Push a link until the next call.
+
+        Args:
+            force: (3,) [N] in the base frame.
+            link: Its name; '' is the tip.
+        """
 
     @property
     def wrench(self) -> np.ndarray: ...
+
+    @property
+    def effort(self) -> np.ndarray | None: ...
+
+    @property
+    def external_torques(self) -> np.ndarray: ...
 
 
 class FaultyPlant:
@@ -35,6 +49,7 @@ class FaultyPlant:
 
     Raises:
         RangeError: For a frozen joint that the arm does not have.
+        UnknownNameError: For a pushed link that it does not have.
     """
 
     def __init__(self, plant: PushablePlant, faults: Faults | None = None, seed: int = 0) -> None:
@@ -42,6 +57,7 @@ class FaultyPlant:
         self.period = plant.period
         self._plant = plant
         self._random = np.random.default_rng(seed)
+        self._wrench_random = np.random.default_rng(seed)  # drawn as often as somebody listens
         self._q = plant.q
         self._dq = plant.dq  # (n,), as measured
         self._pushed = False  # in the last cycle
@@ -60,7 +76,10 @@ class FaultyPlant:
         self._faults = faults
 
     def check(self, faults: Faults) -> None:
-        """Raise RangeError for a frozen joint that the arm does not have."""
+        """Raise RangeError or UnknownNameError for a frozen joint or a pushed link that the arm
+        does not have.
+        """
+        self._plant.check_link(faults.push_link)
         if faults.frozen_joint > len(self.joint_names):
             raise RangeError('frozen_joint', faults.frozen_joint, 0, len(self.joint_names))
 
@@ -76,8 +95,18 @@ class FaultyPlant:
 
     @property
     def wrench(self) -> np.ndarray:
-        """Force and moment on the tip from outside, along the tip's axes, (6,) [N], [Nm]."""
-        return self._plant.wrench
+        """Measured force and moment on the tip, along the tip's axes, (6,) [N], [Nm]."""
+        return self._faults.measured(self._plant.wrench, self._wrench_random)
+
+    @property
+    def effort(self) -> np.ndarray | None:
+        """Torques of the motors, (n,) [Nm]; None for an arm that does not measure them."""
+        return self._plant.effort
+
+    @property
+    def external_torques(self) -> np.ndarray:
+        """Joint torques of the forces from outside, (n,) [Nm]."""
+        return self._plant.external_torques
 
     def step(self, q_ref: np.ndarray) -> None:
         """Move for one cycle, during which the reference goes on to q_ref (n,) [rad]; or stand
@@ -87,17 +116,18 @@ class FaultyPlant:
         if faults.paused_physics:
             self._measure(faults, self._plant.q, np.zeros_like(self._q))
             return
-        self._push(faults.push_force)
+        self._push(faults)
         self._plant.step(q_ref)
         self._measure(faults, self._plant.q, self._plant.dq)
 
-    def _push(self, force: np.ndarray) -> None:
-        """Push the tip where it is in this cycle; without a force leave the plant alone once the
+    def _push(self, faults: Faults) -> None:
+        """Push the link where it is in this cycle; without a force leave the plant alone once the
         last push is over.
         """
+        force = faults.push_force
         pushed = bool(force.any())
         if pushed or self._pushed:
-            self._plant.push(force)
+            self._plant.push(force, faults.push_link)
         self._pushed = pushed
 
     def _measure(self, faults: Faults, q: np.ndarray, dq: np.ndarray) -> None:

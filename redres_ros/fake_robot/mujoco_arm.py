@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
+from redres_ros.fake_robot.environment import EnvironmentSettings, add_environment, set_stiffness
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
 
@@ -38,7 +39,9 @@ class MujocoSettings:
             )
 
 
-def servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
+def servo_model(
+    arm: Arm, settings: MujocoSettings, environment: EnvironmentSettings
+) -> mujoco.MjModel:
     """The arm with gravity compensation and three actuators per joint: first all k (q_r - q), then
     all d (dq_r - dq), then all torques that are fed forward.
 
@@ -48,14 +51,20 @@ def servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
     Args:
         arm: Whose description is simulated.
         settings: Of the simulation and the servos.
+        environment: What the tip can touch.
 
     Raises:
         FileError: MuJoCo cannot use the URDF.
+        UnknownNameError: The URDF lacks the tip frame.
     """
     spec = load(arm)
+    if spec.body(arm.tip_frame) is None:
+        raise UnknownNameError('frame', arm.tip_frame, [body.name for body in spec.bodies])
     _set_physics(spec, settings)
     _add_actuators(spec)
+    add_environment(spec, arm.tip_frame, environment)
     model = compiled(spec, arm)
+    set_stiffness(model, arm.tip_frame, environment)
     if not settings.joint_friction:
         model.dof_damping[:] = 0.0
         model.dof_frictionloss[:] = 0.0
@@ -64,8 +73,8 @@ def servo_model(arm: Arm, settings: MujocoSettings) -> mujoco.MjModel:
 
 
 def load(arm: Arm) -> mujoco.MjSpec:
-    """The arm's bodies and joints, inertias exactly as given; shapes are dropped, as nothing
-    touches anything here. Raises FileError for a URDF that MuJoCo cannot read.
+    """The arm's bodies and joints, inertias exactly as given; shapes are dropped, as links touch
+    nothing here. Raises FileError for a URDF that MuJoCo cannot read.
     """
     try:
         spec = mujoco.MjSpec.from_string(arm.description())
@@ -98,24 +107,6 @@ def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
         return spec.compile()
     except ValueError as error:
         raise FileError(f'MuJoCo cannot use {arm.urdf}: {" ".join(str(error).split())}') from None
-
-
-def tip_body(model: mujoco.MjModel, arm: Arm) -> int:
-    """Number of the body that carries out the task.
-
-    Args:
-        model: Of the arm.
-        arm: Whose `tip_frame` names the body.
-
-    Raises:
-        UnknownNameError: The URDF lacks the tip frame.
-    """
-    tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, arm.tip_frame)
-    if tip < 0:
-        raise UnknownNameError(
-            'frame', arm.tip_frame, [model.body(b).name for b in range(model.nbody)]
-        )
-    return tip
 
 
 def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from redres_ros.errors import ArrayError, RangeError, RedresError
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings, joint_range, servo_model, tip_body
+from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
+from redres_ros.fake_robot.environment import ContactForce, EnvironmentSettings, contact_forces
+from redres_ros.fake_robot.mujoco_arm import MujocoSettings, joint_range, servo_model
 from redres_ros.robots import Arm
 
 
@@ -47,13 +48,31 @@ class IdealPlant:
         self._dq = (q_ref - self._q) / self.period
         self._q = np.array(q_ref, dtype=np.float64)
 
-    def push(self, force: np.ndarray) -> None:
-        """Do nothing: an ideal arm does not yield to forces at its tip."""
+    def check_link(self, link: str) -> None:
+        """Do nothing: any link may be pushed in vain."""
+
+    def push(self, force: np.ndarray, link: str = '') -> None:
+        """Do nothing: an ideal arm does not yield to forces.
+
+        Args:
+            force: (3,) [N] in the base frame.
+            link: Its name; '' is the tip.
+        """
 
     @property
     def wrench(self) -> np.ndarray:
         """Force and moment on the tip, (6,) [N], [Nm]: none."""
         return np.zeros(6)
+
+    @property
+    def effort(self) -> np.ndarray | None:
+        """Torques of the motors: unknown."""
+        return None
+
+    @property
+    def external_torques(self) -> np.ndarray:
+        """Joint torques of the forces from outside, (n,) [Nm]: none."""
+        return np.zeros_like(self._q)
 
 
 class MujocoPlant:
@@ -78,6 +97,7 @@ class MujocoPlant:
         period: The cycle [s].
         q0: Where it stands at first, at rest, (n,) [rad].
         settings: Below the level of the reference.
+        environment: What the tip can touch; None: nothing.
 
     Raises:
         RedresError: If the period is not a whole number of plant steps.
@@ -88,13 +108,19 @@ class MujocoPlant:
     """
 
     def __init__(
-        self, arm: Arm, period: float, q0: np.ndarray, settings: MujocoSettings | None = None
+        self,
+        arm: Arm,
+        period: float,
+        q0: np.ndarray,
+        settings: MujocoSettings | None = None,
+        environment: EnvironmentSettings | None = None,
     ) -> None:
         settings = settings or MujocoSettings()
         self._substeps = _whole_steps(period, settings.plant_step)
-        self._model = servo_model(arm, settings)
+        self._model = servo_model(arm, settings, environment or EnvironmentSettings())
         self._data = mujoco.MjData(self._model)
-        self._tip = tip_body(self._model, arm)
+        self._tip = self._model.body(arm.tip_frame).id
+        self._pushed = self._tip  # the body
         self.period = period
         self.joint_names = tuple(self._model.joint(j).name for j in range(self._model.njnt))
         self._reference = np.zeros(self._model.nq)  # (n,) [rad] at the end of the last cycle
@@ -121,25 +147,58 @@ class MujocoPlant:
         self._reference = np.array(q_ref, dtype=np.float64)
         self._velocity = velocity
 
-    def push(self, force: np.ndarray) -> None:
-        """Push the tip, where it is now, with a force (3,) [N] in the base frame until the next
-        call or `reset`.
+    def check_link(self, link: str) -> None:
+        """Raise UnknownNameError for a link that the arm does not have; '' is the tip."""
+        names = [self._model.body(body).name for body in range(1, self._model.nbody)]
+        if link and link not in names:
+            raise UnknownNameError('link', link, names)
+
+    def push(self, force: np.ndarray, link: str = '') -> None:
+        """Push a link, at its origin, until the next call or `reset`.
+
+        Args:
+            force: (3,) [N] in the base frame.
+            link: Its name; '' is the tip.
         """
         data = self._data
-        tip = self._tip
-        # at the body's centre of mass: it takes a torque to have it at the tip
-        data.xfrc_applied[tip, :3] = force
-        data.xfrc_applied[tip, 3:] = np.cross(data.xpos[tip] - data.xipos[tip], force)
+        body = self._model.body(link).id if link else self._tip
+        data.xfrc_applied[self._pushed] = 0.0
+        self._pushed = body
+        # at the body's centre of mass: it takes a torque to have it at the origin
+        data.xfrc_applied[body, :3] = force
+        data.xfrc_applied[body, 3:] = np.cross(data.xpos[body] - data.xipos[body], force)
 
     @property
     def wrench(self) -> np.ndarray:
         """Force and moment on the tip from outside, along the tip's axes, (6,) [N], [Nm]."""
         data = self._data
         tip = self._tip
+        forces = contact_forces(self._model, data, tip)
+        forces.append(ContactForce(data.xpos[tip], data.xfrc_applied[tip, :3]))
+        force = np.zeros(3)
+        moment = np.zeros(3)
+        for each in forces:
+            force += each.force
+            moment += np.cross(each.point - data.xpos[tip], each.force)
         R = data.xmat[tip].reshape(3, 3)
-        force = data.xfrc_applied[tip, :3]
-        moment = data.xfrc_applied[tip, 3:] + np.cross(data.xipos[tip] - data.xpos[tip], force)
         return np.concatenate((R.T @ force, R.T @ moment))
+
+    @property
+    def effort(self) -> np.ndarray:
+        """Torques of the motors, (n,) [Nm], as sensors behind the gears measure them."""
+        return self._data.qfrc_actuator.copy()
+
+    @property
+    def external_torques(self) -> np.ndarray:
+        """Joint torques of the forces from outside, (n,) [Nm]: J' f of contacts and of a push."""
+        data = self._data
+        pushed = self._pushed
+        torques = np.zeros(self._model.nv)
+        push = ContactForce(data.xpos[pushed], data.xfrc_applied[pushed, :3])
+        self._add_torques(pushed, push, torques)
+        for contact in contact_forces(self._model, data, self._tip):
+            self._add_torques(self._tip, contact, torques)
+        return torques
 
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the limits."""
@@ -154,6 +213,19 @@ class MujocoPlant:
         mujoco.mj_fwdPosition(self._model, self._data)  # where a push would act, and the inertia
         self._reference = q
         self._velocity = np.zeros_like(q)
+
+    def _add_torques(self, body: int, contact: ContactForce, torques: np.ndarray) -> None:
+        """Add those of a force on a body to the torques (n,) [Nm].
+
+        Args:
+            body: Its number.
+            contact: Point and force.
+            torques: Changed.
+        """
+        no_moment = np.zeros(3)
+        mujoco.mj_applyFT(
+            self._model, self._data, contact.force, no_moment, contact.point, body, torques
+        )
 
     def _inertial_torque(self, ddq: np.ndarray) -> np.ndarray:
         """M(q) ddq and the Coriolis and centrifugal torques, (n,) [Nm], for ddq (n,) [rad/s^2]."""

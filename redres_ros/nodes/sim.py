@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 
 from redres_ros.fake_robot.command_receiver import CommandReceiver
 from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.environment import EnvironmentSettings
 from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
 from redres_ros.fake_robot.mujoco_arm import MujocoSettings
@@ -33,6 +34,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import EncodingError, JointStateReader, JointStateWriter, stamp_of
 from redres_ros.parameter import param
@@ -100,7 +102,10 @@ class SimNode(ManagedNode):
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
         self._states: NetworkModel[bytes] = NetworkModel(f'{seed} states', faults.states)
-        self._writer = JointStateWriter(names)
+        self._wrenches: NetworkModel[WrenchStamped] = NetworkModel(
+            f'{seed} wrenches', faults.wrenches
+        )
+        self._writer = JointStateWriter(names, with_effort=self._plant.effort is not None)
         nothing = np.zeros(len(names))
         self._newest = self._writer.written(0, nothing, nothing)  # of the published states
         self._receiver = CommandReceiver(
@@ -121,13 +126,16 @@ class SimNode(ManagedNode):
 
     def _make_plant(self, arm: Arm, period: float) -> MujocoPlant | IdealPlant:
         physics = declare(self, MujocoSettings())
+        environment = declare(self, EnvironmentSettings())
         start = np.array(self._settings.start)
         if self._settings.plant == 'mujoco':
-            return MujocoPlant(arm, period, start, physics)
+            return MujocoPlant(arm, period, start, physics, environment)
         return IdealPlant(JointLimits.of(arm).joint_names, period, start)
 
     def _create_interfaces(self, arm: Arm) -> None:
-        self._telemetry = Telemetry(self, {}, {'wrench': WrenchStamped})
+        self._telemetry = Telemetry(
+            self, {}, {'wrench': WrenchStamped, 'external_torques': JointState}
+        )
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
         # The reason comes first: a subscriber that receives the end of a session knows why.
         self._session_publishers = {
@@ -205,13 +213,27 @@ class SimNode(ManagedNode):
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
         self._arrival.clear()
-        self._states.send(self._writer.written(stamp, self._robot.q, self._robot.dq), tick)
+        # Before the state, so that a controller has them when it responds.
+        self._telemetry.publish('wrench', lambda: self._arriving_wrench(stamp, tick))
+        self._telemetry.publish('external_torques', lambda: self._external_torques(stamp))
+        state = self._writer.written(stamp, self._robot.q, self._robot.dq, self._plant.effort)
+        self._states.send(state, tick)
         if self.active:
             for arriving in self._states.receive(tick):
                 self._state_publisher.publish(arriving)
                 self._newest = max(self._newest, arriving, key=stamp_of)
+
+    def _arriving_wrench(self, stamp: int, tick: int) -> WrenchStamped | None:
         tip = self._description.arm.tip_frame
-        self._telemetry.publish('wrench', lambda: to_wrench(stamp, tip, self._plant.wrench))
+        self._wrenches.send(to_wrench(stamp, tip, self._plant.wrench), tick)
+        arrived = self._wrenches.receive(tick)
+        return arrived[-1] if arrived else None
+
+    def _external_torques(self, stamp: int) -> JointState:
+        torques = self._plant.external_torques.tolist()
+        message = JointState(name=list(self._plant.joint_names), effort=torques)
+        message.header.stamp = to_time(stamp)
+        return message
 
     def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Wait until the next tick is due, and up to `patience` for a late response."""
@@ -276,6 +298,7 @@ class SimNode(ManagedNode):
         faults = self._with(changes)
         self._plant.faults = faults
         self._states.link = faults.states
+        self._wrenches.link = faults.wrenches
         self._receiver.link = faults.commands
 
     def _report_refusals(self) -> None:

@@ -37,10 +37,14 @@ class Telemetry:
 
         Args:
             name: Of the topic.
-            make: Returns a message, a number or a text; called only if the topic has a subscriber.
+            make: Returns a message, a number or a text, or None for nothing; called only if the
+                topic has a subscriber.
         """
-        if name in self._subscribed:
-            self._publishers[name].publish(_to_message(make()))
+        if name not in self._subscribed:
+            return
+        value = make()
+        if value is not None:
+            self._publishers[name].publish(_to_message(value))
 
     @property
     def has_subscribers(self) -> bool:

@@ -166,31 +166,43 @@ class JointStateWriter:
 
     Args:
         names: Of the joints, n of them.
+        with_effort: Whether it has efforts, too.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], *, with_effort: bool = False) -> None:
         n = len(names)
         zeros = [0.0] * n
-        message = JointState(name=list(names), position=zeros, velocity=zeros)
+        efforts = zeros if with_effort else []
+        message = JointState(name=list(names), position=zeros, velocity=zeros, effort=efforts)
         self._data = _serialised(message)
         self._values = struct.Struct(f'<{n}d')
         self._place = _layout(message, self._data).place  # of the positions
-        end = self._place + n * _NUMBER + _LENGTH.size
-        self._dq_place = end + _gap(end, _NUMBER)
+        self._dq_place = self._after(self._place)
+        self._effort_place = self._after(self._dq_place)
 
-    def written(self, stamp: int, q: np.ndarray, dq: np.ndarray) -> bytes:
+    def written(
+        self, stamp: int, q: np.ndarray, dq: np.ndarray, effort: np.ndarray | None = None
+    ) -> bytes:
         """The message with these values.
 
         Args:
             stamp: [ns].
             q: Positions, (n,) [rad].
             dq: Velocities, (n,) [rad/s].
+            effort: (n,) [Nm]; None for a message without.
         """
         data = self._data
         _TIME.pack_into(data, _HEADER, *divmod(stamp, NANOSECONDS))
         self._values.pack_into(data, self._place, *q.tolist())
         self._values.pack_into(data, self._dq_place, *dq.tolist())
+        if effort is not None:
+            self._values.pack_into(data, self._effort_place, *effort.tolist())
         return bytes(data)
+
+    def _after(self, place: int) -> int:
+        """Where the next array begins."""
+        end = place + self._values.size + _LENGTH.size
+        return end + _gap(end, _NUMBER)
 
 
 class TwistWriter:

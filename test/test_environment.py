@@ -1,0 +1,102 @@
+"""What the tip of the fake robot touches: force, friction, torques."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.fake_robot.environment import EnvironmentSettings
+from redres_ros.fake_robot.plant import MujocoPlant
+from redres_ros.robot_model import RobotModel
+
+T = 0.002  # [s]
+MODEL = RobotModel.named('fr3')
+Q0 = np.array(MODEL.arm.start)
+X0, _ = MODEL.tip(Q0)
+
+
+def plant_at(shape: str, **settings: Any) -> MujocoPlant:
+    """The arm at its start, where its tip just touches the shape."""
+    given = {'contact_position': tuple(X0), **settings}
+    environment = EnvironmentSettings(contact_shape=shape, **given)
+    return MujocoPlant(MODEL.arm, T, Q0, environment=environment)
+
+
+def moved(plant: MujocoPlant, way: tuple[float, float, float]) -> np.ndarray:
+    """The force on the tip in the base frame (3,) [N] once its reference has moved (3,) [m]."""
+    J = MODEL.jacobian(Q0, MODEL.arm.tip_frame)
+    dq = np.linalg.pinv(J) @ np.concatenate((way, np.zeros(3)))
+    for k in range(1, 501):
+        plant.step(Q0 + min(k / 100.0, 1.0) * dq)
+    _, R = MODEL.tip(plant.q)
+    force: np.ndarray = R @ plant.wrench[:3]
+    return force
+
+
+@pytest.mark.parametrize('stiffness', [1e3, 1e4, 1e5])
+def test_a_wall_pushes_back_with_its_stiffness_times_the_depth(stiffness: float) -> None:
+    plant = plant_at('wall', contact_stiffness=stiffness, contact_friction=0.0)
+    force = moved(plant, (0.001, 0.0, 0.0))
+    depth = MODEL.tip(plant.q)[0][0] - X0[0]
+    # one part in a million: at rest the contact is a spring, to the solver's tolerance
+    assert force[0] == pytest.approx(-stiffness * depth, rel=1e-6)
+
+
+def test_a_table_pushes_up_and_nothing_pulls() -> None:
+    assert moved(plant_at('table'), (0.0, 0.0, -0.001))[2] > 5.0
+    assert not moved(plant_at('table'), (0.0, 0.0, 0.001)).any()
+
+
+def test_a_ball_pushes_away_from_its_centre() -> None:
+    radius = 0.1
+    centre = X0 - np.array((0.0, 0.0, radius))
+    plant = plant_at('ball', contact_position=tuple(centre), contact_radius=radius)
+    force = moved(plant, (0.0, 0.0, 0.0))
+    assert force[2] > 5.0  # the sphere at the tip has a radius, too
+    assert np.abs(force[:2]).max() < 1e-3 * force[2]
+
+
+def test_a_tip_that_slides_feels_friction_against_its_motion() -> None:
+    plant = plant_at('table', contact_friction=0.3)
+    J = MODEL.jacobian(Q0, MODEL.arm.tip_frame)
+    down = np.linalg.pinv(J) @ np.array((0.0, 0.0, -0.002, 0.0, 0.0, 0.0))
+    along = np.linalg.pinv(J) @ np.array((0.0, 0.05, 0.0, 0.0, 0.0, 0.0))
+    for k in range(1, 301):
+        plant.step(Q0 + min(k / 100.0, 1.0) * down + max(k - 100, 0) * T * along)
+    _, R = MODEL.tip(plant.q)
+    force = R @ plant.wrench[:3]
+    # 2 %: at 50 mm/s a softened friction cone is nearly at its edge
+    assert force[1] == pytest.approx(-0.3 * force[2], rel=0.02)
+
+
+def test_efforts_and_external_torques_explain_the_motion() -> None:
+    plant = plant_at('wall')
+    moved(plant, (0.001, 0.0, 0.0))
+    state = MODEL.state(plant.q, np.zeros(MODEL.n))
+    # n = tau + tau_ext at rest; 1e-6 Nm is what the servos still move
+    assert plant.effort is not None
+    assert plant.effort + plant.external_torques == pytest.approx(state.n, abs=1e-6)
+
+
+def test_a_push_on_the_elbow_acts_on_the_joints_before_it_alone() -> None:
+    plant = MujocoPlant(MODEL.arm, T, Q0)
+    elbow = MODEL.elbow_frame
+    push = np.array((0.0, 30.0, 0.0))
+    plant.push(push, elbow)
+    expected = MODEL.jacobian(Q0, elbow)[:3].T @ push
+    assert plant.external_torques == pytest.approx(expected, abs=1e-9)
+    assert not plant.wrench.any()
+
+
+@pytest.mark.parametrize(
+    ('settings', 'error', 'words'),
+    [
+        ({'contact_shape': 'floor'}, UnknownNameError, 'ball, none, table, wall'),
+        ({'contact_position': (0.0, 0.0)}, ArrayError, 'holds 2 numbers; expected 3'),
+        ({'contact_normal': (0.0, 0.0, 0.0)}, ArrayError, 'expected a direction'),
+    ],
+)
+def test_a_surface_that_cannot_be_is_refused(settings: Any, error: type, words: str) -> None:
+    with pytest.raises(error, match=words):
+        EnvironmentSettings(**settings)
