@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from redres_ros import Command, RobotModel
+from redres_ros.command import FIGURES
 from redres_ros.errors import FileError
 from redres_ros.planning.planner import Reference
-from redres_ros.simulation.recording import Recording, columns, row
+from redres_ros.simulation.recording import MotionRecorder, Recording, columns
 
 T = 0.002  # [s]
 COLUMNS = (
@@ -50,9 +51,16 @@ def test_another_arm_has_as_many_columns_as_joints():
     assert len(columns(2)) == len(columns(7)) - 10
 
 
+def of_one(command: Command, reference: Reference) -> Recording:
+    """The recording of a single tick, at 0.5 s."""
+    recorder = MotionRecorder(7, T)
+    recorder.add(0.5, command, reference)
+    return recorder.recording('')
+
+
 def test_a_row_holds_the_vectors_of_its_tick(tick):
     command, reference = tick
-    recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
+    recording = of_one(command, reference)
     assert recording['t'] == [0.5]
     for name, vector in (
         ('q1', command.state.q),
@@ -67,7 +75,7 @@ def test_a_row_holds_the_vectors_of_its_tick(tick):
 
 def test_a_row_holds_the_norms_of_its_tick(tick):
     command, reference = tick
-    recording = Recording.of([row(0.5, command, reference)], 7, T, True, '')
+    recording = of_one(command, reference)
     state = command.state
     ddq = (command.dq - command.state.dq_prev) / T
     expected = {
@@ -82,6 +90,21 @@ def test_a_row_holds_the_norms_of_its_tick(tick):
     assert recording['min_singular_value'] == pytest.approx(
         np.linalg.svd(command.J)[1].min(), rel=1e-12
     )
+
+
+def test_a_figure_is_that_of_the_command_to_rounding(tick):
+    recording = of_one(*tick)
+    for name, figure in FIGURES.items():
+        assert recording[name] == pytest.approx(figure(tick[0]), rel=1e-12)
+
+
+def test_a_motion_longer_than_a_block_keeps_the_order_of_its_ticks(tick):
+    recorder = MotionRecorder(7, T)
+    for k in range(2500):
+        recorder.add(k * T, *tick)
+    recording = recorder.recording('', finished=True)
+    assert (recording['t'] == np.arange(2500) * T).all()
+    assert recording.finished
 
 
 def test_a_column_is_found_by_name(recording):
@@ -117,7 +140,7 @@ def test_a_file_is_headed_by_the_columns(recording, tmp_path):
 
 
 def test_a_recording_without_rows_has_a_heading_still(tmp_path):
-    empty = Recording.of([], 7, T, False, 'ended before it began')
+    empty = MotionRecorder(7, T).recording('ended before it began')
     empty.write_csv(tmp_path / 'motion.csv')
     assert empty.data.shape == (0, len(columns(7)))
     assert (tmp_path / 'motion.csv').read_text() == COLUMNS + '\n'

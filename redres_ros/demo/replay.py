@@ -1,7 +1,6 @@
 """A motion from the nodes' recordings as the same table that the ideal loop gives."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from redres_ros.laws import Law
 from redres_ros.planning.planner import Reference, orientation_error
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion
-from redres_ros.simulation.recording import Recording, row
+from redres_ros.simulation.recording import MotionRecorder, Recording
 
 
 def replay(
@@ -33,7 +32,7 @@ def replay(
     desired = {}
     if under_way:
         desired = dict(zip(under_way, log.desired_at(under_way), strict=True))
-    rows = []
+    recorder = MotionRecorder(model.n, T, pose)
     dq_prev = np.zeros(model.n)
     stamp_prev = 0
     for stamp in sorted(log.states.keys() & log.commands.keys()):
@@ -54,11 +53,11 @@ def replay(
                 unachieved=np.zeros(len(J)),
             )
             reference = _reference(desired[stamp], state, log.segment_at(stamp), pose)
-            rows.append(row((stamp - under_way[0]) / 1e9, command, reference))
+            recorder.add((stamp - under_way[0]) / 1e9, command, reference)
         dq_prev = dq
         stamp_prev = stamp
     reason = log.reason
-    return Recording.of(rows, model.n, T, log.finished and not reason, reason, pose)
+    return recorder.recording(reason, finished=log.finished and not reason)
 
 
 def _reference(wanted: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
@@ -68,4 +67,4 @@ def _reference(wanted: np.ndarray, state: RobotState, segment: int, pose: bool) 
     if not pose:
         return reference
     R_d = from_quaternion(wanted[3:])
-    return replace(reference, R_d=R_d, orientation_error=orientation_error(R_d, state.R))
+    return reference._replace(R_d=R_d, orientation_error=orientation_error(R_d, state.R))

@@ -20,7 +20,7 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import PATIENCE, Client
-from redres_ros.simulation.recording import Recording, row
+from redres_ros.simulation.recording import MotionRecorder, Recording
 
 # [s] for which the arm is still watched once the task is over or the robot has stopped
 AFTERMATH = 1.0
@@ -116,18 +116,17 @@ class _Run:
 
     def _follow(self) -> Recording:
         """Run until the task is finished, the robot has stopped, or it took too long."""
-        rows: list[list[float]] = []
-        n = self._client.model.n
-        T = self._client.T
+        motion = MotionRecorder(self._client.model.n, self._client.T)
         limit = PATIENCE * self._task.segments * self._task.segment_time
         while (t := self._t) < limit:
             reference = self._reference()
             if reason := self._robot.session.reason:
-                return Recording.of(rows, n, T, False, f'stopped after {t:.3f} s: {reason}')
+                return motion.recording(f'stopped after {t:.3f} s: {reason}')
             if reference.finished:
-                return Recording.of(rows, n, T, True, f'reached the last point after {t:.3f} s')
-            rows.append(row(t, self._command(reference), reference))
-        return Recording.of(rows, n, T, False, f'did not reach the last point within {limit:g} s')
+                ending = f'reached the last point after {t:.3f} s'
+                return motion.recording(ending, finished=True)
+            motion.add(t, self._command(reference), reference)
+        return motion.recording(f'did not reach the last point within {limit:g} s')
 
     def _reference(self) -> Reference:
         x, _ = self._client.model.tip(self._robot.q)

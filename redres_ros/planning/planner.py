@@ -2,7 +2,7 @@
 position of the tip alone or together with its orientation.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
     return e
 
 
-@dataclass(frozen=True)
-class Reference:
+class Reference(NamedTuple):
     """The reference of the planner at one tick.
 
     Attributes:
@@ -170,8 +169,9 @@ class Planner:
         """x_d, (3,), at the fraction s of the line to the next point, and that line, (3,)."""
         A = self._points[start]
         B = self._points[start + 1]
-        x_d = A + (B - A) * s if s < 1.0 else B.copy()
-        return x_d, B - A
+        line = B - A
+        x_d = A + line * s if s < 1.0 else B.copy()
+        return x_d, line
 
     def _on_the_arc(self, turns: np.ndarray, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
         """R_d, (3, 3), at the fraction s of the turn to the next point, and that turn, (3,)."""
@@ -183,7 +183,9 @@ class Planner:
 
     def _feedback(self, error: np.ndarray) -> np.ndarray:
         """k_P e, (3,), within the limit."""
-        feedback = self._task.feedback_gain * error
+        feedback: np.ndarray = self._task.feedback_gain * error
+        if self._feedback_limit == np.inf:
+            return feedback
         excess = float(np.linalg.norm(feedback)) / self._feedback_limit
         return feedback / max(excess, 1.0)
 

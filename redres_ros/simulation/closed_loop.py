@@ -6,15 +6,15 @@ from typing import Protocol
 
 import numpy as np
 
-from redres_ros.command import Command
+from redres_ros.command import Command, norm
 from redres_ros.controller import Controller
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.laws import Law
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
-from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.recording import Recording, row
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.simulation.recording import MotionRecorder, Recording
 
 PATIENCE = 3.0  # a task may take this many times its nominal duration
 
@@ -116,25 +116,29 @@ class _Loop:
         self._on_the_way = deque([task.start] * delay)  # references not yet taken up
         self._late = 0.0  # [s] by which the planner's clock is behind
         self._unachieved: np.ndarray | None = None  # of the last task velocity, (m,)
-        self._rows: list[list[float]] = []
+        n = len(task.start)
+        self._rest = np.zeros(n)
+        self._recorder = MotionRecorder(n, controller.T, self._turns)
 
     def advance(self, t: float) -> bool:
         """One tick at the time t [s]. True, and nothing is done, once the last point is reached.
 
         Raises DivergedError.
         """
-        x, R = self._controller.model.tip(self._q)
-        R_of_task = R if self._turns else None
+        state = RobotState(self._controller.model, self._q, self._rest)
         reference = self._planner.reference(
-            x, t - self._late, R_of_task, unachieved=self._unachieved
+            state.x,
+            t - self._late,
+            state.R if self._turns else None,
+            unachieved=self._unachieved,
         )
         if reference.finished:
             return True
         command = self._controller.update(self._q, reference.dx)
-        speed = float(np.abs(command.dq).max())
+        speed = norm(command.dq)
         if speed > SPEED_LIMIT:
             raise DivergedError(speed, SPEED_LIMIT, 'the scheme')
-        self._rows.append(row(t, command, reference))
+        self._recorder.add(t, command, reference)
         self._late += (1.0 - command.s) * self._controller.T
         self._unachieved = command.unachieved
         self._on_the_way.append(command.q_ref)
@@ -148,5 +152,4 @@ class _Loop:
             ending: How the loop ended, in words.
             finished: Whether the last point was reached.
         """
-        n = len(self._q)
-        return Recording.of(self._rows, n, self._controller.T, finished, ending, self._turns)
+        return self._recorder.recording(ending, finished=finished)

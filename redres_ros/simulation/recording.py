@@ -2,15 +2,18 @@
 the nodes.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from redres_ros.command import FIGURES, Command, norm
 from redres_ros.errors import FileError
 from redres_ros.planning.planner import Reference
+
+_BLOCK = 1000  # ticks: a command holds on to a kilobyte or more, until its figures are computed
 
 
 def columns(n: int, pose: bool = False) -> tuple[str, ...]:
@@ -38,27 +41,89 @@ def columns(n: int, pose: bool = False) -> tuple[str, ...]:
     )
 
 
-def row(t: float, command: Command, reference: Reference) -> list[float]:
-    """One tick in the order of `columns`; all norms are Euclidean.
+class MotionRecorder:
+    """Collects the ticks of a motion; figures are computed in arrays, many ticks at a time.
 
     Args:
-        t: Time [s].
-        command: Of this tick.
-        reference: Where the task is.
+        n: Number of joints.
+        T: Sampling time [s].
+        pose: Whether the task has orientations.
     """
-    state = command.state
-    turn_left = reference.orientation_error
-    return [
-        t,
-        *state.q,
-        *command.dq,
-        *state.x,
-        *reference.x_d,
-        norm(reference.error),
-        *(() if turn_left is None else (norm(turn_left),)),
-        *(figure(command) for figure in FIGURES.values()),
-        reference.segment,
+
+    def __init__(self, n: int, T: float, pose: bool = False) -> None:
+        self._n = n
+        self._T = T
+        self._pose = pose
+        self._ticks: list[tuple[float, Command, Reference]] = []  # whose figures are to be computed
+        self._blocks: list[np.ndarray] = [np.empty((0, len(columns(n, pose))))]
+
+    def add(self, t: float, command: Command, reference: Reference) -> None:
+        """Add a tick.
+
+        Args:
+            t: Time [s].
+            command: Of this tick.
+            reference: Where the task is.
+        """
+        self._ticks.append((t, command, reference))
+        if len(self._ticks) == _BLOCK:
+            self._compute()
+
+    def recording(self, ending: str, *, finished: bool = False) -> 'Recording':
+        """The motion so far.
+
+        Args:
+            ending: How it ended, in words.
+            finished: Whether the last point was reached.
+        """
+        if self._ticks:
+            self._compute()
+        data = np.concatenate(self._blocks)
+        return Recording(data, self._n, self._T, finished, ending, self._pose)
+
+    def _compute(self) -> None:
+        self._blocks.append(_block(self._ticks, self._pose))
+        self._ticks.clear()
+
+
+def _block(ticks: Sequence[tuple[float, Command, Reference]], pose: bool) -> np.ndarray:
+    """Ticks in the order of `columns`, (ticks, columns); all norms are Euclidean."""
+    times, commands, references = zip(*ticks, strict=True)
+    states = [command.state for command in commands]
+    T = np.array([[command.T] for command in commands])  # (ticks, 1) [s]
+    dq = np.array([command.dq for command in commands])  # (ticks, n)
+    ddq = (dq - np.array([state.dq_prev for state in states])) / T  # Eq. (13)
+    M = np.array([state.M for state in states])  # (ticks, n, n)
+    tau = np.einsum('kij,kj->ki', M, ddq) + np.array([state.n for state in states])  # Eq. (6)
+    J = np.array([command.J for command in commands])  # (ticks, m, n)
+    figures = {
+        'joint_velocity_norm': _norms(dq),
+        'joint_acceleration_norm': _norms(ddq),
+        'null_velocity_norm': np.array([norm(command.null) for command in commands]),
+        'joint_torque_norm': _norms(tau),
+        'min_singular_value': np.linalg.svd(J, compute_uv=False)[:, -1],
+        'task_scaling': np.array([command.s for command in commands]),
+    }
+    turns = [_norms([each.orientation_error for each in references])] if pose else []
+    vectors = [
+        np.array(times),
+        np.array([state.q for state in states]),
+        dq,
+        np.array([state.x for state in states]),
+        np.array([reference.x_d for reference in references]),
+        _norms([reference.error for reference in references]),
+        *turns,
+        *(figures[name] for name in FIGURES),
+        np.array([reference.segment for reference in references]),
     ]
+    return np.column_stack(vectors)
+
+
+def _norms(vectors: Any) -> np.ndarray:
+    """Euclidean norms of vectors (ticks, n), (ticks,)."""
+    rows = np.asarray(vectors)
+    squares: np.ndarray = np.einsum('ki,ki->k', rows, rows)
+    return np.sqrt(squares)
 
 
 @dataclass(frozen=True)
@@ -80,29 +145,6 @@ class Recording:
     finished: bool
     ending: str
     pose: bool = False
-
-    @classmethod
-    def of(
-        cls,
-        rows: Iterable[list[float]],
-        n: int,
-        T: float,
-        finished: bool,
-        ending: str,
-        pose: bool = False,
-    ) -> 'Recording':
-        """A recording of rows.
-
-        Args:
-            rows: As `row` makes them.
-            n: Number of joints.
-            T: Sampling time [s].
-            finished: Whether the last point was reached.
-            ending: How it ended, in words.
-            pose: Whether the task has orientations.
-        """
-        data = np.array(list(rows), dtype=np.float64).reshape(-1, len(columns(n, pose)))
-        return cls(data, n, T, finished, ending, pose)
 
     @property
     def columns(self) -> tuple[str, ...]:
