@@ -172,7 +172,7 @@ def drift(robot: str, law: str, **settings: object) -> float:
     recording = run(Controller(RobotModel.named(robot), law, T, **settings), task)
     if not recording.finished:
         return float('nan')
-    return float(np.abs(recording.q[-1] - task.start).max())
+    return float(np.abs(recording.vectors('q1')[-1] - task.start).max())
 
 
 def print_runs(robots: list[str], laws: list[str]) -> bool:

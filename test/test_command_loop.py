@@ -400,6 +400,20 @@ def test_a_task_velocity_far_from_the_clock_of_the_robot_is_refused_and_never_ac
         assert speed(robot.ask()) == 0.0
 
 
+@pytest.mark.parametrize('behind', [3.0, -3.0])
+def test_a_task_velocity_stamped_by_this_computer_is_judged_by_its_arrival(behind: float) -> None:
+    robot = make(switch_time=0.0)
+    robot.follow(1, lambda _: np.zeros(3))
+    for _ in range(100):
+        time_of_day = robot.stamp + round(behind * 1e9)
+        robot.following.enter_twist(time_of_day, GENTLE, robot.now, time_of_day + 1_000_000)
+        moving = speed(robot.ask())
+    assert moving > 0.0
+    late = time_of_day - 200_000_000
+    with pytest.raises(TwistAgeError, match='stamp it as the newest joint_states, or 0 for now'):
+        robot.following.enter_twist(late, GENTLE, robot.now, time_of_day)
+
+
 def test_a_task_velocity_of_a_robot_without_a_state_yet_is_passed_over_without_a_word() -> None:
     robot = make(switch_time=0.0)
     robot.follow(1, lambda _: np.zeros(3))

@@ -29,7 +29,7 @@ class Listened:
     def get_subscription_count(self) -> int:
         return self.listeners
 
-    def create_timer(self, period: float, look: object) -> None:
+    def create_timer(self, period: float, look: object, clock: object) -> None:
         self.look = look
 
 

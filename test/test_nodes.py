@@ -83,6 +83,7 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
     ('sim', 'start:=[]', {}, ('start is nothing', 'an array of numbers')),
     ('sim', 'processors:=[]', {}, ('processors is nothing', 'an array of whole numbers')),
     ('sim', 'use_sim_time:=5', {}, ("'use_sim_time' to '5'",)),
+    ('sim', 'use_sim_time:=true', {}, ('publishes no /clock',)),
     ('controller', 'use_sim_time:=x', {}, ("'use_sim_time' to 'x'",)),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': 'abc'}, ('ROS_DOMAIN_ID', 'abc', '0 to 232')),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 232')),
@@ -660,13 +661,20 @@ def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path:
         assert all(list(state.position) == START.tolist() for state in states)
 
 
-def test_the_sim_stamps_its_states_by_the_computers_clock_whatever_use_sim_time_says(
+def test_without_a_clock_to_take_the_time_from_a_node_says_so_once_and_watches_on(
     tmp_path: Path,
 ) -> None:
-    with nodes(tmp_path, sim={'use_sim_time': True}) as (probe, _):
-        states = probe.listen(JointState, 'joint_states')
-        await_that(lambda: bool(states), 'states')
-        assert abs(states[0].header.stamp.sec - time.time()) < 3600.0
+    with nodes(tmp_path, controller={'use_sim_time': True}) as (probe, _):
+        reports = probe.listen(DiagnosticArray, '/diagnostics')
+
+        def lines() -> list[str]:
+            return [line for line in log_lines(tmp_path, 'controller') if '/clock' in line]
+
+        await_that(lambda: any('no joint_states' in r.status[0].message for r in reports), 'health')
+        await_that(lambda: len(lines()) == 1, 'the warning')
+        seen = len(reports)
+        await_that(lambda: len(reports) > seen + 3, 'more reports')
+        assert len(lines()) == 1
 
 
 @pytest.fixture(scope='class')

@@ -246,7 +246,9 @@ class CommandLoop:
         """The newest response is on its way at this time [s]."""
         self._sent = now
 
-    def enter_twist(self, stamp: int, dx: np.ndarray, now: float) -> Response | None:
+    def enter_twist(
+        self, stamp: int, dx: np.ndarray, now: float, time_of_day: int = 0
+    ) -> Response | None:
         """The response to the state that waited for this task velocity, if there is one.
 
         Args:
@@ -254,26 +256,32 @@ class CommandLoop:
                 now.
             dx: Task velocity, (m,) [m/s] and [rad/s].
             now: Its arrival [s].
+            time_of_day: The same by the computer's clock [ns]; 0: not known.
 
         Raises:
             TwistSpeedError: It is too fast.
             TwistAgeError: It is too old, or stamped too far ahead.
         """
         self.input.check_twist(dx, self.settings)
+        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day, self.settings)
         return self._enter(self.input.of_task, stamp, dx, now)
 
-    def enter_joint_velocity(self, stamp: int, dq: np.ndarray, now: float) -> Response | None:
+    def enter_joint_velocity(
+        self, stamp: int, dq: np.ndarray, now: float, time_of_day: int = 0
+    ) -> Response | None:
         """As enter_twist(), for velocities of all joints; the newest kind counts.
 
         Args:
             stamp: As of enter_twist().
             dq: Joint velocities, (n,) [rad/s].
             now: Their arrival [s].
+            time_of_day: As of enter_twist().
 
         Raises:
             TwistSpeedError: A joint is faster than its limit.
         """
         self.input.check_joint_velocity(dq)
+        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day, self.settings)
         return self._enter(self.input.of_joints, stamp, dq, now)
 
     def _enter(

@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.loop.cycle_counter import CycleCounter
+from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 
@@ -119,6 +119,25 @@ class VelocityInput:
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
         return of_a_state
 
+    def robot_stamp(
+        self, stamp: int, cycles: CycleCounter, time_of_day: int, settings: LoopSettings
+    ) -> int:
+        """A stamp by the robot's clock [ns]; 0, for now, in place of one by another clock.
+
+        A stamp that is far from the robot's clock, and that this computer's clock showed a moment
+        ago, was made on this computer: the arrival is what counts.
+
+        Args:
+            stamp: Of a velocity [ns]; 0 for now.
+            cycles: The robot's clock.
+            time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
+            settings: In force.
+        """
+        timeout = settings.command_timeout
+        age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
+        is_of_this_computer = abs(time_of_day - stamp) <= timeout * NANOSECONDS
+        return 0 if abs(age) > timeout and is_of_this_computer else stamp
+
     def check_age(
         self, stamp: int, cycles: CycleCounter, state_arrived: float, settings: LoopSettings
     ) -> bool:
@@ -150,7 +169,7 @@ class VelocityInput:
         side = 'behind' if age > 0.0 else 'ahead of'
         raise TwistAgeError(
             f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
-            '(parameter command_timeout; a zero stamp means now)'
+            '(parameter command_timeout); stamp it as the newest joint_states, or 0 for now'
         )
 
     def is_stale(self, cycle: int, now: float, settings: LoopSettings) -> bool:

@@ -19,6 +19,7 @@ from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings, why_it_would_leap
 from redres_ros.loop.twist_buffer import TwistBufferSettings
+from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.command_publisher import CommandPublisher
 from redres_ros.nodes.conversions import JointMapper, TwistTransformer
 from redres_ros.nodes.diagnostics import (
@@ -133,7 +134,7 @@ class ControllerNode(ManagedNode):
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         if self._loop.settings.twist_patience:
-            self.create_timer(_LOOK, self._on_look)
+            create_steady_timer(self, _LOOK, self._on_look)
 
     def _on_state(self, message: JointState | bytes) -> None:
         try:
@@ -157,7 +158,8 @@ class ControllerNode(ManagedNode):
         check_finite(dx, 'cartesian_velocity')
         if self._loop.q is not None:
             dx = self._transformer.to_base(dx, frame, self._loop.q)
-        return self._loop.enter_twist(stamp, dx[: self._loop.rows], time.monotonic())
+        dx = dx[: self._loop.rows]
+        return self._loop.enter_twist(stamp, dx, time.monotonic(), time.time_ns())
 
     def _on_joint_velocity(self, message: JointState) -> None:
         self._respond('joint_velocity', self._enter_joint_velocity, message)
@@ -165,7 +167,7 @@ class ControllerNode(ManagedNode):
     def _enter_joint_velocity(self, message: JointState) -> Response | None:
         dq = self._joints.velocities(message)
         stamp = to_nanoseconds(message.header.stamp)
-        return self._loop.enter_joint_velocity(stamp, dq, time.monotonic())
+        return self._loop.enter_joint_velocity(stamp, dq, time.monotonic(), time.time_ns())
 
     def _on_look(self) -> None:
         self._respond('joint_states', self._loop.respond_if_due, time.monotonic())

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from redres_ros.errors import one_line
+from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.qos import PUBLISH
 
 OK = DiagnosticStatus.OK
@@ -43,7 +44,7 @@ class Diagnostics:
         self._hardware = hardware
         self._health = health
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', PUBLISH)
-        node.create_timer(1.0, self.publish)
+        create_steady_timer(node, 1.0, self.publish)
 
     def publish(self) -> None:
         """Publish now."""
@@ -93,7 +94,7 @@ class InputMonitor:
         self._logger = node.get_logger()
         self._bad: dict[str, _Episode] = {}
         self.count = 0
-        node.create_timer(_LOOK, self._look)
+        create_steady_timer(node, _LOOK, self._look)
 
     def refuse(self, source: str, error: Exception) -> None:
         """Count an input that cannot be used.
@@ -148,7 +149,7 @@ class Watchdog:
         self._last_silence = self._last
         self._reported = False
         self.silent = False
-        node.create_timer(timeout / 2.0, self._look)
+        create_steady_timer(node, timeout / 2.0, self._look)
 
     def feed(self) -> None:
         """A message has come."""

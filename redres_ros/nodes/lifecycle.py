@@ -8,6 +8,7 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from redres_ros.errors import RedresError
+from redres_ros.nodes.clocks import warn_without_clock
 from redres_ros.nodes.parameters import declare
 from redres_ros.parameter import param
 
@@ -46,6 +47,7 @@ class ManagedNode(LifecycleNode):
     def _start_life(self) -> None:
         """Go to the state in which the node is to start."""
         self._refuse_impossible_transitions()
+        warn_without_clock(self)
         wanted = declare(self, LifecycleParameters()).initial_state
         if wanted != 'unconfigured':
             self.trigger_configure()

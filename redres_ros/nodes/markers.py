@@ -9,6 +9,7 @@ from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.qos import PUBLISH
 from redres_ros.nodes.stamps import to_time
 
@@ -47,7 +48,7 @@ class Markers:
         for marker in self._all():
             marker.header.frame_id = frame
         self.has_subscribers = False
-        node.create_timer(PERIOD, self._publish)
+        create_steady_timer(node, PERIOD, self._publish)
 
     def wants(self, stamp: int) -> bool:
         """Whether the arm of a state [ns] is to be shown to it: some times a second, if at all."""
@@ -110,7 +111,7 @@ def show_obstacles(node: Node, frame: str) -> None:
             marker.header.frame_id = frame
         publisher.publish(MarkerArray(markers=markers))
 
-    node.create_timer(_OBSTACLES_PERIOD, publish)
+    create_steady_timer(node, _OBSTACLES_PERIOD, publish)
 
 
 def _obstacles(node: Node) -> Iterator[Marker]:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -26,10 +25,11 @@ from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import RobotClock
 from redres_ros.fake_robot.session import AnswerError, Session, SessionSettings
 from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.parameters import LoopParameters, declare, on_live_change
+from redres_ros.nodes.parameters import LoopParameters, ParameterError, declare, on_live_change
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
@@ -79,10 +79,18 @@ class SimNode(ManagedNode):
 
     Deactivated it neither sends states nor takes commands, as a robot whose cable is cut: an arm
     that moves is braked. Activated it monitors anew.
+
+    Raises:
+        ParameterError: use_sim_time, or a parameter of another type.
     """
 
     def __init__(self) -> None:
         super().__init__('sim')
+        if self.get_parameter('use_sim_time').value:
+            raise ParameterError(
+                'use_sim_time is True; allowed: False: the fake arm goes by the time of the '
+                'computer, and publishes no /clock'
+            )
         self._description = declare_robot(self, is_the_robot=True)
         arm = self._description.arm
         self._settings = declare(self, SimParameters(start=arm.start))
@@ -97,7 +105,6 @@ class SimNode(ManagedNode):
         self._robot = FakeRobot(self._plant, guard, self._session)
         self._refusals = InputMonitor(self)
         self._reported_refusal: AnswerError | None = None
-        # Not the node's clock: with use_sim_time that stands at 0 until somebody publishes /clock.
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
@@ -149,9 +156,7 @@ class SimNode(ManagedNode):
         self._diagnostics = Diagnostics(self, self._description.name, self._health)
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
-        # By the steady clock: under use_sim_time the node's own may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(0.1, self._count_commanders, clock=steady)
+        create_steady_timer(self, 0.1, self._count_commanders)
         on_live_change(
             self, lambda changes: self._plant.check(self._with(changes)), self._set_faults
         )

@@ -6,6 +6,7 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
 
+from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.qos import PUBLISH
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
@@ -66,7 +67,7 @@ def _looks_of(node: Node) -> list[Callable[[], None]]:
     """
     looks: list[Callable[[], None]] = vars(node).setdefault('_telemetry_looks', [])
     if not looks:
-        node.create_timer(LOOK_PERIOD, lambda: [look() for look in looks])
+        create_steady_timer(node, LOOK_PERIOD, lambda: [look() for look in looks])
     return looks
 
 
