@@ -201,7 +201,7 @@ def try_problems(count: int, seed: int) -> Counter[str]:
         active = active_rows(bounded.dq, problem.box)
         deviation = np.abs(problem.J @ bounded.dq - bounded.s * problem.dx).max()
         faults = {
-            'not solved': not bounded.solved or bounded.relaxed,
+            'not solved': not bounded.solved or max(bounded.error, bounded.excess) > EXACT,
             'outside the box': not (problem.box[0] <= bounded.dq).all()
             or not (bounded.dq <= problem.box[1]).all(),
             'off the path': deviation > EXACT,

@@ -9,9 +9,9 @@ In order of priority, each level as well as the higher ones allow:
 4. the other tasks with the least |J dq - dx|, one after the other;
 5. the law, with the least 1/2 (dq - b)' W (dq - b).
 
-The caller knows dq_free, the same optimum without limits (resolution.py). It is the result if it
-keeps them all. If not, it replaces b in level 5: W (dq_free - b) is orthogonal to all
-motion that leaves J dq as it is, so both have the same minimum. This file knows no limit, task or
+The caller knows dq_free, the same optimum without limits (resolution.py), which does not keep them.
+It replaces b in level 5: W (dq_free - b) is orthogonal to all motion that leaves J dq as it is, so
+both have the same minimum. This file knows no limit, task or
 law by name; the numerical work is done in kernels/active_set.py.
 """
 
@@ -22,16 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.kernels.active_set import hierarchical_qp
-from redres_ros.kernels.boxes import within
-from redres_ros.resolution import Factor, Level, Weight, stacked
+from redres_ros.kernels.closed_form import FACTOR, SQUARE
+from redres_ros.resolution import Level, Weight, as_array, stacked
 
 Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
-
-NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
-
-_NO_WEIGHT = np.zeros((0, 0))
-_NO_VALUES = np.zeros(0)
 
 
 class Constrained(NamedTuple):
@@ -45,25 +40,6 @@ class Constrained(NamedTuple):
     side: int = 0  # of that limit: +1 its upper bound, -1 its lower one
     solved: bool = True  # False where a level stopped before its optimum
 
-    @property
-    def relaxed(self) -> bool:
-        """Whether rows or the first task's direction could not be kept."""
-        return not self.solved or self.excess > NOTICEABLE or self.error > NOTICEABLE
-
-    @property
-    def reason(self) -> str:
-        """The violated levels, as text; empty if there are none."""
-        reasons = []
-        if not np.isfinite(self.excess + self.error):
-            return 'the input is not finite, so the arm brakes'
-        if self.excess > NOTICEABLE:
-            reasons.append(f'limits exceeded by {self.excess:.3g}')
-        if self.error > NOTICEABLE:
-            reasons.append(f'no share of the task velocity will do, off by {self.error:.3g}')
-        if not self.solved:
-            reasons.append('stopped before the optimum')
-        return '; '.join(reasons)
-
 
 def solve_constrained(
     dq_free: np.ndarray,
@@ -73,7 +49,7 @@ def solve_constrained(
     rows: Sequence[Rows] = (),
     active_set: np.ndarray | None = None,
 ) -> Constrained:
-    """The optimum under limits; dq_free itself, the same array, where that keeps them.
+    """The optimum under limits.
 
     Args:
         dq_free: (n,) [rad/s] the optimum without limits.
@@ -89,44 +65,19 @@ def solve_constrained(
         The velocity, always finite and in the box, and the violations. Where the input is not
         finite it is the one nearest to standing still.
     """
-    lower, upper = box
-    if within(dq_free, lower, upper) and keeps_rows(dq_free, rows):
-        return Constrained(dq_free)
-    J, dx, sizes = _stacked_tasks(tasks, len(dq_free))
-    C, low, high, groups = _stacked_rows(rows, len(dq_free))
-    weight, is_factor = _weight(W)
+    n = len(dq_free)
+    J, dx = stacked(tasks, n)
+    sizes = np.array([len(dx) for _, dx in tasks] or [0], np.int64)
+    C, low, high, groups = _stacked_rows(rows, n)
+    weight, form = as_array(W)
+    is_factor = form in (FACTOR, SQUARE)  # a SQUARE is symmetric: W = M'M
     if active_set is None:
-        active_set = np.zeros(len(dq_free) + 1, np.int64)
+        active_set = np.zeros(n + 1, np.int64)
     return Constrained(
         *hierarchical_qp(
-            dq_free, weight, is_factor, J, dx, sizes, lower, upper, C, low, high, groups, active_set
+            dq_free, weight, is_factor, J, dx, sizes, *box, C, low, high, groups, active_set
         )
     )
-
-
-def keeps_rows(dq: np.ndarray, rows: Sequence[Rows]) -> bool:
-    """Whether a velocity keeps the limits that are not boxes.
-
-    Args:
-        dq: (n,) [rad/s].
-        rows: (C, low, high) of each group.
-    """
-    return all(within(C.dot(dq), low, high) for C, low, high in rows)
-
-
-def _weight(W: Weight) -> tuple[np.ndarray, bool]:
-    """W or its factor, and which of the two it is; an empty W for the identity."""
-    if W is None:
-        return _NO_WEIGHT, False
-    if isinstance(W, Factor):
-        return W.F, True
-    return W, False
-
-
-def _stacked_tasks(tasks: Sequence[Level], n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """J (m, n) and dx (m,) of all tasks, and the number of rows of each; of none, an empty one."""
-    J, dx = stacked(tasks, n)
-    return J, dx, _sizes(tuple(len(dx) for _, dx in tasks) or (0,))
 
 
 def _stacked_rows(
@@ -138,14 +89,9 @@ def _stacked_rows(
     C = np.concatenate([C for C, _, _ in rows])
     low = np.concatenate([low for _, low, _ in rows])
     high = np.concatenate([high for _, _, high in rows])
-    return C, low, high, _sizes(tuple(len(low) for _, low, _ in rows))
-
-
-@lru_cache
-def _sizes(sizes: tuple[int, ...]) -> np.ndarray:
-    return np.array(sizes, np.int64)
+    return C, low, high, np.array([len(low) for _, low, _ in rows], np.int64)
 
 
 @lru_cache
 def _no_rows(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    return np.zeros((0, n)), _NO_VALUES, _NO_VALUES, _sizes(())
+    return np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64)

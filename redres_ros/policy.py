@@ -111,8 +111,10 @@ class Policy:
             state: Of the arm at this tick.
             T: Sampling time [s].
         """
-        limits = self.limits
-        if limits is None or limits.keep(free.dq, state, T):
+        if self.limits is None:
+            return free
+        bounds = self.limits.at(state, T)
+        if bounds.allow(free.dq):
             return free
         braking = self._boundary_braking
         end = braking and braking.end(free, state)
@@ -122,9 +124,7 @@ class Policy:
         else:
             levels = [scaled(free.J, free.executed, self.task.row_scale(state.model))]
         levels += [(J, J.dot(free.dq)) for J, _ in free.levels[1:]]
-        dq, s, active = limits.nearest(free.dq, free.W, levels, state, T)
-        if dq is free.dq:
-            return free
+        dq, s, active = bounds.nearest(free.dq, free.W, levels)
         unachieved = free.unachieved
         if braking and end:
             unachieved = braking.unachieved(free, dq, end)

@@ -115,14 +115,19 @@ def assert_least_for_law(dq, target, W, equalities, active) -> None:
 # --- the closed form ------------------------------------------------------------------------------
 
 
-def test_a_velocity_that_keeps_every_limit_comes_back_untouched():
+def is_relaxed(bounded: Constrained) -> bool:
+    """Whether rows or the first task's direction could not be kept."""
+    return not bounded.solved or bounded.excess > EXACT or bounded.error > EXACT
+
+
+def test_a_velocity_that_keeps_every_limit_comes_back_to_rounding():
     problem = Problem(0)
     wide = np.full(7, -100.0), np.full(7, 100.0)
     bounded = solve_constrained(
         problem.dq_free, None, [(problem.J, problem.dx)], wide, [(np.eye(7), *wide)]
     )
-    assert bounded.dq is problem.dq_free
-    assert bounded.s == 1.0 and not bounded.relaxed and bounded.reason == ''
+    assert bounded.dq == pytest.approx(problem.dq_free, abs=1e-12)
+    assert bounded.s == 1.0 and not is_relaxed(bounded)
 
 
 # --- the first task -------------------------------------------------------------------------------
@@ -163,7 +168,7 @@ def test_the_share_keeps_the_direction(power):
         problem = Problem(seed, power, 10.0)
         bounded = problem.bounded()
         assert problem.J @ bounded.dq == pytest.approx(bounded.s * problem.dx, abs=EXACT), seed
-        assert not bounded.relaxed and bounded.reason == '', seed
+        assert not is_relaxed(bounded), seed
 
 
 @WEIGHTS
@@ -212,10 +217,9 @@ def test_where_no_share_will_do_the_error_is_least_and_then_the_share_largest():
         bounded = problem.bounded()
         error = J @ bounded.dq - bounded.s * dx
         assert bounded.error == pytest.approx(np.linalg.norm(error), abs=EXACT)
-        if not bounded.relaxed:
+        if not is_relaxed(bounded):
             continue
         relaxed += 1
-        assert 'no share' in bounded.reason
         A = np.column_stack((J, -dx))
         ends = np.append(box[0], 0.0), np.append(box[1], 1.0)
         z = np.append(bounded.dq, bounded.s)
@@ -310,7 +314,7 @@ def test_beside_rows_that_can_be_kept_the_share_is_the_largest():
             problem.dq_free, None, [(problem.J, problem.dx)], problem.box, [rows]
         )
         share = largest_share(problem.J, problem.dx, problem.box, *rows)
-        if not bounded.relaxed and np.isfinite(share):
+        if not is_relaxed(bounded) and np.isfinite(share):
             kept += 1
             assert bounded.s == pytest.approx(share, abs=1e-7), seed  # of HiGHS with rows of 1e3
     assert kept > MANY / 10
@@ -400,4 +404,4 @@ def test_input_that_is_not_finite_brakes_within_the_box(bad):
         task = arguments['J'], arguments['dx']
         bounded = solve_constrained(arguments['dq_free'], None, [task], box)
         assert (bounded.dq == 0.1).all(), poisoned
-        assert bounded.relaxed and bounded.reason != '', poisoned
+        assert is_relaxed(bounded), poisoned

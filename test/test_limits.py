@@ -141,7 +141,7 @@ def test_a_velocity_is_said_to_keep_what_the_box_allows(names, more, model, stat
         lower, upper = limits.at(state, T).box
         inside = np.clip(state.dq_prev, lower, upper)
         for dq in (inside, inside + 1e-6, inside - 1e-6, state.dq_prev):
-            said.append(limits.keep(dq, state, T))
+            said.append(limits.at(state, T).allow(dq))
             assert said[-1] == bool(((lower <= dq) & (dq <= upper)).all())
     assert True in said
 

@@ -33,9 +33,9 @@ class ActiveLimits:
         state = self.model.state(snapshot.q_prev, snapshot.dq_prev)
         bounds = self.limits.at(state, self.period)
         touched: list[tuple[Limit, int]] = []
-        for box_limit, box in zip(bounds.box_limits, bounds.boxes, strict=True):
+        for box_limit, box in zip(self.limits.box_limits, bounds.boxes[:-1], strict=True):
             touched += [(box_limit, joint) for joint in _touched(snapshot.dq, *box)]
-        for row_limit, (C, low, high) in zip(bounds.row_limits, bounds.rows, strict=True):
+        for row_limit, (C, low, high) in zip(self.limits.row_limits, bounds.rows, strict=True):
             touched += [(row_limit, row) for row in _touched(C @ snapshot.dq, low, high)]
         return {
             (limit_name(limit), limit.place(state, index, self.period)) for limit, index in touched

@@ -109,47 +109,16 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 
 
 @direct
-@compiled(boolean(vector(), vector(), vector(), float64, vector(int64), _FIGURES))
-def keeps_boxes(
-    dq: np.ndarray,
-    q: np.ndarray,
-    dq_prev: np.ndarray,
-    T: float,
-    kinds: np.ndarray,
-    figures: np.ndarray,
-) -> bool:
-    """Whether a velocity is in the box that `fill_boxes` would give; the arguments are its."""
-    # The loop is that of `fill_boxes`. One function for both would take 5 % more of every tick, and
-    # so would one for the part that they share.
-    for i in range(len(q)):
-        lower = -np.inf
-        upper = np.inf
-        hardest = 0.0
-        for k in range(len(kinds)):
-            least, most = box_of_joint(kinds[k], figures, k, i, q[i], dq_prev[i], T)
-            if kinds[k] == ACCELERATION:
-                hardest = figures[k, 1, i]
-            elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
-                margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
-                lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
-            lower, upper = narrowed(lower, upper, least, most)
-        if not lower <= dq[i] <= upper:
-            return False
-    return True
-
-
-@direct
-@compiled(boolean(vector(), vector(), float64, vector(int64), _FIGURES, float64[:, ::1], _FIGURES))
+@compiled(boolean(vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES))
 def fill_boxes(
     q: np.ndarray,
     dq_prev: np.ndarray,
     T: float,
     kinds: np.ndarray,
     figures: np.ndarray,
-    box: np.ndarray,
     boxes: np.ndarray,
 ) -> bool:
-    """Write the box of each limit, and the one that is in all of them.
+    """Write the box of each limit, and last the one that is in all of them.
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
     allow. Only where it would leave its range it brakes as hard as the arm is able to.
@@ -160,8 +129,7 @@ def fill_boxes(
         T: Sampling time [s].
         kinds: (k,) what each limit is.
         figures: (k, 3, n) of each limit.
-        box: (2, n) receives the one that is in all of them.
-        boxes: (k, 2, n) receives that of each limit.
+        boxes: (k + 1, 2, n) receives them.
 
     Returns:
         Whether they have something in common in every joint.
@@ -183,8 +151,8 @@ def fill_boxes(
                 margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
                 lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)
-        box[0, i] = lower
-        box[1, i] = upper
+        boxes[-1, 0, i] = lower
+        boxes[-1, 1, i] = upper
     return meet
 
 

@@ -304,10 +304,11 @@ def collision_rows(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows C dq <= high for which the arm keeps its clearance.
 
-    Two kinds, with d the distance of a pair and d_s the clearance. At q, of pairs nearer than the
-    influence, the velocity damper n' (J_a - J_b) dq <= rate (d - d_s). And at q + s(dq), where the
-    joints come to rest if they brake by A from the next tick on, d >= d_s. To first order in dq,
-    about the velocity v of braking already in this tick,
+    Those that the acceleration limits imply are left out. There are two kinds, with d the distance
+    of a pair and d_s the clearance. At q, of pairs nearer than the influence, the velocity damper
+    n' (J_a - J_b) dq <= rate (d - d_s). And at q + s(dq), where the joints come to rest if they
+    brake by A from the next tick on, d >= d_s. To first order in dq, about the velocity v of
+    braking already in this tick,
 
         C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2 (exact for v = j A T)
 
@@ -347,11 +348,17 @@ def collision_rows(
     C = np.empty((most, n))
     high = np.empty(most)
     who = np.empty((most, 2), np.int64)
-    count = now.found[0]
-    for r in range(count):
-        C[r] = now.C[r]
-        high[r] = rate * (now.distance[r] - clearance)
-        who[r] = now.who[r]
+    count = 0
+    for r in range(now.found[0]):
+        allowed = rate * (now.distance[r] - clearance)
+        fastest = dot(now.C[r], dq_prev)  # [m/s] of approach in this tick
+        for k in range(n):
+            fastest += abs(now.C[r, k]) * 2.0 * A[k] * T
+        if fastest > allowed:
+            C[count] = now.C[r]
+            high[count] = allowed
+            who[count] = now.who[r]
+            count += 1
     for r in range(then.found[0]):
         row = C[count]
         farthest = 0.0  # [m] by which the distance at rest may become less in this tick

@@ -1,7 +1,7 @@
 """Collision avoidance with itself, the floor, and spheres: a velocity damper for each pair."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -17,6 +17,7 @@ from redres_ros.robots.bodies import Bodies
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
 
+CollisionRows = tuple[np.ndarray, np.ndarray, np.ndarray]
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
 
 
@@ -115,7 +116,7 @@ class CollisionLimit(AccelerationFigures, RowLimit):
         return found
 
     def rows(self, state: ReferenceState, T: float) -> Rows:
-        C, high, _ = self._rows(state, T)
+        C, high, _ = _rows_at(self, state, T)
         low = np.full(len(C), -np.inf)
         if self.acceleration_is_limited or not len(C):
             return C, low, high
@@ -130,15 +131,20 @@ class CollisionLimit(AccelerationFigures, RowLimit):
 
     def place(self, state: ReferenceState, index: int, T: float) -> str:
         """As 'link_5 to floor'; of a row that bounds an acceleration the joint."""
-        _, _, who = self._rows(state, T)
+        _, _, who = _rows_at(self, state, T)
         if index >= len(who):
             return super().place(state, index - len(who), T)
         i, other = who[index].tolist()
         return f'{self.bodies.links[i]} to {self._name(other)}'
 
-    def _rows(self, state: ReferenceState, T: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """C (r, n), high (r,), and who approaches whom (r, 2)."""
-        found: tuple[np.ndarray, np.ndarray, np.ndarray] = _distances().collision_rows(
+    def collision_rows(self, state: ReferenceState, T: float) -> CollisionRows:
+        """C (r, n), high (r,), and who approaches whom (r, 2).
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """
+        found: CollisionRows = _distances().collision_rows(
             state.q,
             state.dq_prev,
             self.A,
@@ -158,6 +164,11 @@ class CollisionLimit(AccelerationFigures, RowLimit):
         if other <= distances.FIRST_SPHERE:
             return f'ball {distances.FIRST_SPHERE - other + 1}'
         return self.bodies.links[other]
+
+
+@lru_cache(maxsize=1)  # the name of a row is asked for right after the rows
+def _rows_at(limit: CollisionLimit, state: ReferenceState, T: float) -> CollisionRows:
+    return limit.collision_rows(state, T)
 
 
 def _distances() -> ModuleType:

@@ -26,11 +26,10 @@ class JointLimit(BoxLimit):
         """What the formula needs, (3, n)."""
 
     def box(self, state: ReferenceState, T: float) -> Box:
-        box = np.empty((2, self.model.n))
-        boxes = np.empty((1, 2, self.model.n))
+        boxes = np.empty((2, 2, self.model.n))
         kinds = np.array([self.kind])
-        fill_boxes(state.q, state.dq_prev, T, kinds, self.figures[None], box, boxes)
-        return box[0], box[1]
+        fill_boxes(state.q, state.dq_prev, T, kinds, self.figures[None], boxes)
+        return boxes[0, 0], boxes[0, 1]
 
 
 @dataclass(frozen=True, eq=False)

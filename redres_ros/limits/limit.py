@@ -2,45 +2,13 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
-
-import numpy as np
+from typing import ClassVar
 
 from redres_ros.constrained import Box, Rows
 from redres_ros.parameter import check_parameters, param
-from redres_ros.robot_model import RobotModel
+from redres_ros.robot_model import RobotModel, RobotState
 
-
-class ReferenceState(Protocol):
-    """The state that a limit gets: reference, last command, dynamics."""
-
-    @property
-    def q(self) -> np.ndarray:
-        """The position reference, (n,) [rad]."""
-
-    @property
-    def dq_prev(self) -> np.ndarray:
-        """The last command, (n,) [rad/s]."""
-
-    @property
-    def M(self) -> np.ndarray:
-        """Inertia, (n, n) [kg m^2]."""
-
-    @property
-    def n(self) -> np.ndarray:
-        """Coriolis, centrifugal and gravity torque, (n,) [Nm]."""
-
-    @property
-    def J(self) -> np.ndarray:
-        """Jacobian of the tip, (6, n), the linear rows first."""
-
-    @property
-    def x(self) -> np.ndarray:
-        """Position of the tip, (3,) [m]."""
-
-    @property
-    def gap(self) -> int:
-        """Cycles between two commands, at most."""
+ReferenceState = RobotState  # at the reference that is integrated, with the last command
 
 
 @dataclass(frozen=True, eq=False)

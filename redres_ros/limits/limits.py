@@ -1,12 +1,12 @@
 """Several limits together: one box and the other rows, in order of priority."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.constrained import Box, Constrained, Rows, keeps_rows, solve_constrained
-from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, keeps_boxes
+from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
+from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, within
 from redres_ros.limits.joint import AccelerationLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.resolution import Level, Weight
@@ -14,37 +14,73 @@ from redres_ros.resolution import Level, Weight
 UPPER = 1  # the place of the upper bound in a box
 
 
-class Bounds(NamedTuple):
-    """The bounds at one state."""
+@dataclass(slots=True)  # made in every tick
+class Bounds:
+    """The bounds of all limits at one state.
 
-    box: Box  # lower, upper, (n,) [rad/s]
-    rows: list[Rows]  # in order of priority
-    kept: bool  # False where a joint cannot keep every box, and goes as near to them as it may
-    box_limits: tuple[BoxLimit, ...]  # what the box comes from, in order
-    boxes: np.ndarray  # (k, 2, n)
-    row_limits: tuple[RowLimit, ...]  # what the rows come from, in order
+    Attributes:
+        limits: Where they come from.
+        state: The reference and the last command.
+        T: Sampling time [s].
+        boxes: (k + 1, 2, n) of each box limit, and last the one in all of them.
+        box: That one: lower, upper, (n,) [rad/s].
+        rows: Of each row limit.
+        kept: False where a joint cannot keep every box, and goes as near to them as it may.
+    """
 
-    def acting_limit(self, bounded: Constrained) -> tuple[Limit, int] | None:
+    limits: 'Limits'
+    state: ReferenceState
+    T: float
+    boxes: np.ndarray
+    box: Box
+    rows: list[Rows]
+    kept: bool
+
+    def allow(self, dq: np.ndarray) -> bool:
+        """Whether a velocity (n,) [rad/s] keeps them."""
+        lower, upper = self.box
+        if not within(dq, lower, upper):
+            return False
+        return not self.rows or all(within(C.dot(dq), low, high) for C, low, high in self.rows)
+
+    def nearest(
+        self, dq: np.ndarray, W: Weight, levels: Sequence[Level]
+    ) -> tuple[np.ndarray, float, str]:
+        """The velocity within the bounds that is best for the tasks, and then nearest to dq.
+
+        Args:
+            dq: (n,) [rad/s] the optimum without limits, which the bounds do not allow.
+            W: Its metric.
+            levels: (J, dx) of each task, in order of priority.
+
+        Returns:
+            The velocity; the scaling factor s of the first task; and what limits most, as
+            'joint: limit', or ''.
+        """
+        solved = solve_constrained(dq, W, levels, self.box, self.rows, self.limits.active_set)
+        acting = self.acting_limit(solved)
+        if acting is None:
+            return solved.dq, solved.s, ''
+        limit, index = acting
+        name = self.limits.names[limit]
+        return solved.dq, solved.s, f'{limit.place(self.state, index, self.T)}: {name}'
+
+    def acting_limit(self, solved: Constrained) -> tuple[Limit, int] | None:
         """The limit that resists hardest, and its joint or row; None where none does."""
-        index = bounded.limiting
+        index = solved.limiting
         n = len(self.box[0])
         if index < 0:
             return None
         if index < n:
-            return self._nearest(index, bounded.side), index
+            end = UPPER if solved.side > 0 else 0
+            distances = np.abs(self.boxes[:-1, end, index] - self.box[end][index])
+            return self.limits.box_limits[int(distances.argmin())], index
         index -= n
-        for limit, (C, _, _) in zip(self.row_limits, self.rows, strict=True):
+        for limit, (C, _, _) in zip(self.limits.row_limits, self.rows, strict=True):
             if index < len(C):
                 return limit, index
             index -= len(C)
         return None
-
-    def _nearest(self, joint: int, side: int) -> BoxLimit:
-        """The limit to which a joint's bound is due."""
-        end = UPPER if side > 0 else 0
-        bound = float(self.box[end][joint])
-        distances = [abs(value - bound) for value in self.boxes[:, end, joint].tolist()]
-        return self.box_limits[distances.index(min(distances))]
 
 
 class Limits:
@@ -59,92 +95,47 @@ class Limits:
     """
 
     def __init__(self, limits: Iterable[Limit] = ()) -> None:
+        from redres_ros.limits import limit_name  # whose table is made of what this package has
+
         in_order = sorted(limits, key=lambda limit: limit.order)
-        self._boxes = tuple(limit for limit in in_order if isinstance(limit, BoxLimit))
-        self._rows = tuple(limit for limit in in_order if isinstance(limit, RowLimit))
-        self._given = [
-            (k, limit) for k, limit in enumerate(self._boxes) if not isinstance(limit, JointLimit)
-        ]
-        self._kinds = np.array([_kind(limit) for limit in self._boxes], np.int64)
+        self.box_limits = tuple(limit for limit in in_order if isinstance(limit, BoxLimit))
+        self.row_limits = tuple(limit for limit in in_order if isinstance(limit, RowLimit))
+        self.names = {limit: limit_name(limit) for limit in in_order}
+        self._kinds = np.array([_kind(limit) for limit in self.box_limits], np.int64)
         n = in_order[0].model.n if in_order else 0
-        self._figures = np.zeros((len(self._boxes), 3, n))
-        for figures, limit in zip(self._figures, self._boxes, strict=True):
+        self._figures = np.zeros((len(self.box_limits), 3, n))
+        for figures, limit in zip(self._figures, self.box_limits, strict=True):
             if isinstance(limit, JointLimit):
                 figures[:] = limit.figures
         self.acceleration: np.ndarray | None = None  # that no scale lowers, (n,) [rad/s^2]
         self.braking_limit: AccelerationLimit | None = None  # of the end of the reach
-        for limit in self._boxes:
+        for limit in self.box_limits:
             if isinstance(limit, AccelerationLimit):
                 self.acceleration = limit.A / limit.scale
                 self.braking_limit = limit if limit.reach > 0.0 else None
         self.bounds_acceleration = self.acceleration is not None
-        self._active_set = np.zeros(n + 1, np.int64)  # of the last tick's search
+        self.active_set = np.zeros(n + 1, np.int64)  # of the last tick's search
 
     def __iter__(self) -> Iterator[Limit]:
-        yield from self._boxes
-        yield from self._rows
+        yield from self.box_limits
+        yield from self.row_limits
 
     def __len__(self) -> int:
-        return len(self._boxes) + len(self._rows)
-
-    def keep(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
-        """Whether a velocity keeps all of them.
-
-        Args:
-            dq: (n,) [rad/s].
-            state: The reference and the last command.
-            T: Sampling time [s].
-        """
-        figures = self._figures_at(state, T)
-        if not keeps_boxes(dq, state.q, state.dq_prev, T, self._kinds, figures):
-            return False
-        return not self._rows or keeps_rows(dq, [limit.rows(state, T) for limit in self._rows])
+        return len(self.names)
 
     def at(self, state: ReferenceState, T: float) -> Bounds:
         """Their bounds at a state.
 
         Args:
-            state: Of the reference at this tick.
-            T: Sampling time [s].
-        """
-        figures = self._figures_at(state, T)
-        n = len(state.q)
-        box = np.empty((2, n))
-        boxes = np.empty((len(self._boxes), 2, n))
-        kept = fill_boxes(state.q, state.dq_prev, T, self._kinds, figures, box, boxes)
-        rows = [limit.rows(state, T) for limit in self._rows]
-        return Bounds((box[0], box[1]), rows, kept, self._boxes, boxes, self._rows)
-
-    def nearest(
-        self,
-        dq: np.ndarray,
-        W: Weight,
-        levels: Sequence[Level],
-        state: ReferenceState,
-        T: float,
-    ) -> tuple[np.ndarray, float, str]:
-        """The velocity within all limits that is best for the tasks, and then nearest to dq.
-
-        Args:
-            dq: (n,) [rad/s] the optimum without limits.
-            W: Its metric.
-            levels: (J, dx) of each task, in order of priority.
             state: The reference and the last command.
             T: Sampling time [s].
-
-        Returns:
-            The velocity, dq itself if it keeps all limits; the scaling factor s of the first task;
-            and what limits most, as 'joint: limit', or ''.
         """
-        bounds = self.at(state, T)
-        solved = solve_constrained(dq, W, levels, bounds.box, bounds.rows, self._active_set)
-        acting = bounds.acting_limit(solved)
-        if solved.dq is dq or acting is None:
-            return solved.dq, solved.s, ''
-        from redres_ros.limits import limit_name  # whose table is made of what this package has
-
-        limit, index = acting
-        return solved.dq, solved.s, f'{limit.place(state, index, T)}: {limit_name(limit)}'
+        boxes = np.empty((len(self.box_limits) + 1, 2, len(state.q)))
+        figures = self._figures_at(state, T)
+        kept = fill_boxes(state.q, state.dq_prev, T, self._kinds, figures, boxes)
+        lower, upper = boxes[-1]
+        rows = [limit.rows(state, T) for limit in self.row_limits]
+        return Bounds(self, state, T, boxes, (lower, upper), rows, kept)
 
     def braked(self, dq: np.ndarray, state: ReferenceState, T: float) -> np.ndarray:
         """A velocity of an arm that is being stopped, (n,) [rad/s].
@@ -160,7 +151,7 @@ class Limits:
         bounds = self.at(state, T)
         lower, upper = bounds.box
         slower = _towards_zero(np.clip(dq, lower, upper), state.dq_prev)
-        for limit, (C, _, high) in zip(self._rows, bounds.rows, strict=True):
+        for limit, (C, _, high) in zip(self.row_limits, bounds.rows, strict=True):
             if limit.holds_in_a_stop and not (C.dot(slower) <= high).all():
                 return _towards_zero(np.clip(np.zeros(len(dq)), lower, upper), state.dq_prev)
         return slower
@@ -168,8 +159,8 @@ class Limits:
     def _figures_at(self, state: ReferenceState, T: float) -> np.ndarray:
         """What the boxes are computed from, (k, 3, n)."""
         figures = self._figures
-        for k, limit in self._given:
-            figures[k, :2] = limit.box(state, T)
+        for k in np.flatnonzero(self._kinds == GIVEN).tolist():
+            figures[k, :2] = self.box_limits[k].box(state, T)
         if state.gap == 1:
             return figures
         # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops

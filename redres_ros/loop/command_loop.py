@@ -154,10 +154,10 @@ class CommandLoop:
         if limits is None:
             return ''
         standing = self._controller.standing()
-        T = self._controller.T
-        if limits.keep(standing.dq, standing.state, T):
+        bounds = limits.at(standing.state, standing.T)
+        if bounds.allow(standing.dq):
             return ''
-        _, _, active = limits.nearest(standing.dq, None, [], standing.state, T)
+        _, _, active = bounds.nearest(standing.dq, None, [])
         return (
             f'held where a limit does not allow it ({active}): a task velocity moves it back '
             'within its limits, or change that limit'
