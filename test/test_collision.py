@@ -11,7 +11,7 @@ import pytest
 
 from redres_ros import Command, Controller, RobotModel, RobotState, make_law
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.distances import FIRST_SPHERE, FLOOR
+from redres_ros.kernels.distances import FLOOR
 from redres_ros.limits import make_limits
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.robots import ARMS, Arm
@@ -55,10 +55,10 @@ def joint_pose(state: RobotState, joints: int) -> np.ndarray:
 
 def shape_of(limit: CollisionLimit, state, body: int):
     """A body, or a ball, in the other library: its shape and its place."""
-    if body <= FIRST_SPHERE:
-        ball = np.reshape(limit.spheres, (-1, 4))[FIRST_SPHERE - body]
-        return coal.Sphere(ball[3]), coal.Transform3s(np.eye(3), ball[:3])
     bodies = limit.bodies
+    if body >= len(bodies.links):
+        ball = np.reshape(limit.spheres, (-1, 4))[body - len(bodies.links)]
+        return coal.Sphere(ball[3]), coal.Transform3s(np.eye(3), ball[:3])
     H = joint_pose(state, bodies.moved_by[body])
     ends = bodies.ends[body] @ H[:3, :3].T + H[:3, 3]
     along = ends[1] - ends[0]

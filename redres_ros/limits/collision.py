@@ -16,6 +16,9 @@ from redres_ros.robots.bodies import Bodies
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
+# Of a row for where the arm comes to rest, beside a velocity damper, where not all can be kept:
+# what cannot be braked any more comes first.
+WEIGHT = 100.0
 
 CollisionRows = tuple[np.ndarray, np.ndarray, np.ndarray]
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
@@ -29,7 +32,7 @@ class CollisionLimit(AccelerationFigures, RowLimit):
     d is their distance, n the way from the nearest point of a to that of b, J_a and J_b the
     Jacobians of these points. The nearer they are, the slower they may approach; at d_s not at all,
     and below it they go apart. The second condition is that of the limit `position`, for distances
-    in place of joint positions: the arm can always stop in time (kernels/distances.py). Bodies are
+    in place of joint positions: the arm can always stop in time. Bodies are
     capsules around the arm's links; `scale` acts on the speed and on the accelerations.
 
     Where no acceleration limit is in force, this limit keeps the accelerations itself while
@@ -89,30 +92,48 @@ class CollisionLimit(AccelerationFigures, RowLimit):
         return self.model.arm.bodies()
 
     @cached_property
-    def _shapes(self) -> tuple[Any, Any]:
-        """The joints and the bodies, as the compiled functions take them."""
-        distances = _distances()
-        kinematics = self.model.arm.kinematics()
+    def _scene(self) -> tuple[Any, ...]:
+        """The joints, the bodies and what they may collide with, as `approaches` takes them.
+
+        Balls are bodies that no joint moves, after those of the arm.
+        """
+        joints = self.model.arm.kinematics().joints
         bodies = self.bodies
-        chain = distances.Chain(
-            np.array([joint.before for joint in kinematics.joints]),
-            np.array([joint.axis for joint in kinematics.joints]),
-            np.array([joint.is_prismatic for joint in kinematics.joints]),
-        )
-        shapes = distances.Shapes(
-            bodies.moved_by,
-            bodies.ends,
-            bodies.radius,
-            bodies.pairs(self.influence),
-            np.reshape(np.array(self.spheres, np.float64), (-1, 4)),
+        balls = self._balls
+        centres = np.repeat(balls[:, None, :3], 2, axis=1)
+        number = len(bodies.links)
+        pairs = bodies.pairs(self.influence).tolist()
+        for body in range(number):
+            pairs.append([body, _distances().FLOOR])
+            pairs.extend([body, number + ball] for ball in range(len(balls)))
+        return (
+            np.array([joint.before for joint in joints]),
+            np.array([joint.axis for joint in joints]),
+            np.array([joint.is_prismatic for joint in joints]),
+            np.concatenate((bodies.moved_by, np.zeros(len(balls), np.int64))),
+            np.concatenate((bodies.ends, centres)),
+            np.concatenate((bodies.radius, balls[:, 3])),
+            np.array(pairs, np.int64),
             float(self.floor),
-            float(np.linalg.norm(kinematics.ways, axis=1).sum()),
         )
-        return chain, shapes
+
+    @cached_property
+    def _balls(self) -> np.ndarray:
+        """Centres and radii of the obstacles, (S, 4) [m]."""
+        balls = np.reshape(np.array(self.spheres, np.float64), (-1, 4))
+        return balls[balls[:, 3] > 0.0]
+
+    @cached_property
+    def _lever(self) -> float:
+        """Of any joint at most [m]."""
+        return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
 
     def near(self, state: ReferenceState) -> Near:
         """What is nearer than d_i: C dq is the speed of approach [m/s]."""
-        found: Near = _distances().approaches(state.q, *self._shapes, self.influence)
+        return self._near(state.q, self.influence)
+
+    def _near(self, q: np.ndarray, reach: float) -> Near:
+        found: Near = _distances().approaches(q, *self._scene, reach)
         return found
 
     def rows(self, state: ReferenceState, T: float) -> Rows:
@@ -138,32 +159,84 @@ class CollisionLimit(AccelerationFigures, RowLimit):
         return f'{self.bodies.links[i]} to {self._name(other)}'
 
     def collision_rows(self, state: ReferenceState, T: float) -> CollisionRows:
-        """C (r, n), high (r,), and who approaches whom (r, 2).
+        """Rows C dq <= high for which the arm keeps its clearance.
+
+        Those that the acceleration limits imply are left out. There are two kinds, with d the
+        distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
+        velocity damper n' (J_a - J_b) dq <= rate (d - d_s). And at q + s(dq), where the joints come
+        to rest if they brake by A from the next tick on, d >= d_s. To first order in dq, about the
+        velocity v of braking already in this tick,
+
+            C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2,
+
+        with S = ds/dv; s is exact for v = j A T. Braking, dq = v, changes nothing about where the
+        joints come to rest, so it keeps all of these rows, if those of the tick before were kept.
+        That is why they can be kept for ever, however many pairs there are.
 
         Args:
             state: Of the reference at this tick.
             T: Sampling time [s].
+
+        Returns:
+            C (r, n), high (r,), and who approaches whom (r, 2).
         """
-        found: CollisionRows = _distances().collision_rows(
-            state.q,
-            state.dq_prev,
-            self.A,
-            T,
-            state.gap,
-            *self._shapes,
-            self.influence,
-            self.clearance,
-            self.scale / self.time,
-        )
-        return found
+        near = self._near(state.q, self.influence)
+        C, distance, who = near
+        high = self._rate * (distance - self.clearance)
+        fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)  # in this tick
+        is_needed = fastest > high
+        now = (C[is_needed], high[is_needed], who[is_needed])
+        at_rest = self._rows_at_rest(state, T, near)
+        return now if at_rest is None else _joined(now, at_rest)
+
+    def _rows_at_rest(self, state: ReferenceState, T: float, near: Near) -> CollisionRows | None:
+        """The second kind of rows, if there are any.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+            near: What is near at this state.
+        """
+        A = self.A
+        speed = np.maximum(np.abs(state.dq_prev) - A * T, 0.0)
+        v = np.copysign(speed, state.dq_prev)
+        q_stop = state.q + state.gap * v * (speed / (2.0 * A) + T / 2.0)
+        slope = state.gap * (speed / A + T)  # S [s]
+        step = 2.0 * T * A  # dq - v at most, in the sense of v
+        C, distance, who = self._near(q_stop, self.clearance + self._lever * float(slope.dot(step)))
+        if not len(C):
+            return None
+        # The chord of s that is on the safe side: it becomes steeper with the speed.
+        rows = C * (slope + 0.5 * state.gap * T * np.sign(C * v))
+        margin = distance - self.clearance
+        is_needed = margin < np.abs(rows).dot(step)
+        # What is inside already comes out again as slowly as by the damper.
+        _, distance_now, who_now = near
+        inside = who_now[distance_now < self.clearance].tolist()
+        is_inside = np.array([pair in inside for pair in who.tolist()])
+        margin[(margin < 0.0) & is_inside] *= min(self._rate * T, 1.0)
+        # Of the size of the other rows, times the weight.
+        size = WEIGHT * np.linalg.norm(C, axis=1) / np.linalg.norm(rows, axis=1)
+        high = size * (margin + rows.dot(v))
+        rows *= size[:, None]
+        return rows[is_needed], high[is_needed], who[is_needed]
+
+    @property
+    def _rate(self) -> float:
+        """1 / t_d [1/s]."""
+        return self.scale / self.time
 
     def _name(self, other: int) -> str:
-        distances = _distances()
-        if other == distances.FLOOR:
+        if other == _distances().FLOOR:
             return 'floor'
-        if other <= distances.FIRST_SPHERE:
-            return f'ball {distances.FIRST_SPHERE - other + 1}'
-        return self.bodies.links[other]
+        links = self.bodies.links
+        return links[other] if other < len(links) else f'ball {other - len(links) + 1}'
+
+
+def _joined(first: CollisionRows, second: CollisionRows) -> CollisionRows:
+    """The rows of both."""
+    C, high, who = (np.concatenate(both) for both in zip(first, second, strict=True))
+    return C, high, who
 
 
 @lru_cache(maxsize=1)  # the name of a row is asked for right after the rows
