@@ -23,7 +23,7 @@ LAYERS = (
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},
-    {'controller', 'fake_robot', 'null_space_stability'},
+    {'controller', 'contact', 'fake_robot', 'null_space_stability'},
     {'loop'},
     {'planning'},
     {'simulation'},

@@ -1,0 +1,178 @@
+"""Admittance: a task velocity that yields to the measured force like a mass, damper and spring."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.command import Command
+from redres_ros.contact.settings import BASE, TIP, AdmittanceSettings, as_array
+from redres_ros.interpolation import quintic
+from redres_ros.robot_model import RobotState
+
+
+class Admittance:
+    """dx = dx_d + de, with M dde + D de + K e = f - f_d in each direction of a frame, e = x - x_d.
+
+    Implicit Euler, stable for every mass, also none:
+
+        de_k = (M/T + D + K T)^-1 (M/T de_{k-1} + f - f_d - K e_{k-1})
+
+    K > 0, f_d = 0 is an impedance; K = 0, f_d not 0 controls the force in that direction. Changes
+    of the settings, on and off, are faded: none is a jump.
+
+    Args:
+        settings: To begin with.
+        T: Sampling time [s].
+        switch_time: Duration of a fade [s]; 0: at once.
+    """
+
+    def __init__(self, settings: AdmittanceSettings, T: float, *, switch_time: float = 0.0) -> None:
+        settings.check(len(settings.damping), T)
+        self.T = T
+        self.switch_time = switch_time
+        self.settings = settings  # the requested ones
+        self._law = _Law.of(settings)
+        self.restart()
+
+    def restart(self) -> None:
+        """From rest, at x = x_d; the admittance is faded in anew."""
+        self._old: _Law | None = None  # that is faded out; None: nothing
+        self._new: _Law | None = None
+        self._share = 1.0  # of the fade that is over
+        m = len(self.settings.damping)
+        self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
+        self._de = np.zeros(m)  # its velocity in the last tick, (m,)
+
+    def rest(self) -> None:
+        """The arm is at rest, where it is."""
+        self._de = np.zeros(len(self._de))
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it acts, or will."""
+        return self.settings.enabled or self._new is not None or self._old is not None
+
+    def set_settings(self, settings: AdmittanceSettings) -> None:
+        """Go over to other settings; during a fade they wait for its end.
+
+        Raises ArrayError or RangeError for some that do not suit the task or the contact; those in
+        force then stay.
+        """
+        settings.check(len(self.settings.damping), self.T)
+        self.settings = settings
+        self._law = _Law.of(settings)
+
+    def rate(self, wrench: np.ndarray, state: RobotState) -> np.ndarray:
+        """de of this tick in the base frame, (m,) [m/s], [rad/s].
+
+        Args:
+            wrench: Force and moment that the environment exerts on the tip, in the axes of the
+                base, (6,) [N], [Nm].
+            state: Of the arm.
+        """
+        self._advance()
+        new = self._rate_of(self._new, wrench, state)
+        if self._share >= 1.0:
+            return new
+        c, _ = quintic(self._share)
+        rate: np.ndarray = (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
+        return rate
+
+    def velocity(self, dx: np.ndarray, wrench: np.ndarray, state: RobotState) -> np.ndarray:
+        """dx_d + de, (m,): what the controller is to be given; then call record().
+
+        Args:
+            dx: Desired task velocity dx_d, (m,) [m/s], [rad/s].
+            wrench: As of rate().
+            state: Of the arm.
+        """
+        return dx + self.rate(wrench, state)
+
+    def record(self, command: Command, dx: np.ndarray) -> None:
+        """Take in what was executed: limits may have slowed it down.
+
+        Args:
+            command: Of the controller at this tick.
+            dx: Desired task velocity dx_d, of which the limits leave the fraction s, (m,).
+        """
+        self._de = command.J @ command.dq - command.s * dx
+        self.e = self.e + self.T * self._de
+        if not self.is_on:
+            self.e = np.zeros(len(self.e))
+
+    def _advance(self) -> None:
+        """One cycle on in a fade; begin one if other settings are asked for."""
+        if self._share >= 1.0:
+            self._old = None
+            desired = self._law if self.settings.enabled else None
+            if desired == self._new:
+                return
+            self._old = self._new
+            self._new = desired
+            self._share = 0.0
+        self._share += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
+
+    def _rate_of(self, law: '_Law | None', wrench: np.ndarray, state: RobotState) -> np.ndarray:
+        """What a law asks for, (m,); nothing without one.
+
+        Args:
+            law: Mass, damping, stiffness, force and their frame.
+            wrench: As of rate().
+            state: Of the arm.
+        """
+        if law is None:
+            return np.zeros(len(self.e))
+        R = _rotation(law.frame, state)
+        f = _turned(R.T, wrench[: len(self.e)])
+        e = _turned(R.T, self.e)
+        de = _turned(R.T, self._de)
+        mass = as_array(law.mass) / self.T
+        damping = as_array(law.damping)
+        stiffness = as_array(law.stiffness)
+        resistance = mass + damping + stiffness * self.T
+        force = mass * de + f - as_array(law.force) - stiffness * e
+        return _turned(R, force / resistance)
+
+
+class _Law(NamedTuple):
+    """What a fade goes from and to."""
+
+    frame: str
+    mass: tuple[float, ...]
+    damping: tuple[float, ...]
+    stiffness: tuple[float, ...]
+    force: tuple[float, ...]
+
+    @classmethod
+    def of(cls, settings: AdmittanceSettings) -> '_Law':
+        """The part of the settings that is faded."""
+        return cls(*(getattr(settings, name) for name in cls._fields))
+
+
+def desired_force(settings: AdmittanceSettings, state: RobotState) -> np.ndarray:
+    """f_d in the axes of the base, (3,) [N].
+
+    Args:
+        settings: Its frame counts.
+        state: Of the arm.
+    """
+    force: np.ndarray = _rotation(settings.frame, state) @ as_array(settings.force[:3])
+    return force
+
+
+def _rotation(frame: str, state: RobotState) -> np.ndarray:
+    """Orientation (3, 3) of the frame of the directions."""
+    if frame == BASE:
+        return np.eye(3)
+    return state.rotation('' if frame == TIP else frame)
+
+
+def _turned(R: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A vector (3,), or two of them (6,), in other axes.
+
+    Args:
+        R: Orientation of the axes it is given in, (3, 3).
+        vector: (3,) or (6,).
+    """
+    turned: np.ndarray = (vector.reshape(-1, 3) @ R.T).reshape(-1)
+    return turned
