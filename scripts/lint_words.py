@@ -27,7 +27,7 @@ WORDS = {
     'hear[sd]?|hearing': 'receive, last value',
     'bears?|borne': 'tolerate, carry, have',
     'whoever': 'name who it is',
-    'things?': 'name what it is',
+    'things?(?! go wrong)': 'name what it is',
     'glances?': 'snapshot',
     'crew': 'node group',
     'looker|spectator|sighting': 'monitor, snapshot',

@@ -218,7 +218,7 @@ def test_a_held_reference_is_constant_to_the_bit(change: Any) -> None:
         assert off == 0.0
 
 
-@pytest.mark.parametrize('change', MOVES_A_HELD_ARM[:2], ids=lambda change: change.__name__)
+@pytest.mark.parametrize('change', MOVES_A_HELD_ARM, ids=lambda change: change.__name__)
 def test_what_would_move_a_held_arm_is_an_error_that_says_how_to_clear_it(change: Any) -> None:
     with held() as arm:
         change(arm)

@@ -27,13 +27,17 @@ from graph_helpers import (
     START,
     Observer,
     await_that,
+    call,
     graph,
     log_lines,
     set_parameters,
 )
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from nightly import NIGHTLY
 from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 from redres_ros import LAWS, Controller, RobotModel, load_task, make_law
 from redres_ros.demo.processes import NodeProcess
@@ -205,6 +209,7 @@ class TestStopped:
 
     def test_of_two_controllers_neither_moves_the_arm(self, moving: Graph) -> None:
         observer = moving.observer
+        observer.assert_all_was_well()
         second = moving.start('controller')
         # by the refusals, or by the guard if the two were far apart before both were known
         moving.await_stop()
@@ -216,6 +221,8 @@ class TestStopped:
         await_that(
             lambda: moving.lines('sim', 'joint_command accepted again') == 1, 'one controller'
         )
+        observer.commands.clear()  # of both
+        observer.modes.clear()
         assert observer.reset() < RECOVERY
         await_going_on(observer)
 
@@ -231,6 +238,91 @@ class TestStopped:
         assert not observer.commanding  # before somebody has seen to it
         assert observer.reset() < RECOVERY
         await_going_on(observer)
+
+
+# --- nodes that are killed ------------------------------------------------------------------------
+
+
+def change_controller(observer: Observer, transition: int) -> None:
+    """Ask the controller for a transition of its life cycle; it may refuse."""
+    request = ChangeState.Request(transition=Transition(id=transition))
+    call(observer, ChangeState, 'controller/change_state', request)
+
+
+def hold(observer: Observer, wanted: bool) -> None:
+    """Have the controller hold the arm, or let it go on."""
+    call(observer, SetBool, 'controller/hold', SetBool.Request(data=wanted))
+
+
+def bring_to(mode: str, observer: Observer) -> None:
+    """Bring the controller of a moving arm to a mode; it may go on to another one by itself."""
+    if mode == 'moving':
+        return
+    before = len(observer.modes)
+    if mode == 'mirroring':
+        call(observer, Trigger, 'sim/reset', Trigger.Request())
+    elif mode in ('stopping', 'holding'):
+        hold(observer, True)
+    elif mode == 'inactive':
+        change_controller(observer, Transition.TRANSITION_DEACTIVATE)
+    await_that(lambda: mode in [word for _, word in observer.modes[before:]], mode, every=0.001)
+
+
+KILLED = [
+    pytest.param(mode, name, id=f'{name} while {mode}')
+    for mode in ('moving', 'mirroring', 'stopping', 'holding', 'inactive')
+    for name in OWN
+]
+FEW_KILLED = [KILLED[0], KILLED[4], KILLED[7], KILLED[10], KILLED[13]]
+
+
+@pytest.fixture(scope='class')
+def mortal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """The arm moves; any node may die."""
+    with moving_graph(tmp_path_factory.mktemp('mortal')) as shared:
+        yield shared
+
+
+class TestKilled:
+    """A node that is killed in any mode of the controller, and started again. One graph."""
+
+    @pytest.mark.parametrize(('mode', 'name'), KILLED if NIGHTLY else FEW_KILLED)
+    def test_killed_and_started_again_it_makes_no_step(
+        self, mode: str, name: str, mortal: Graph
+    ) -> None:
+        observer = mortal.observer
+        bring_to(mode, observer)
+        mortal.kill(name)
+        states = len(observer.states)
+        mortal.processes[name] = mortal.start(name)
+        await_that(lambda: len(observer.states) > states + 50, 'the robot')
+        hold(observer, False)
+        change_controller(observer, Transition.TRANSITION_ACTIVATE)
+        observer.reset()
+        await_going_on(observer)
+        observer.assert_all_was_well()
+
+
+@pytest.mark.parametrize('keep_awake', [False, True])
+def test_composed_and_killed_and_started_again_the_arm_makes_no_step(
+    keep_awake: bool, tmp_path: Path
+) -> None:
+    own = {'task': str(endless_task(tmp_path)), 'autostart': True, 'keep_awake': keep_awake}
+    with graph(Observer) as (observer, start):
+        for life in range(2):
+            observer.states.clear()  # a robot that is started again stands somewhere else
+            observer.commands.clear()
+            observer.session.clear()  # its word may be received before its first state
+            process = start('composed', tmp_path / f'composed_{life}.log', **ALL, **own)
+            observer.await_command_mode()
+            await_going_on(observer)
+            hold(observer, True)
+            observer.await_standstill(observer.at)
+            hold(observer, False)
+            await_going_on(observer)
+            observer.assert_all_was_well()
+            os.kill(process.pid, signal.SIGKILL)
+            process.wait(PATIENCE)
 
 
 # --- computers that stall -------------------------------------------------------------------------
