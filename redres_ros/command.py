@@ -23,6 +23,8 @@ class Command(NamedTuple):
         s: Task scaling: the fraction of dx that the limits allow.
         active_limits: The most active limit as 'joint: limit'; empty if none is active.
         unachieved: The part of dx that a singularity blocks, (m,).
+        component_scaling: The fraction of each component of dx, translation and rotation, that the
+            limits allow, if they are scaled separately; else empty.
     """
 
     dq: np.ndarray
@@ -34,6 +36,7 @@ class Command(NamedTuple):
     s: float
     active_limits: str
     unachieved: np.ndarray
+    component_scaling: tuple[float, ...] = ()
 
     @property
     def null(self) -> np.ndarray:

@@ -57,6 +57,7 @@ class Controller:
         task_scaling_rate: float = 0.0,
         preferences: Iterable[str | Preference] = (),
         secondary_tasks: Iterable[str | Task] = (),
+        scaling: str = 'task',
     ) -> None:
         """A controller at rest, for one arm and one sampling time.
 
@@ -80,6 +81,8 @@ class Controller:
             preferences: Names in PREFERENCES, or preferences; they add up.
             secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
                 stands for holding the value at the start of the motion.
+            scaling: What limits scale: the 'task' velocity as a whole, which keeps its direction,
+                or its 'components', translation and rotation, for teleoperation.
 
         Raises:
             RangeError: For T, switch_time, a scale or the law's damping.
@@ -114,6 +117,7 @@ class Controller:
             torque_scale=torque_scale,
             preferences=preferences,
             secondary_tasks=secondary_tasks,
+            scaling=scaling,
             gains=limit_gains,
         )
         self._policy = policy
@@ -246,6 +250,11 @@ class Controller:
         )
         self._replace(limits=made.limits)
 
+    def set_scaling(self, scaling: str) -> None:
+        """Have limits scale the 'task' velocity as a whole, or its 'components'."""
+        if scaling != self._policy.scaling:
+            self._replace(scaling=scaling)
+
     def hold(self) -> None:
         """Decelerate to rest, from now on; the task is dropped."""
         self._moving = False
@@ -308,13 +317,21 @@ class Controller:
         turns[self._multi_turn] = np.round((self._near - q)[self._multi_turn] / TURN)
         return q + TURN * turns
 
-    def update(self, q: np.ndarray, dx: np.ndarray, missed: int = 0) -> Command:
+    def update(
+        self,
+        q: np.ndarray,
+        dx: np.ndarray,
+        missed: int = 0,
+        correction: np.ndarray | None = None,
+    ) -> Command:
         """The command for one state.
 
         Args:
             q: Measured joint positions, (n,) [rad].
             dx: Velocity of the task, (m,) [m/s], and [rad/s] below it.
             missed: Cycles since the last update that went without one; the robot has bridged them.
+            correction: The part of dx, (m,), that only holds what nobody asks to move. With scaling
+                by components it yields to the rest.
 
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
@@ -329,6 +346,7 @@ class Controller:
         state = RobotState(self.model, at, dq_prev)
         if self.gap > 1:
             state.gap = self.gap
+        state.correction = correction
         if self._has_open_targets:
             self._targeted = self._targeted.with_initial_targets(state)
         policy = self._targeted.for_joints if self._follows_joints else self._targeted
@@ -362,6 +380,7 @@ class Controller:
             self._paced(solution.s),
             solution.active_limits,
             unachieved,
+            solution.component_scaling,
         )
 
     def standing(self) -> Command:

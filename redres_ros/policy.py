@@ -14,8 +14,10 @@ from redres_ros.errors import RedresError
 from redres_ros.interpolation import quintic
 from redres_ros.laws import LAWS, Law
 from redres_ros.parameter import (
+    Parameter,
     as_tuple,
     check_once,
+    check_value,
     gain_key,
     make,
     own_gains,
@@ -34,8 +36,10 @@ if TYPE_CHECKING:
     from redres_ros.limits.boundary_braking import BoundaryBraking
     from redres_ros.limits.limit import Limit
 
+SCALING = ('task', 'components')  # what limits scale: the task velocity, or each component of it
 SPEED_LIMIT = 1e4  # [rad/s]; far beyond any arm: a motion that gets there has diverged
 
+_SCALING = Parameter('what limits scale', choices=SCALING)
 _ROUNDING = 1e-9  # of dx; less counts as achieved
 
 
@@ -57,6 +61,9 @@ class Policy:
     """A law, the tasks in order of priority, preferences and limits.
 
     minimise 1/2 |dq - b|^2_W   subject to   J dq = s dx,   l <= C dq <= u
+
+    With scaling 'components', translation and rotation have scaling factors of their own
+    (component_scaling.py).
     """
 
     law: Law
@@ -64,6 +71,10 @@ class Policy:
     preferences: tuple[Preference, ...] = ()
     secondary_tasks: tuple[Task, ...] = ()
     limits: 'Limits | None' = field(default=None, repr=False)
+    scaling: str = 'task'
+
+    def __post_init__(self) -> None:
+        check_value('scaling', self.scaling, _SCALING)
 
     def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
         """The optimum at this tick; arguments as of Motion.solve."""
@@ -118,17 +129,26 @@ class Policy:
             return free
         braking = self._boundary_braking
         end = braking and braking.end(free, state)
+        components = self._components(state)
         if braking and end:
             free = braking.slowed(free, end)
+        if braking and end and not components:
             levels = braking.levels(free, end)
         else:
             levels = [scaled(free.J, free.executed, self.task.row_scale(state.model))]
         levels += [(J, J.dot(free.dq)) for J, _ in free.levels[1:]]
-        dq, s, active = bounds.nearest(free.dq, free.W, levels)
+        solved, active = bounds.nearest(free.dq, free.W, levels, components)
         unachieved = free.unachieved
         if braking and end:
-            unachieved = braking.unachieved(free, dq, end)
-        return Solution(dq, free.J, free.executed, unachieved, free.W, free.levels, s, active)
+            unachieved = braking.unachieved(free, solved.dq, end)
+        return replace(
+            free,
+            dq=solved.dq,
+            unachieved=unachieved,
+            s=solved.s,
+            active_limits=active,
+            component_scaling=solved.component_scaling,
+        )
 
     def with_initial_targets(self, state: RobotState) -> 'Policy':
         """A copy with unset targets taken from this state."""
@@ -184,6 +204,12 @@ class Policy:
         from redres_ros.limits.boundary_braking import BoundaryBraking  # compiled, as all limits
 
         return BoundaryBraking(self.task, limit.model, limit.A, limit.reach)
+
+    def _components(self, state: RobotState) -> tuple[int, ...]:
+        """Number of rows of each component that is scaled separately; empty if none is."""
+        if self.scaling == 'task':
+            return ()
+        return self.task.components or (self.task.rows(state.model),)
 
     def _bias(self, state: RobotState, T: float) -> np.ndarray:
         """b, (n,) [rad/s], with the sum of the preferences, Eq. (19), if the law takes them."""
@@ -290,6 +316,7 @@ class Crossfade:
             new.levels,
             (1.0 - c) * old.s + c * new.s,
             new.active_limits or old.active_limits,
+            component_scaling=new.component_scaling,
         )
         if at_once:
             mixed = self.new.constrained(mixed, state, T)
@@ -359,6 +386,7 @@ def make_policy(
     torque_scale: float = 1.0,
     preferences: Iterable[str | Preference] = (),
     secondary_tasks: Iterable[str | Task] = (),
+    scaling: str = 'task',
     gains: Mapping[str, Any] = MappingProxyType({}),
 ) -> Policy:
     """A policy from names and gains: the one place where building blocks are put together.
@@ -372,6 +400,7 @@ def make_policy(
         torque_scale: Factor on its torque limits.
         preferences: Names in PREFERENCES, or preferences.
         secondary_tasks: Names in TASKS, or tasks, in order of priority.
+        scaling: One of SCALING: what limits scale.
         gains: Of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
             building blocks that are not in use do nothing.
 
@@ -387,6 +416,7 @@ def make_policy(
         _entries('preference', PREFERENCES, Preference, preferences, gains),
         _entries('task', TASKS, Task, secondary_tasks, gains),
         _limits(model, limits, limit_scale, torque_scale, gains),
+        scaling,
     )
     policy.check(model)
     return policy

@@ -107,6 +107,8 @@ class Solution:
         s: The fraction of `executed` that limits allow (task scaling).
         active_limits: 'joint: limit' that acts most, or ''.
         dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
+        component_scaling: The fraction of `executed` along each component, translation and
+            rotation, if they are scaled separately; else empty.
     """
 
     dq: np.ndarray
@@ -118,6 +120,7 @@ class Solution:
     s: float = 1.0
     active_limits: str = ''
     dq_old: np.ndarray | None = None
+    component_scaling: tuple[float, ...] = ()
 
 
 def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:

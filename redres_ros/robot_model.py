@@ -43,6 +43,7 @@ class RobotState:
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
     gap = 1  # cycles between two commands, at most, within which a joint must be able to stop
+    correction: np.ndarray | None = None  # of dx, (m,): it holds what is not asked for
 
     def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
         self.model = model

@@ -20,6 +20,7 @@ LAYERS = (
     {'vectors'},
     {'resolution', 'robot_model'},
     {'constrained', 'singularity'},
+    {'component_scaling'},
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},

@@ -79,6 +79,7 @@ def make_controller(
         task_scaling_rate=options.task_scaling_rate,
         preferences=find_preferences(options),
         secondary_tasks=find_secondary_tasks(options),
+        scaling=options.scaling or 'task',
     )
 
 
@@ -125,6 +126,8 @@ def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]
     rate = options.task_scaling_rate
     if rate != 0.0 and not limits:
         raise OptionError(f'--task-scaling-rate {rate:g} acts on limits; in use: {NONE}')
+    if options.scaling == 'components' and not limits:
+        raise OptionError(f'--scaling components acts on limits; in use: {NONE}')
 
 
 def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
@@ -216,6 +219,8 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     parameters['limit_scale'] = options.limit_scale
     parameters['torque_scale'] = options.torque_scale
     parameters['task_scaling_rate'] = options.task_scaling_rate
+    if options.scaling:
+        parameters['scaling'] = options.scaling
     if options.tip:
         parameters['tip_frame'] = options.tip
     if options.elbow:

@@ -161,6 +161,12 @@ def _add_limits(group: Any, default: str) -> None:
         help='fraction of the torque limits to use',
     )
     group.add_argument(
+        '--scaling',
+        choices=('task', 'components'),
+        help='what limits scale: the task velocity as a whole, or translation and rotation '
+        'separately, for teleoperation; default: task, in a demo components for teleoperation',
+    )
+    group.add_argument(
         '--task-scaling-rate',
         type=float,
         default=0.0,

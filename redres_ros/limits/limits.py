@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from redres_ros.component_scaling import solve_components
 from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
 from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, within
 from redres_ros.limits.joint import AccelerationLimit, JointLimit
@@ -44,26 +45,36 @@ class Bounds:
         return not self.rows or all(within(C.dot(dq), low, high) for C, low, high in self.rows)
 
     def nearest(
-        self, dq: np.ndarray, W: Weight, levels: Sequence[Level]
-    ) -> tuple[np.ndarray, float, str]:
+        self,
+        dq: np.ndarray,
+        W: Weight,
+        levels: Sequence[Level],
+        components: Sequence[int] = (),
+    ) -> tuple[Constrained, str]:
         """The velocity within the bounds that is best for the tasks, and then nearest to dq.
 
         Args:
             dq: (n,) [rad/s] the optimum without limits, which the bounds do not allow.
             W: Its metric.
             levels: (J, dx) of each task, in order of priority.
+            components: Number of rows of each component of the first task that gets a scaling
+                factor of its own; empty: one factor for all.
 
         Returns:
-            The velocity; the scaling factor s of the first task; and what limits most, as
-            'joint: limit', or ''.
+            The solution; and what limits most, as 'joint: limit', or ''.
         """
-        solved = solve_constrained(dq, W, levels, self.box, self.rows, self.limits.active_set)
+        problem = dq, W, levels, self.box, self.rows, self.limits.active_set
+        if components:
+            held = _held(components, self.state.correction)
+            solved = solve_components(*problem, components, held)
+        else:
+            solved = solve_constrained(*problem)
         acting = self.acting_limit(solved)
         if acting is None:
-            return solved.dq, solved.s, ''
+            return solved, ''
         limit, index = acting
         name = self.limits.names[limit]
-        return solved.dq, solved.s, f'{limit.place(self.state, index, self.T)}: {name}'
+        return solved, f'{limit.place(self.state, index, self.T)}: {name}'
 
     def acting_limit(self, solved: Constrained) -> tuple[Limit, int] | None:
         """The limit that resists hardest, and its joint or row; None where none does."""
@@ -174,6 +185,13 @@ class Limits:
 def _towards_zero(dq: np.ndarray, dq_prev: np.ndarray) -> np.ndarray:
     """dq where it lies between zero and the last velocity, else the nearer of these two, (n,)."""
     return np.clip(dq, np.minimum(dq_prev, 0.0), np.maximum(dq_prev, 0.0))
+
+
+def _held(components: Sequence[int], correction: np.ndarray | None) -> list[bool]:
+    """Whether each component of a task velocity is only to hold it."""
+    if correction is None:
+        return [False] * len(components)
+    return [bool(part.any()) for part in np.split(correction, np.cumsum(components)[:-1])]
 
 
 def _kind(limit: BoxLimit) -> int:

@@ -15,8 +15,9 @@ from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.gate import Gate
 from redres_ros.loop.modes import Conditions, Mode, next_mode
+from redres_ros.loop.pose_hold import PoseHold
 from redres_ros.loop.session import RobotSession
-from redres_ros.loop.settings import LoopSettings
+from redres_ros.loop.settings import AUTO, LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 from redres_ros.loop.velocity_input import VelocityInput
 
@@ -82,6 +83,7 @@ class CommandLoop:
         self.skipped = 0  # cycles whose state did not come
         self.input = VelocityInput(controller, self.settings, twists or TwistBufferSettings())
         controller.bridging = self.settings.bridging
+        self._pose_hold = PoseHold(controller.T, twists or TwistBufferSettings())
         self.mode = Mode.HOLDING
         self.gate = Gate(controller)
         self.faults = FaultMonitor(controller.model, controller.T)
@@ -157,7 +159,7 @@ class CommandLoop:
         bounds = limits.at(standing.state, standing.T)
         if bounds.allow(standing.dq):
             return ''
-        _, _, active = bounds.nearest(standing.dq, None, [])
+        _, active = bounds.nearest(standing.dq, None, [])
         return (
             f'held where a limit does not allow it ({active}): a task velocity moves it back '
             'within its limits, or change that limit'
@@ -387,6 +389,7 @@ class CommandLoop:
     def _begin_mode(self, state: _State) -> None:
         controller = self._controller
         self.faults.begin()
+        self._pose_hold.clear()
         if self.mode is Mode.MOVING:
             if self.gate.is_open:
                 self._stand_at(state.q)
@@ -410,10 +413,17 @@ class CommandLoop:
             self._stand_at(state.q)
         if self.mode in (Mode.MIRRORING, Mode.HOLDING):
             return self._controller.standing()
+        correction = None
         if self._approach is not None:
             dx = self._approach.velocity(self.gate.q_ref)
+        elif not self.input.is_of_joints:
+            is_open_loop = self.input.is_open_loop
+            dx, correction = self._pose_hold.hold(
+                self._controller, dx, self.gate.q_ref, is_open_loop
+            )
+        self._controller.set_scaling(self._scaling())
         try:
-            command = self._controller.update(state.q, dx, missed=missed)
+            command = self._controller.update(state.q, dx, missed, correction)
         except RedresError as error:
             command = self._stop_for(str(error), state, missed)
         admitted = self.gate.admit(command.q_ref, missed)
@@ -425,6 +435,12 @@ class CommandLoop:
             self._end_approach()
             self.faults.is_probing = False
         return command
+
+    def _scaling(self) -> str:
+        """What limits scale."""
+        if self.settings.scaling != AUTO:
+            return self.settings.scaling
+        return 'components' if self.input.is_open_loop else 'task'
 
     def _end_approach(self) -> None:
         """Follow the input velocity again."""

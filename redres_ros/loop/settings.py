@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from redres_ros.controller import BRIDGING
 from redres_ros.parameter import check_parameters, param
+from redres_ros.policy import SCALING
+
+AUTO = 'auto'
 
 
 def why_it_would_leap(forward_commands: bool, bridging: str) -> str:
@@ -66,6 +69,14 @@ class LoopSettings:
         'starts anew from the measurement [rad]',
         0.001,
         10.0,
+    )
+    scaling: str = param(
+        AUTO,
+        'what limits scale: the task velocity as a whole, or its components, translation and '
+        'rotation; auto: the components of a velocity that is not computed from a state, as that '
+        'of teleoperation',
+        choices=(AUTO, *SCALING),
+        live=True,
     )
     lockstep: bool = param(
         False, 'answer a state only together with the cartesian_velocity of the same stamp'

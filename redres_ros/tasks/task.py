@@ -21,6 +21,7 @@ class Task(ABC):
     """
 
     size: ClassVar[int]  # m, the number of rows
+    components: ClassVar[tuple[int, ...]] = ()  # rows of translation, of rotation; empty: one only
     gain: float = param(10.0, 'k in dx = k e, of the error to the target [1/s]', 0.0, 1e3)
 
     def __post_init__(self) -> None:

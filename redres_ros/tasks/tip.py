@@ -86,6 +86,7 @@ class Pose(FrameTask):
     """Position and orientation of a frame: 3 rows [m/s], then 3 rows [rad/s]."""
 
     size: ClassVar[int] = 6
+    components: ClassVar[tuple[int, ...]] = (3, 3)
     target: tuple[float, ...] = param(
         (), 'wanted position [m] and quaternion x, y, z, w [1]; none: those of the start'
     )

@@ -12,7 +12,9 @@ from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.graph.settings import credible
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
+from redres_ros.loop.settings import AUTO
 from redres_ros.nodes.policy_parameters import NONE, named
+from redres_ros.policy import SCALING
 from redres_ros.preferences import PREFERENCES
 
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
@@ -103,6 +105,10 @@ class Controls:
         self._bind(damping, 'controller', 'damping')
         scale = gui.add_slider('limit scale', 0.05, 1.0, 0.05, initial_value=values['limit_scale'])
         self._bind(scale, 'controller', 'limit_scale')
+        scaling = gui.add_dropdown(
+            'limits scale', (AUTO, *SCALING), initial_value=values['scaling']
+        )
+        self._bind(scaling, 'controller', 'scaling')
 
     def _add_names(self, of: str, table: Mapping[str, type], values: Mapping[str, Any]) -> None:
         """A box to tick for each entry of a table that a parameter may name."""

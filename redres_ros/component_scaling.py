@@ -1,0 +1,212 @@
+"""A task velocity whose components, translation and rotation, have scaling factors of their own.
+
+A path must keep its direction: one factor s for all of dx (constrained.py). An operator prefers an
+arm that goes on with what is possible. Where s < 1, the other factors follow, each level as well as
+the higher ones allow:
+
+1. J_i dq = s_i dx_i for each component i with s <= s_i <= 1: the least sum of (1 - s_i)^2;
+2. each component's direction, to DIRECTION_TOLERANCE;
+3. the largest velocity a_i |dx_i| along it with s_i <= a_i <= 1: the least sum of
+   ((1 - a_i) |dx_i|)^2;
+4. the least velocity across it, and of the components that are not asked for;
+5. the other tasks, and the law.
+
+Where level 2 cannot be kept, because the arm cannot brake fast enough, one factor s scales all.
+The factors a_i are variables beside dq, so that solve_constrained() does the work.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
+from redres_ros.resolution import Factor, Level, Weight, as_array
+
+DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
+
+_NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
+_NOTHING = 1e-9  # of dx; a component with less is not asked for
+
+
+class _Component(NamedTuple):
+    """The rows of one component: J (k, n), dx (k,), and the length of dx; 0 if not asked for."""
+
+    J: np.ndarray
+    dx: np.ndarray
+    length: float
+
+
+def solve_components(
+    dq_free: np.ndarray,
+    W: Weight,
+    tasks: Sequence[Level],
+    box: Box,
+    rows: Sequence[Rows],
+    active_set: np.ndarray,
+    sizes: Sequence[int],
+    held: Sequence[bool],
+) -> Constrained:
+    """As solve_constrained(), with a scaling factor for each component of the first task.
+
+    Args:
+        dq_free: (n,) [rad/s] the optimum without limits.
+        W: (n, n) the law's weight, or its Factor; None for the identity.
+        tasks: (J, dx) of each task, in order of priority.
+        box: (lower, upper), both (n,) [rad/s].
+        rows: (C, low, high) of each group of other limits.
+        active_set: (n + 1,) as of solve_constrained().
+        sizes: Number of rows of each component.
+        held: Whether a component's dx is only to hold it: it then counts as not asked for, and is
+            executed with the least error in level 4.
+    """
+    whole = solve_constrained(dq_free, W, tasks, box, rows, active_set)
+    is_exact = whole.error <= _NOTICEABLE
+    components = list(_split(tasks[0], sizes, held))
+    lengths = np.array([component.length for component in components])
+    is_whole = is_exact and whole.s >= 1.0
+    if is_whole or not lengths.any() or not np.isfinite(whole.error):
+        return whole._replace(component_scaling=(whole.s,) * len(sizes))
+    problem = _WithFactors(dq_free, W, tasks[1:], box, rows, len(sizes))
+    factors = np.full(len(sizes), whole.s if is_exact else 0.0)
+    if is_exact and np.count_nonzero(lengths) > 1:
+        factors = problem.largest_factors(tasks[0], sizes, factors)
+    executed = problem.executed(components, lengths, factors)
+    if executed.excess > max(whole.excess, _NOTICEABLE):
+        return whole._replace(component_scaling=(whole.s,) * len(sizes))
+    dq = executed.dq[: len(dq_free)]
+    scaling = tuple(
+        min(max(float(J.dot(dq).dot(dx)) / length**2, 0.0), 1.0) if length else 1.0
+        for J, dx, length in components
+    )
+    solved = whole.solved and executed.solved
+    return whole._replace(dq=dq, solved=solved, component_scaling=scaling)
+
+
+class _WithFactors:
+    """A constrained problem in z = (dq, a), with one factor a_i for each component.
+
+    Args:
+        dq_free: (n,) [rad/s] the optimum without limits.
+        W: The law's weight.
+        tasks: The secondary tasks.
+        box: Of dq.
+        rows: Groups of other limits.
+        count: Number of components, g.
+    """
+
+    def __init__(
+        self,
+        dq_free: np.ndarray,
+        W: Weight,
+        tasks: Sequence[Level],
+        box: Box,
+        rows: Sequence[Rows],
+        count: int,
+    ) -> None:
+        self._n = len(dq_free)
+        self._ones = np.ones(count)
+        self._free = np.concatenate((dq_free, self._ones))
+        self._weight = _with_ones(W, self._n, count)
+        self._box = box
+        self._tasks = [(self._widened(J), dx) for J, dx in tasks]
+        self._rows = [(self._widened(C), low, high) for C, low, high in rows]
+        self._factors = np.eye(self._n + count)[self._n :]  # (g, n + g), that are a in z
+
+    def largest_factors(self, task: Level, sizes: Sequence[int], least: np.ndarray) -> np.ndarray:
+        """The factors s_i of level 1, (g,).
+
+        Args:
+            task: The first one.
+            sizes: Number of rows of each component.
+            least: The largest common factor, (g,).
+        """
+        J, dx = task
+        rows = self._widened(J)
+        component = np.repeat(np.arange(len(sizes)), sizes)
+        rows[np.arange(len(dx)), self._n + component] = -dx
+        z = self._solve([(rows, np.zeros(len(dx))), (self._factors, self._ones)], least).dq
+        return np.maximum(z[self._n :], least)
+
+    def executed(
+        self, components: Sequence[_Component], lengths: np.ndarray, least: np.ndarray
+    ) -> Constrained:
+        """The optimum of the levels 2 to 5, with z in place of dq.
+
+        Args:
+            components: Of the first task.
+            lengths: |dx_i|, (g,).
+            least: s_i of level 1, (g,).
+        """
+        along = []
+        across = []
+        rest = []
+        cones = []
+        for (J, dx, length), factor in zip(components, self._factors, strict=True):
+            if not length:
+                across.append(J)
+                rest.append(dx)
+                continue
+            frame = _frame(dx / length)
+            along.append(self._widened(frame[:1].dot(J)) - length * factor)
+            across.append(frame[1:].dot(J))
+            rest.append(np.zeros(len(frame) - 1))
+            cones.append(_cone(frame, J))
+        tasks = [
+            (np.concatenate(along), np.zeros(len(along))),
+            (lengths[:, None] * self._factors, lengths),
+            (self._widened(np.concatenate(across)), np.concatenate(rest)),
+            *self._tasks,
+        ]
+        return self._solve(tasks, least, cones)
+
+    def _solve(
+        self, tasks: Sequence[Level], least: np.ndarray, cones: Sequence[np.ndarray] = ()
+    ) -> Constrained:
+        """The optimum within the limits, with z (n + g,) in place of dq."""
+        lower, upper = self._box
+        box = np.concatenate((lower, least)), np.concatenate((upper, self._ones))
+        rows = self._rows
+        if cones:
+            C = self._widened(np.concatenate(cones))
+            rows = [*rows, (C, np.full(len(C), -np.inf), np.zeros(len(C)))]
+        return solve_constrained(self._free, self._weight, tasks, box, rows)
+
+    def _widened(self, C: np.ndarray) -> np.ndarray:
+        """Rows (r, n) of dq as rows (r, n + g) of z."""
+        return np.hstack((C, np.zeros((len(C), len(self._ones)))))
+
+
+def _split(task: Level, sizes: Sequence[int], held: Sequence[bool]) -> Iterator[_Component]:
+    """The components of a task."""
+    J, dx = task
+    noise = _NOTHING * float(np.linalg.norm(dx))
+    begin = 0
+    for size, is_held in zip(sizes, held, strict=True):
+        rows = slice(begin, begin + size)
+        length = float(np.linalg.norm(dx[rows]))
+        yield _Component(J[rows], dx[rows], length if length > noise and not is_held else 0.0)
+        begin += size
+
+
+def _frame(direction: np.ndarray) -> np.ndarray:
+    """Orthonormal rows (k, k), of which the first is a unit vector (k,)."""
+    Q, R = np.linalg.qr(np.column_stack((direction, np.eye(len(direction)))))
+    F: np.ndarray = Q.T * np.copysign(1.0, R[0, 0])
+    return F
+
+
+def _cone(frame: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """Rows C (2 (k - 1), n) with C dq <= 0 within the tolerance: a pyramid inside the cone."""
+    along = frame[0] * np.tan(DIRECTION_TOLERANCE) / np.sqrt(max(len(frame) - 1, 1))
+    C: np.ndarray = np.concatenate((frame[1:] - along, -frame[1:] - along)).dot(J)
+    return C
+
+
+def _with_ones(W: Weight, n: int, count: int) -> Weight:
+    """A weight of z, with ones for the factors."""
+    if W is None:
+        return None
+    array = np.eye(n + count)
+    array[:n, :n] = as_array(W)[0]
+    return Factor(array) if isinstance(W, Factor) else array

@@ -1,0 +1,217 @@
+"""Scaling by components: optimal level by level, within the box, and the direction kept."""
+
+import numpy as np
+import pytest
+from nightly import NIGHTLY
+from scipy.optimize import linprog
+from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, weight
+
+from redres_ros import Controller, RobotModel
+from redres_ros.component_scaling import DIRECTION_TOLERANCE, solve_components
+from redres_ros.constrained import Constrained, solve_constrained
+from redres_ros.errors import UnknownNameError
+from redres_ros.resolution import resolve
+
+MANY = 20_000 if NIGHTLY else 150
+SIZES = (3, 3)
+BOX = ('position', 'velocity', 'acceleration')
+T = 0.002  # [s]
+
+
+class Problem:
+    """A pose task of an arm with seven joints, of which two cannot move as they should.
+
+    Its task velocity is that of a random joint velocity, and most of it cannot be executed.
+    """
+
+    def __init__(self, seed: int, power: int | None = None, held: int | None = None) -> None:
+        random = np.random.default_rng(seed)
+        self.J = random.uniform(-2.0, 2.0, (6, 7))
+        upper = random.uniform(0.5, 2.0, 7)
+        lower = -random.uniform(0.5, 2.0, 7)
+        dq = random.normal(size=7)
+        blocked = random.permutation(7)[:2]
+        upper[blocked] = np.where(dq[blocked] > 0.0, 0.0, upper[blocked])
+        lower[blocked] = np.where(dq[blocked] < 0.0, 0.0, lower[blocked])
+        self.box = lower, upper
+        self.dx = self.J @ dq
+        self.held = [False, False]
+        if held is not None:
+            self.held[held] = True
+            self.dx[3 * held : 3 * held + 3] *= 0.01
+        self.W = weight(power, 7, random)
+        self.dq_free = resolve(self.J, self.dx, random.normal(size=7), self.W)
+
+    def solved(self) -> Constrained:
+        tasks = [(self.J, self.dx)]
+        active_set = np.zeros(8, np.int64)
+        return solve_components(
+            self.dq_free, self.W, tasks, self.box, [], active_set, SIZES, self.held
+        )
+
+    def components(self):
+        """(J, dx, held) of each."""
+        return zip(np.split(self.J, 2), np.split(self.dx, 2), self.held, strict=True)
+
+    def cones(self, dq: np.ndarray) -> np.ndarray:
+        """|across| / along of each component that is asked for."""
+        ratios = []
+        for J, dx, held in self.components():
+            if not held:
+                along = J @ dq @ dx / np.linalg.norm(dx)
+                across = np.linalg.norm(J @ dq - along * dx / np.linalg.norm(dx))
+                ratios.append(across / max(along, 1e-7))
+        return np.array(ratios)
+
+
+def test_no_exact_direction_would_execute_more_of_every_component():
+    """Above the largest common factor s, by linear programming."""
+    more = 0
+    for seed in range(MANY):
+        problem = Problem(seed)
+        solved = problem.solved()
+        tasks = [(problem.J, problem.dx)]
+        s = solve_constrained(problem.dq_free, problem.W, tasks, problem.box).s
+        assert solved.s == s
+        executed = np.array(solved.component_scaling)
+        assert (executed >= s - EXACT).all(), seed
+        more += min(executed) > s + 0.01
+        directions = np.zeros((6, 3))  # of s_1, s_2 and of how much both are above what is executed
+        directions[:3, 0] = -problem.dx[:3]
+        directions[3:, 1] = -problem.dx[3:]
+        found = linprog(
+            -np.eye(10)[9],
+            A_ub=np.column_stack((np.zeros((2, 7)), -np.eye(2), np.ones(2))),
+            b_ub=-executed,
+            A_eq=np.column_stack((problem.J, directions)),
+            b_eq=np.zeros(6),
+            bounds=[*zip(*problem.box, strict=True), (s, 1.0), (s, 1.0), (None, None)],
+            options=PRECISE,
+        )
+        assert found.status != 0 or found.x[9] < 1e-6, seed  # of HiGHS
+    assert more > MANY / 2
+
+
+@WEIGHTS
+def test_directions_are_kept_and_the_box_is(power):
+    for seed in range(MANY):
+        problem = Problem(seed, power)
+        dq = problem.solved().dq
+        lower, upper = problem.box
+        assert (lower <= dq).all() and (dq <= upper).all(), seed
+        assert (problem.cones(dq) <= np.tan(DIRECTION_TOLERANCE) + 1e-6).all(), seed
+
+
+def pyramids(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Rows C dq <= 0 that keep the directions, and the rows across them, by other means."""
+    rows = []
+    across = []
+    for J, dx, held in problem.components():
+        if held:
+            across.append(J)
+            continue
+        d = dx / np.linalg.norm(dx)
+        U = np.linalg.qr(np.column_stack((d, np.eye(3))))[0][:, 1:].T
+        slope = np.tan(DIRECTION_TOLERANCE) / np.sqrt(2.0)
+        rows += [(sign * u - slope * d) @ J for u in U for sign in (1.0, -1.0)]
+        across.append(U @ J)
+    return np.array(rows), np.concatenate(across)
+
+
+@pytest.mark.parametrize('held', [None, 0, 1])
+def test_no_other_velocity_within_the_cones_goes_further_along(held):
+    """At the least of a convex function its gradient's linear programme has its optimum.
+
+    Of two components that are asked for, neither can have more without less of the other.
+    """
+    for seed in range(MANY):
+        problem = Problem(seed, None, held)
+        solved = problem.solved()
+        gradient = np.zeros(7)
+        asked = 0.0
+        for (J, dx, is_held), a in zip(problem.components(), solved.component_scaling, strict=True):
+            if not is_held:
+                gradient += (1.0 - a) * J.T @ dx
+                asked += (1.0 - a) * dx @ dx
+        if not asked:
+            continue
+        C, _ = pyramids(problem)
+        bounds = [*zip(*problem.box, strict=True)]
+        along = [(J.T @ dx, dx @ dx) for J, dx, is_held in problem.components() if not is_held]
+        rows = np.vstack((C, [row for row, _ in along], [-row for row, _ in along]))
+        least = solved.component_scaling if held is None else (0.0,)
+        ends = [
+            *np.zeros(len(C)),
+            *(size for _, size in along),
+            *(-(a - EXACT) * size for a, (_, size) in zip(least, along, strict=True)),
+        ]
+        found = linprog(-gradient, A_ub=rows, b_ub=ends, bounds=bounds, options=PRECISE)
+        if found.status == 0:
+            assert -found.fun <= gradient @ solved.dq + 1e-6 * asked, seed
+
+
+@pytest.mark.parametrize('held', [None, 1])
+def test_what_goes_across_is_the_least(held):
+    for seed in range(MANY):
+        problem = Problem(seed, None, held)
+        dq = problem.solved().dq
+        C, across = pyramids(problem)
+        wanted = np.zeros(len(across))
+        if held is not None:
+            wanted[-3:] = problem.dx[-3:]
+        along = [J.T @ dx for J, dx, is_held in problem.components() if not is_held]
+        active = np.vstack((active_rows(dq, problem.box), C[np.abs(C @ dq) < 1e-9]))
+        gradient = across.T @ (across @ dq - wanted)
+        assert unexplained(gradient, np.array(along), active) < 1e3 * EXACT, seed
+
+
+def test_what_can_be_executed_as_a_whole_is():
+    for seed in range(MANY):
+        problem = Problem(seed)
+        problem.box = np.full(7, -20.0), np.full(7, 20.0)
+        tasks = [(problem.J, problem.dx)]
+        expected = solve_constrained(problem.dq_free, problem.W, tasks, problem.box)
+        solved = problem.solved()
+        if expected.s == 1.0:
+            assert (solved.dq == expected.dq).all()
+            assert solved.component_scaling == (1.0, 1.0)
+
+
+def test_an_arm_at_its_limits_goes_on_where_a_whole_velocity_stops_it():
+    """Pure translation of the FR3 back and down, which would turn joint 6 beyond its end."""
+    distances = {}
+    for scaling in ('task', 'components'):
+        model = RobotModel.named('fr3')
+        controller = Controller(
+            model, 'minimum_acceleration', T, task='pose', limits=BOX, scaling=scaling
+        )
+        q = np.array(model.arm.start)
+        begin, _ = model.tip(q)
+        d = np.array((-0.88, -0.08, -0.47, 0.0, 0.0, 0.0))
+        for _ in range(1500):
+            command = controller.update(q, 0.3 * d)
+            assert (
+                np.abs(command.ddq) <= np.array(model.arm.acceleration_limit) * (1 + EXACT)
+            ).all()
+            assert (command.q_ref <= model.q_max).all() and (command.q_ref >= model.q_min).all()
+            q = command.q_ref
+        distances[scaling] = (model.tip(q)[0] - begin) @ d[:3]
+    assert distances['components'] > 2.0 * distances['task'], distances
+
+
+def test_until_limits_act_scaling_by_components_is_the_closed_form(model, task):
+    commands = []
+    for scaling in ('task', 'components'):
+        controller = Controller(model, 'minimum_acceleration', T, limits=BOX, scaling=scaling)
+        q = task.start
+        for _ in range(50):
+            command = controller.update(q, np.array((0.0, -0.02, 0.0)))
+            q = command.q_ref
+        commands.append(command)
+    assert commands[0].s == 1.0
+    assert (commands[0].dq == commands[1].dq).all()
+
+
+def test_an_unknown_scaling_is_refused(model):
+    with pytest.raises(UnknownNameError, match='components, task'):
+        Controller(model, 'minimum_velocity', T, scaling='component')

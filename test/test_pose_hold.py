@@ -1,0 +1,125 @@
+"""What an operator does not ask for stays where it is; a planner's velocities are left alone."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel
+from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.loop.modes import Mode
+
+T = 0.002  # [s]
+NS = 2_000_000  # [ns]
+EPOCH = 1_700_000_000 * 10**9  # [ns]
+BOX = ('position', 'velocity', 'acceleration')
+NOW = 0  # a stamp
+
+Velocity = Callable[[float], np.ndarray]
+
+
+class Arm:
+    """An FR3 with an ideal servo, and its operator."""
+
+    def __init__(self, limits: tuple[str, ...] = BOX) -> None:
+        self.model = RobotModel.named('fr3')
+        controller = Controller(
+            self.model, 'minimum_acceleration', T, task='pose', limits=limits, switch_time=0.0
+        )
+        self.loop = CommandLoop(controller)
+        self.controller = controller
+        self.q = np.array(self.model.arm.start)
+        self.cycle = 0
+
+    def steer(
+        self, seconds: float, velocity: Velocity, *, stamped: bool = False
+    ) -> list[np.ndarray]:
+        """The references, (n,), of so many seconds."""
+        references = []
+        for _ in range(round(seconds / T)):
+            self.cycle += 1
+            stamp = EPOCH + self.cycle * NS
+            response = self.loop.enter_state(stamp, self.q, self.cycle * T)
+            if response is not None:
+                self.q = response.command.q_ref
+                references.append(self.q)
+            dx = velocity(self.cycle * T)
+            self.loop.enter_twist(stamp if stamped else NOW, dx, self.cycle * T + 3e-4)
+        return references
+
+    def turned(self, R: np.ndarray) -> float:
+        """The angle from an orientation [rad]."""
+        return float(np.linalg.norm(rotation_error(R, self.model.tip(self.q)[1])))
+
+
+def sideways(t: float) -> np.ndarray:
+    return np.array((0.0, 0.15 * np.sin(t), 0.1 * np.cos(2.0 * t), 0.0, 0.0, 0.0))
+
+
+def turning(t: float) -> np.ndarray:
+    return np.array((0.0, 0.0, 0.0, 0.3 * np.sin(t), 0.2 * np.cos(2.0 * t), 0.0))
+
+
+def test_translation_alone_does_not_turn_the_tip():
+    arm = Arm()
+    _, R = arm.model.tip(arm.q)
+    arm.steer(8.0, sideways)
+    first = arm.turned(R)
+    arm.steer(8.0, sideways)
+    assert first < np.radians(0.05)
+    assert arm.turned(R) - first < np.radians(0.05) * 8.0 / 60.0
+
+
+def test_rotation_alone_does_not_move_the_tip():
+    arm = Arm()
+    x, _ = arm.model.tip(arm.q)
+    arm.steer(8.0, turning)
+    first = np.linalg.norm(arm.model.tip(arm.q)[0] - x)
+    arm.steer(8.0, turning)
+    assert first < 5e-5
+    assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) - first < 5e-5 * 8.0 / 60.0
+
+
+def test_a_planners_velocities_are_executed_as_they_are():
+    """It closes a loop of its own: the same velocities, stamped with states, drift as ever."""
+    arm = Arm()
+    _, R = arm.model.tip(arm.q)
+    arm.steer(8.0, sideways, stamped=True)
+    drifted = arm.turned(R)
+    steered = Arm()
+    steered.steer(8.0, sideways)
+    assert drifted > 10.0 * steered.turned(R)
+    assert arm.controller.policy.scaling == 'task'
+    assert steered.controller.policy.scaling == 'components'
+
+
+def test_a_tip_that_limits_have_turned_comes_back():
+    """Limits turn it while it is dragged beyond where its orientation can be kept."""
+    arm = Arm()
+    _, R = arm.model.tip(arm.q)
+    d = np.array((-0.88, -0.08, -0.47, 0.0, 0.0, 0.0))
+    arm.steer(3.0, lambda _: 0.3 * d)
+    assert arm.turned(R) > np.radians(3.0)
+    arm.steer(5.0, lambda _: -0.15 * d)
+    assert arm.turned(R) < np.radians(0.5)
+
+
+@pytest.mark.parametrize('limits', [(), BOX])
+def test_what_is_asked_for_again_begins_without_a_jump(limits):
+    arm = Arm(limits)
+    references = arm.steer(2.0, sideways)
+    references += arm.steer(1.0, turning)
+    references += arm.steer(1.0, sideways)
+    V = np.array([arm.controller.model.tip(q)[0] for q in references])
+    acceleration = np.linalg.norm(np.diff(V, 2, axis=0), axis=1) / T**2
+    assert acceleration.max() < 3.0  # [m/s^2]; 2 of the twist buffer
+
+
+def test_a_held_arm_stays_exactly_where_it_is():
+    arm = Arm()
+    arm.steer(2.0, sideways)
+    arm.steer(1.0, lambda _: np.zeros(6))
+    assert arm.loop.mode is Mode.HOLDING
+    references = arm.steer(0.5, lambda _: np.zeros(6))
+    assert all((q == references[0]).all() for q in references)
