@@ -17,11 +17,11 @@ MAINTAINER = PACKAGE.find('maintainer')
 # that: the fake robot and plots.
 TOOLS = [
     'mujoco>=3.10',  # whose mj_fullM takes the data
-    'matplotlib>=3.9',
+    'matplotlib>=3.6',
 ]
 # What `redres view` and films need.
 VIEW = ['viser>=1.1']
-VIDEO = ['imageio-ffmpeg>=0.6', 'pillow>=11.0']
+VIDEO = ['imageio-ffmpeg>=0.6', 'pillow>=10.2']
 ROS = [
     *TOOLS,
     # ros-rclpy alone would bring a newer ROS than Jazzy
@@ -30,7 +30,7 @@ ROS = [
     'mcap>=1.3',
 ]
 # `redres reproduce` filters and integrates with it.
-PAPER = ['scipy>=1.14.1']
+PAPER = ['scipy>=1.11']
 # The site asks the nodes what they have.
 DOCS = [
     *ROS,
@@ -72,10 +72,11 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'nodes/*.xml', 'robots/*.urdf']},
     zip_safe=False,
-    # the oldest versions that were tested together; older ones of numpy do not go with pin 3
+    # The oldest versions are those of Ubuntu 24.04, with Pinocchio of Jazzy. pip itself takes newer
+    # ones: what PyPI has of Pinocchio 3 asks for numpy 2.
     install_requires=[
-        'numpy>=2.2',
-        'numba>=0.61.2',  # the first for that numpy
+        'numpy>=1.26',
+        'numba>=0.59',
         'pin>=3.3.1',
         'PyYAML>=6.0.1',
         'rich>=13.0',

@@ -21,6 +21,7 @@ from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
 from redres_ros.simulation.limit_usage import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
+from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.report import progress_bar
 
 ROOT = Path(__file__).parents[1]
@@ -314,8 +315,7 @@ def _finished(figure: Figure, *axes: object) -> Figure:
     for ax in axes:
         ax.grid(alpha=0.3)
         ax.set_xmargin(0.01)
-    lines = axes[0].get_legend_handles_labels()
-    figure.legend(*lines, loc='outside lower center', ncols=2)
+    legend_below(axes[-1], axes[0])
     return figure
 
 

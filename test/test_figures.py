@@ -92,7 +92,10 @@ def test_every_figure_of_the_paper_is_there():
 
 @every_figure
 def test_a_figure_has_a_title_with_its_number(figures, number):
-    titles = [figures[number].get_suptitle(), *(ax.get_title() for ax in figures[number].axes)]
+    titles = [
+        *(text.get_text() for text in figures[number].texts),
+        *(ax.get_title() for ax in figures[number].axes),
+    ]
     assert any(title.startswith(f'Figure {number}. ') for title in titles)
 
 
@@ -115,8 +118,7 @@ def test_where_there_are_several_curves_a_legend_distinguishes_them(figures, num
         if not str(line.get_label()).startswith('_')
     }
     if len(labels) > 1:
-        legends = [*figures[number].legends, *filter(None, (ax.get_legend() for ax in panels))]
-        legends += [legend for part in figures[number].subfigs for legend in part.legends]
+        legends = filter(None, (ax.get_legend() for ax in panels))
         shown = {text.get_text() for legend in legends for text in legend.get_texts()}
         assert labels <= shown
 
@@ -149,8 +151,9 @@ def test_a_stop_is_marked_and_reported(runs, figures, monkeypatch):
     stopped = Runs()
     stopped['measured_2'] = Experiment(cut, 'protective stop', tried.q)
     monkeypatch.setattr(motions, 'render', grey_pictures)
-    assert 'protective stop' in FIGURES[9](stopped).get_suptitle()
-    labels = [text.get_text() for text in FIGURES[10](stopped).legends[0].get_texts()]
+    assert 'protective stop' in FIGURES[9](stopped).texts[0].get_text()
+    legend = FIGURES[10](stopped).axes[-1].get_legend()
+    labels = [text.get_text() for text in legend.get_texts()]
     assert 'stopped at 1.50 s' in labels
 
 

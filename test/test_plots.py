@@ -10,7 +10,7 @@ from redres_ros import RobotModel, WaypointTask
 from redres_ros.laws import LAWS
 from redres_ros.simulation import plots
 from redres_ros.simulation.colours import law_colour, line_styles
-from redres_ros.simulation.plots import COLUMN, Remarks, draw_motion, save
+from redres_ros.simulation.plots import COLUMN, Remarks, draw_motion, legend_below, save
 from redres_ros.simulation.recording import Recording, columns
 
 T = 0.01  # [s]
@@ -127,7 +127,7 @@ def test_a_drawing_for_a_publication_has_the_width_of_a_column(suffix: str, tmp_
     figure = Figure(figsize=(11.0, 9.0), layout='constrained')
     ax = figure.add_subplot(xlabel='time [s]')
     ax.plot([0.0, 1.0], label='a')
-    figure.legend(loc='outside lower center', ncols=2)
+    legend_below(ax, ax)
     path = tmp_path / f'figure{suffix}'
     save(figure, path)
     content = path.read_bytes()

@@ -12,7 +12,7 @@ from redres_ros.laws import Law, law_name
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.colours import line_styles
-from redres_ros.simulation.plots import NORMS, in_symbols, save
+from redres_ros.simulation.plots import NORMS, in_symbols, legend_below, save
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import table
 
@@ -230,6 +230,5 @@ def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
             ax.set_ylim(bottom=max(peaks) / _SHOWN)
         ax.set_xmargin(0.01)
     axes[-1].set_xlabel('time [s]')
-    lines = axes[0].get_legend_handles_labels()
-    figure.legend(*lines, loc='outside lower center', fontsize='small', ncols=2)
+    legend_below(axes[-1], axes[0], fontsize='small')
     return figure

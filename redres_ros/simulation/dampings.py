@@ -16,6 +16,7 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.comparison import first_violation
 from redres_ros.simulation.parallel import in_parallel
+from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.report import table
 
 DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
@@ -192,7 +193,7 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     bad.set_xlabel(r'damping $k_d$ [s$^{-1}$]')
     for ax in (good, bad):
         ax.grid(alpha=0.3)
-    figure.legend(*good.get_legend_handles_labels(), loc='outside lower center', ncols=2)
+    legend_below(bad, good)
     return figure
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.colours import line_styles
-from redres_ros.simulation.plots import in_symbols
+from redres_ros.simulation.plots import in_symbols, legend_below
 from redres_ros.simulation.recording import Recording
 
 _HIGHEST = 3.0  # fraction that is shown
@@ -71,6 +71,5 @@ def draw_limit_usage(
     for ax in (velocity, acceleration, scaling):
         ax.grid(alpha=0.3)
         ax.set_xmargin(0.01)
-    lines = velocity.get_legend_handles_labels()
-    figure.legend(*lines, loc='outside lower center', fontsize='small', ncols=2)
+    legend_below(scaling, velocity, fontsize='small')
     return figure

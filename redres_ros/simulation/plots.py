@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from matplotlib.transforms import ScaledTranslation
 
 from redres_ros.errors import FileError
 from redres_ros.planning.waypoints import WaypointTask
@@ -44,6 +45,9 @@ _COLUMN_RATIO = 1.6  # such a figure is so many times as high for its width
 _COLUMN_TEXT = 7.0  # [pt]
 _COLUMN_LINE = 0.7  # of the line width
 _COLUMN_LETTERS = 64  # of a line of the title
+
+_BELOW = 0.45  # [in] from the lowest panel to the legend, where its axis is labelled
+_OF_ALL = 'legend of all panels'
 
 
 @dataclass(frozen=True)
@@ -106,9 +110,30 @@ def draw_motion(
     panels[-1].set_xlabel('time [s]')
     end = max(recording['t'][-1], recording.T)
     panels[-1].set_xlim(-_MARGIN * end, (1.0 + _MARGIN) * end)
-    handles, labels = panels[0].get_legend_handles_labels()
-    right.legend(handles, labels, loc='outside upper center', ncols=4, fontsize='small')
+    legend_below(panels[-1], panels[0], ncols=4, fontsize='small')
     save(figure, path)
+
+
+def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | None = None) -> None:
+    """A legend of several panels below the lowest one, for which their layout leaves place.
+
+    Args:
+        ax: The lowest panel.
+        labelled: The panel whose curves have the labels.
+        ncols: Number of columns.
+        fontsize: None for that of other texts.
+    """
+    # 'outside lower center' of a figure is the same, but needs matplotlib 3.7.
+    below = ax.transAxes + ScaledTranslation(0.0, -_BELOW, ax.figure.dpi_scale_trans)
+    legend = ax.legend(
+        *labelled.get_legend_handles_labels(),
+        loc='upper center',
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=below,
+        ncols=ncols,
+        fontsize=fontsize,
+    )
+    legend.set_gid(_OF_ALL)
 
 
 def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
@@ -200,21 +225,26 @@ def fit_column(figure: Figure) -> None:
     figure.set_size_inches(COLUMN, min(height, _COLUMN_RATIO * COLUMN * height / width))
     for line in figure.findobj(Line2D):
         line.set_linewidth(_COLUMN_LINE * line.get_linewidth())
-    for legend in list(figure.legends):
-        handles = [handle for handle in legend.legend_handles if handle is not None]
-        labels = [text.get_text() for text in legend.get_texts()]
-        legend.remove()
-        figure.legend(handles, labels, loc='outside lower center', ncols=1)
     for ax in figure.axes:
+        legend = ax.get_legend()
+        if legend is not None and legend.get_gid() == _OF_ALL:
+            names = {text.get_text() for text in legend.get_texts()}
+            labelled = (each for each in figure.axes if names == set(_labels(each)))
+            legend_below(ax, next(labelled), ncols=1)
         ax.tick_params(labelsize=_COLUMN_TEXT)
         ax.set_ylabel(_in_two_lines(ax.get_ylabel()))
         ax.set_title(textwrap.fill(ax.get_title(), _COLUMN_LETTERS))
-    title = figure.get_suptitle()
-    if title:
-        figure.suptitle(textwrap.fill(title, _COLUMN_LETTERS))
+    for title in figure.texts:
+        title.set_text(textwrap.fill(title.get_text(), _COLUMN_LETTERS))
     for text in figure.findobj(Text):
         text.set_fontsize(_COLUMN_TEXT)
     figure.align_ylabels()
+
+
+def _labels(ax: Axes) -> list[str]:
+    """Of the curves of a panel."""
+    labels: list[str] = ax.get_legend_handles_labels()[1]
+    return labels
 
 
 def _in_two_lines(label: str) -> str:

@@ -11,6 +11,7 @@ from redres_ros.paper.runs import TORQUE_SCALE, Runs, title
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.limit_usage import acceleration_usage
+from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.recording import Recording
 
 _LEAST = 1e-3  # of the logarithmic axis
@@ -30,7 +31,7 @@ def figure_17(runs: Runs) -> Figure:
     panels[0].set_ylim(bottom=_LEAST)
     _draw_limit(panels[0], 1.0, 'limit')
     _draw_rest(panels, tried)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=2)
+    legend_below(panels[-1], panels[0])
     return figure
 
 
@@ -47,7 +48,7 @@ def figure_18(runs: Runs) -> Figure:
     panels[0].set_ylim(bottom=0.0)
     _draw_limit(panels[0], TORQUE_SCALE, 'allowed')
     _draw_rest(panels, tried)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=2)
+    legend_below(panels[-1], panels[0])
     return figure
 
 

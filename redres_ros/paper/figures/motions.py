@@ -12,6 +12,7 @@ from redres_ros.paper.runs import MOTIONS, Runs, title
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.paths import draw_paths
+from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.render import AZIMUTH, ELEVATION, Film, RenderError, render
 
@@ -43,8 +44,7 @@ def draw(number: int, name: str, runs: Runs) -> Figure:
     ax.view_init(elev=-ELEVATION, azim=AZIMUTH - 180.0)  # as the camera sees it
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(2))
-    ax.get_legend().remove()
-    left.legend(*ax.get_legend_handles_labels(), loc='outside lower center', ncols=2)
+    legend_below(ax, ax)
     ax.set_title('(a) path of the tip (black) and of the elbow (blue)')
     _draw_pictures(right, recording, model, task)
     return figure

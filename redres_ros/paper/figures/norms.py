@@ -13,7 +13,7 @@ from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.plots import NORMS, Remarks, draw_norm
+from redres_ros.simulation.plots import NORMS, Remarks, draw_norm, legend_below
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 
@@ -133,8 +133,7 @@ def _experiment(
         ax.set_ylabel(NORMS[norm])
         ax.set_ylim(bottom=0.0)
         ax.grid(alpha=0.3)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=2)
+    legend_below(panels[-1], panels[0])
     return figure
 
 
