@@ -88,6 +88,7 @@ setup(
         'video': [*ROS, *VIDEO],
         'paper': PAPER,
         'docs': DOCS,
+        'parquet': ['pyarrow>=15'],  # results of a batch in that form
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
             'embodik>=0.23',
             'pin-pink>=4.4',

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_task, make_law, run
 from redres_ros.paper.figures.architecture import figure_1
+from redres_ros.simulation import batch
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
 from redres_ros.simulation.limit_usage import acceleration_usage
@@ -360,9 +361,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--sweep', action='store_true', help='only the tables over random tasks')
     if parser.parse_args().sweep:
-        model = RobotModel.named('lwr4_paper')
         with progress_bar(f'{RANDOM_TASKS} random tasks') as progress:
-            swept = sweep(model, 'lwr4_paper', SWEPT, RANDOM_TASKS, SWEEP_T, progress)
+            swept = sweep(batch.Case('lwr4_paper', T=SWEEP_T), SWEPT, RANDOM_TASKS, progress)
         write({'sweep': sweep_table(swept)})
         title = f"{RANDOM_TASKS} random tasks of the paper's arm"
         draw_dampings(swept, title).savefig(PICTURES / 'random_dampings.png', dpi=110)

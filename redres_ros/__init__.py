@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     )
     from redres_ros.resolution import resolve
     from redres_ros.robot_model import RobotModel, RobotState
+    from redres_ros.simulation.batch import Case, Result, batch
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.comparison import Effort
     from redres_ros.simulation.recording import Recording
@@ -62,6 +63,9 @@ _HOMES = {
     'make_preference': 'preferences',
     'WaypointTask': 'planning.waypoints',
     'load_task': 'planning.waypoints',
+    'Case': 'simulation.batch',
+    'Result': 'simulation.batch',
+    'batch': 'simulation.batch',
     'run': 'simulation.closed_loop',
     'Effort': 'simulation.comparison',
     'Recording': 'simulation.recording',
@@ -75,6 +79,7 @@ __all__ = [
     'LIMITS',
     'PREFERENCES',
     'TASKS',
+    'Case',
     'Command',
     'Comparison',
     'Controller',
@@ -89,10 +94,12 @@ __all__ = [
     'Preference',
     'Recording',
     'RedresError',
+    'Result',
     'RobotModel',
     'RobotState',
     'Task',
     'WaypointTask',
+    'batch',
     'compare',
     'load_plugin',
     'load_task',

@@ -8,7 +8,9 @@ import pytest
 from redres_ros import RobotModel
 from redres_ros.cli import main
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.simulation.dampings import GOOD, Trials, damping_table, random_task, sweep
+from redres_ros.simulation.batch import Case
+from redres_ros.simulation.dampings import GOOD, Trials, damping_table, sweep
+from redres_ros.simulation.random_tasks import random_task
 
 
 def test_random_tasks_begin_within_the_ranges_and_are_the_same_every_time() -> None:
@@ -30,14 +32,12 @@ def test_a_damping_is_judged_beside_the_best_of_the_same_task() -> None:
 
 
 def test_a_sweep_finds_what_a_single_run_finds() -> None:
-    model = RobotModel.named('lwr4_paper')
+    base = Case('lwr4_paper', T=0.02)
     reported: list[float] = []
-    (trials,) = sweep(
-        model, 'lwr4_paper', ['minimum_acceleration'], 2, 0.02, reported.append, (0.0, 10.0)
-    )
+    (trials,) = sweep(base, ['minimum_acceleration'], 2, reported.append, (0.0, 10.0))
     assert trials.peaks.shape == trials.kept.shape == (2, 2)
     assert reported[-1] == 1.0
-    again = sweep(model, 'lwr4_paper', ['minimum_acceleration'], 1, 0.02, reported.append, (10.0,))
+    again = sweep(base, ['minimum_acceleration'], 1, reported.append, (10.0,))
     assert again[0].peaks[0, 0] == trials.peaks[0, 1]
 
 

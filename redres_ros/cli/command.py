@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import TextIO
 
 from redres_ros.cli import (
+    batch,
     bench,
     check,
     compare,
@@ -26,6 +27,7 @@ _GROUPS = (
     demo,
     simulate,
     compare,
+    batch,
     dampings,
     reproduce,
     laws,

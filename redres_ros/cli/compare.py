@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import DEMO_LIMITS, add_loop, add_motion, add_pictures_out
 from redres_ros.cli.parser import NONE, OptionError, add_command
+from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
     from redres_ros.laws import Law
@@ -56,14 +57,62 @@ def add(commands: Any) -> None:
         'laws side by side on a task, without ROS',
         '--law minimum_velocity,minimum_acceleration@5 --period 0.004',
         '--limits position,velocity,acceleration --limit-scale 0.5',
+        '--robot fr3 --tasks 50 --kind near_singular --period 0.005',
     )
     add_motion(compare, several_laws=_LAWS)
+    many = compare.add_argument_group('many tasks')
+    many.add_argument(
+        '--tasks', type=int, metavar='N', help='compare on this many random tasks instead of one'
+    )
+    many.add_argument(
+        '--kind',
+        default='random',
+        metavar='KIND|FILE.yaml,...',
+        help='of these tasks: random, near_singular, long (a minute there and back), or task files',
+    )
     loop = add_loop(compare)
     add_pictures_out(loop, 'redres_compare', 'plots and data')
     compare.set_defaults(run=_compare)
 
 
 def _compare(options: argparse.Namespace) -> int:
+    return _compare_one(options) if options.tasks is None else _compare_many(options)
+
+
+def _compare_many(options: argparse.Namespace) -> int:
+    from dataclasses import replace
+
+    from redres_ros.cli.batch import case_of, run_cases
+    from redres_ros.cli.controller import in_use
+    from redres_ros.cli.gains import check_gains
+    from redres_ros.simulation.batch import MOST_SEEDS
+    from redres_ros.simulation.random_tasks import RANDOM_TASKS
+    from redres_ros.simulation.report import print_tables
+    from redres_ros.simulation.summary import summaries, summary_tables
+
+    if options.task:
+        raise OptionError(f'--task {options.task} is one task; --tasks makes random ones')
+    if not 1 <= options.tasks <= MOST_SEEDS:
+        raise RangeError('tasks', options.tasks, 1, MOST_SEEDS)
+    contenders = _contenders(options)
+    check_gains(options, in_use(options, *(each.name for each in contenders.values())))
+    tasks = [
+        (kind, seed)
+        for kind in options.kind.split(',')
+        for seed in range(options.tasks if kind in RANDOM_TASKS else 1)
+    ]
+    cases = [
+        replace(case_of(options, each.law), task=kind, seed=seed)
+        for kind, seed in tasks
+        for each in contenders.values()
+    ]
+    results = run_cases(cases)
+    if results:
+        print_tables(*summary_tables(summaries(results)))
+    return 0 if len(results) == len(cases) else 1
+
+
+def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.cli.controller import in_use, make_controller
     from redres_ros.cli.files import made, pictures
     from redres_ros.cli.gains import check_gains

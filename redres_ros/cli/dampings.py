@@ -32,8 +32,7 @@ def add(commands: Any) -> None:
 
 def _dampings(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import pictures
-    from redres_ros.cli.task import find_arm_of
-    from redres_ros.robot_model import RobotModel
+    from redres_ros.simulation.batch import Case
     from redres_ros.simulation.dampings import damping_table, draw_dampings, sweep
     from redres_ros.simulation.plots import save
     from redres_ros.simulation.report import print_tables, progress_bar
@@ -43,10 +42,16 @@ def _dampings(options: argparse.Namespace) -> int:
     if not 1e-4 <= options.period <= 0.01:
         raise RangeError('period', options.period, 1e-4, 0.01, 's')
     laws = _laws(options.laws)
-    model = RobotModel(find_arm_of(options, options.robot))
+    base = Case(
+        options.robot,
+        T=options.period,
+        tip_frame=options.tip or '',
+        elbow_frame=options.elbow or '',
+        dynamics=options.dynamics,
+    )
     (picture,) = pictures(options.out, _PICTURE)
     with progress_bar(f'{options.tasks} tasks') as progress:
-        results = sweep(model, options.robot, laws, options.tasks, options.period, progress)
+        results = sweep(base, laws, options.tasks, progress)
     title = f'{options.tasks} random tasks, {options.robot}, T = {1e3 * options.period:g} ms'
     print_tables(*(damping_table(trials, title) for trials in results))
     save(draw_dampings(results, title), picture)

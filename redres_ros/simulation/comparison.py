@@ -75,16 +75,15 @@ class Effort:
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
-        states = [model.state(position, velocity) for position, velocity in zip(q, dq, strict=True)]
-        M = np.array([state.M for state in states])  # (ticks, n, n)
-        elbow = np.array([model.position(position, model.arm.elbow_frame) for position in q])
+        energies = model.kinetic_energies(q, dq)
+        elbow = model.positions(q, model.arm.elbow_frame)
         return cls(
             recording.peak('joint_acceleration_norm')[0],
             recording.peak('joint_velocity_norm')[0],
             recording.peak('joint_torque_norm')[0],
             squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
             squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
-            kinetic_energy=T * float(np.einsum('ti,tij,tj->', dq, M, dq)) / 2.0,
+            kinetic_energy=T * float(energies.sum()),
             elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
             violation=first_violation(recording, JointLimits.of(model.arm)),
             finished=recording.finished,

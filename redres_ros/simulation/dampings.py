@@ -1,21 +1,15 @@
 """Finds a good damping over many random tasks and starts of one arm."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from redres_ros.controller import Controller
-from redres_ros.laws import make_law
-from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.robot_model import RobotModel
-from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.batch import Case, batch
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.comparison import first_violation
-from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.report import table
 
@@ -25,12 +19,6 @@ GOOD = 1.25  # times the least peak of a task
 _QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # of the ratios, and how they are drawn
 _MOST = 0.9  # of the tasks, if there are enough of them
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # marked, if they are on the axis
-
-_RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
-_FARTHEST = 2.0 * np.pi  # [rad] from zero of such a start, for joints that turn without end
-_STEP = 0.6  # [rad] by which each joint is away, at most, from one point of a task to the next
-_POINTS = 4  # beside the start
-_SEGMENT = 1.5  # [s]
 
 
 @dataclass(frozen=True)
@@ -70,71 +58,41 @@ class Trials:
         return np.quantile(self.ratios, share, axis=0, method='inverted_cdf')
 
 
-def random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A start within the joints' ranges, and points that the arm reaches from there.
-
-    Args:
-        model: The arm.
-        robot: Its name, for the task.
-        seed: The same one gives the same task.
-    """
-    random = np.random.default_rng(seed)
-    middle, half = _inner_range(model)
-    start = middle + half * random.uniform(-1.0, 1.0, model.n)
-    q = start
-    points = [model.tip(q)[0]]
-    for _ in range(_POINTS):
-        q = q + random.uniform(-_STEP, _STEP, model.n)
-        points.append(model.tip(np.clip(q, middle - half, middle + half))[0])
-    return WaypointTask(robot, start, np.array(points), segment_time=_SEGMENT)
-
-
 def sweep(
-    model: RobotModel,
-    robot: str,
+    base: Case,
     laws: Sequence[str],
     tasks: int,
-    T: float,
     progress: Callable[[float], None],
     dampings: Sequence[float] = DAMPINGS,
 ) -> list[Trials]:
     """Every law with every damping on the same random tasks, on all processors.
 
     Args:
-        model: The arm.
-        robot: Its name.
+        base: The arm and the sampling time.
         laws: Names in LAWS.
         tasks: How many; their seeds are 0, 1, 2 and so on.
-        T: Sampling time [s].
         progress: Called with the fraction done, 0 to 1.
         dampings: k_d [1/s], up to 1/T.
 
     Raises:
         RedresError: No such law, or a damping out of its range.
     """
-    chosen = {
-        (i, k): make_law(law, damping=damping)
-        for i, law in enumerate(laws)
-        for k, damping in enumerate(dampings)
-    }
-    limits = JointLimits.of(model.arm)
-
-    def try_all(seed: int, _: Callable[[float], None]) -> np.ndarray:
-        """(laws, dampings, 2): the peak, and whether the limits were kept."""
-        task = random_task(model, robot, seed)
-        found = np.empty((len(laws), len(dampings), 2))
-        for place in np.ndindex(found.shape[:2]):
-            recording = run(Controller(model, chosen[place], T), task)
-            peak = np.inf
-            if recording.finished:
-                peak = recording.peak('joint_acceleration_norm')[0]
-            found[place] = (peak, not first_violation(recording, limits))
-        return found
-
-    found = np.array(in_parallel(try_all, range(tasks), progress))  # (tasks, laws, dampings, 2)
+    places = list(product(range(tasks), range(len(laws)), range(len(dampings))))
+    cases = [
+        replace(base, law=laws[law], gains={'damping': dampings[damping]}, seed=seed)
+        for seed, law, damping in places
+    ]
+    peaks = np.full((tasks, len(laws), len(dampings)), np.inf)
+    kept = np.zeros(peaks.shape, dtype=bool)
+    where = {repr(case): place for case, place in zip(cases, places, strict=True)}
+    for done, result in enumerate(batch(cases), 1):
+        place = where[repr(result.case)]
+        if result.effort is not None and result.effort.finished:
+            peaks[place] = result.effort.acceleration
+        kept[place] = result.within_limits
+        progress(done / len(cases))
     return [
-        Trials(law, np.array(dampings), found[:, at, :, 0], found[:, at, :, 1] > 0.0)
-        for at, law in enumerate(laws)
+        Trials(law, np.array(dampings), peaks[:, at], kept[:, at]) for at, law in enumerate(laws)
     ]
 
 
@@ -195,11 +153,3 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
         ax.grid(alpha=0.3)
     legend_below(bad, good)
     return figure
-
-
-def _inner_range(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
-    """Middle of the joints' ranges and half of the part in which starts lie, (n,) each [rad]."""
-    limits = JointLimits.of(model.arm)
-    lower = np.maximum(limits.lower, -_FARTHEST)
-    upper = np.minimum(limits.upper, _FARTHEST)
-    return (lower + upper) / 2.0, _RANGE * (upper - lower) / 2.0

@@ -4,8 +4,9 @@ import gc
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from redres_ros.errors import RedresError
@@ -40,18 +41,33 @@ def in_parallel(
     if workers <= 1:
         return [work(item, _part(progress, place, items)) for place, item in enumerate(items)]
     shares = multiprocessing.RawArray('d', len(items))
+    with processes(workers, _share, work, items, shares) as pool:
+        futures = [pool.submit(_piece, place) for place in range(len(items))]
+        _watch(futures, shares, progress)
+        return [future.result() for future in futures]
+
+
+@contextmanager
+def processes(
+    workers: int, begin: Callable[..., None] | None = None, *args: Any
+) -> Iterator[Executor]:
+    """Worker processes, which are killed if the block ends by an exception, Ctrl-C included.
+
+    Args:
+        workers: How many.
+        begin: Called first in each.
+        *args: Its arguments.
+    """
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
     others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(workers, context, _begin, (work, items, shares)) as pool:
+    with ProcessPoolExecutor(workers, context, _begin, (begin, args)) as pool:
         try:
-            futures = [pool.submit(_piece, place) for place in range(len(items))]
-            _watch(futures, shares, progress)
+            yield pool
         except BaseException:  # whatever it is, nobody waits for the other results any more
             for process in set(multiprocessing.active_children()) - others:
                 process.kill()
             raise
-        return [future.result() for future in futures]
 
 
 def _part(progress: Progress, place: int, items: Sequence[Any]) -> Progress:
@@ -69,13 +85,18 @@ def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Pr
         progress(sum(shares) / len(shares))
 
 
-def _begin(work: Any, items: Sequence[Any], shares: Any) -> None:
-    global _work, _items, _shares
+def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
     gc.freeze()  # garbage of the process that was copied is its own to clear away, as nodes of ROS
+    handle(signal.SIG_DFL, signal.SIGINT)  # Ctrl-C reaches all processes: end without words
+    if begin:
+        begin(*args)
+
+
+def _share(work: Any, items: Sequence[Any], shares: Any) -> None:
+    global _work, _items, _shares
     _work = work
     _items = items
     _shares = shares
-    handle(signal.SIG_DFL, signal.SIGINT)  # Ctrl-C reaches all processes: end without words
 
 
 def _piece(place: int) -> Any:

@@ -1,0 +1,122 @@
+"""`redres batch`: many motions on all processors, from a file that says which."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from redres_ros.cli.parser import add_command
+
+if TYPE_CHECKING:
+    from redres_ros.laws import Law
+    from redres_ros.simulation.batch import Case, Result
+    from redres_ros.simulation.results_file import ResultsFile
+
+
+def add(commands: Any) -> None:
+    """Declare the subcommand."""
+    batch = add_command(
+        commands, 'batch', 'many motions on all processors, without ROS', 'study.yaml'
+    )
+    batch.add_argument(
+        'file', type=Path, metavar='FILE.yaml', help='fields of a case; lists are combined'
+    )
+    batch.add_argument(
+        '--out',
+        type=Path,
+        metavar='FILE.csv|FILE.parquet',
+        help='where results go; those that it holds are not computed again; default: FILE.csv',
+    )
+    batch.set_defaults(run=_batch)
+
+
+def _batch(options: argparse.Namespace) -> int:
+    from redres_ros.errors import FileError
+    from redres_ros.files.yaml import read_yaml
+    from redres_ros.simulation.batch import grid
+    from redres_ros.simulation.report import print_tables
+    from redres_ros.simulation.results_file import ResultsFile
+    from redres_ros.simulation.summary import summaries, summary_tables
+
+    values = read_yaml(options.file)
+    if not isinstance(values, dict):
+        raise FileError(f'{options.file} holds no fields of a case, such as law: minimum_velocity')
+    cases = grid(values)
+    out = options.out or options.file.with_suffix('.csv')
+    with ResultsFile(out) as file:
+        left = [case for case in cases if case not in file]
+        if len(left) < len(cases):
+            print(f'{out} holds {len(cases) - len(left)} of {len(cases)} motions')
+        results = run_cases(left, file)
+    if results:
+        print_tables(*summary_tables(summaries(results)))
+    print(f'{len(results)} of {len(left)} motions added to {out}')
+    failed = [result for result in results if result.error]
+    for result in failed[:3]:
+        print(f'{result.case.law}, {result.case.robot}, seed {result.case.seed}: {result.error}')
+    return 0 if len(results) == len(left) and not failed else 1
+
+
+def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
+    """The case that the options of a motion describe, without its task.
+
+    Args:
+        options: The command line.
+        law: The law in force.
+
+    Raises:
+        RedresError: A name or a figure that is not allowed.
+    """
+    from redres_ros.cli.controller import find_preferences, limit_names
+    from redres_ros.cli.gains import given_gains
+    from redres_ros.laws import law_name
+    from redres_ros.parameter import gain_key, name_of, parameters
+    from redres_ros.preferences import PREFERENCES
+    from redres_ros.simulation.batch import Case
+
+    preferences = {name_of(each, PREFERENCES): each for each in find_preferences(options)}
+    gains = {gain.key: value for gain, value in given_gains(options).items()}
+    for name, preference in preferences.items():
+        for field in parameters(type(preference)):
+            gains[gain_key(name, field.name)] = getattr(preference, field.name)
+    if law.has_memory:
+        gains['damping'] = law.damping
+    return Case(
+        options.robot or 'lwr4_paper',
+        law_name(law),
+        options.period,
+        limits=limit_names(options),
+        limit_scale=options.limit_scale,
+        torque_scale=options.torque_scale,
+        scaling=options.scaling,
+        preferences=tuple(preferences),
+        secondary_tasks=tuple(options.secondary or ()),
+        gains=gains,
+        tip_frame=options.tip or '',
+        elbow_frame=options.elbow or '',
+        dynamics=options.dynamics,
+        plugins=tuple(options.plugin or ()),
+    )
+
+
+def run_cases(cases: 'Sequence[Case]', file: 'ResultsFile | None' = None) -> 'list[Result]':
+    """The results of cases, with a progress bar; those so far if the user ends it with Ctrl-C.
+
+    Args:
+        cases: The motions.
+        file: Where each result goes at once; None: nowhere.
+    """
+    from redres_ros.simulation.batch import batch
+    from redres_ros.simulation.report import progress_bar
+
+    results: list[Result] = []
+    try:
+        with progress_bar(f'{len(cases)} motions') as progress:
+            for result in batch(cases):
+                results.append(result)
+                if file is not None:
+                    file.add(result)
+                progress(len(results) / len(cases))
+    except KeyboardInterrupt:
+        print(f'ended after {len(results)} of {len(cases)} motions')
+    return results

@@ -1,0 +1,150 @@
+"""Results of a batch in a file: CSV, one line as soon as a motion is done, or Parquet."""
+
+import csv
+import json
+import os
+from dataclasses import fields
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.simulation.batch import Case, Result
+from redres_ros.simulation.comparison import Effort
+
+ENDINGS = ('.csv', '.parquet')
+
+_CASE = tuple(each.name for each in fields(Case))
+_EFFORT = tuple(each.name for each in fields(Effort))
+_RESULT = tuple(each.name for each in fields(Result) if each.name not in ('case', 'effort'))
+COLUMNS = (*_CASE, *_EFFORT, *_RESULT)
+
+
+def as_row(result: Result) -> dict[str, Any]:
+    """A result as a row of COLUMNS: the case as text and numbers, its figures, the versions.
+
+    Args:
+        result: Of a case.
+    """
+    figures = {name: getattr(result.effort, name, None) for name in _EFFORT}
+    return _case_row(result.case) | figures | {name: getattr(result, name) for name in _RESULT}
+
+
+def _case_row(case: Case) -> dict[str, Any]:
+    row = {name: getattr(case, name) for name in _CASE}
+    for name, value in row.items():
+        if isinstance(value, tuple):
+            row[name] = ','.join(value)
+    return row | {'gains': json.dumps(dict(case.gains), sort_keys=True)}
+
+
+class ResultsFile:
+    """A file of results, to which a batch that was interrupted adds the rest.
+
+    A CSV file holds every result that was added, whatever happens next; a Parquet file is written
+    when it is closed.
+
+    Args:
+        path: Of the file; what is in it already stays.
+
+    Raises:
+        UnknownNameError: An ending other than those in ENDINGS.
+        FileError: A file that cannot be read or written, or that holds something else; pyarrow is
+            missing.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.suffix not in ENDINGS:
+            raise UnknownNameError('kind of file', path.suffix, ENDINGS)
+        self._path = path
+        self._is_csv = path.suffix == '.csv'
+        try:
+            if self._is_csv:
+                _cut_off(path)
+            self._rows = self._read() if path.exists() and path.stat().st_size else []
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open('a', newline='') if self._is_csv else None
+        except OSError as error:
+            raise FileError(f'cannot use {path}: {error.strerror}') from None
+        self._done = {_key(row) for row in self._rows}
+        if self._file and not self._path.stat().st_size:
+            csv.writer(self._file).writerow(COLUMNS)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __contains__(self, case: Case) -> bool:
+        """Whether the file has a result of that case."""
+        return _key(_case_row(case)) in self._done
+
+    def add(self, result: Result) -> None:
+        """Add a result. Raises OSError where the disk is full.
+
+        Args:
+            result: Of a case.
+        """
+        row = as_row(result)
+        if self._file is None:
+            self._rows.append(row)
+        else:
+            csv.DictWriter(self._file, COLUMNS).writerow(row)
+            self._file.flush()
+
+    def close(self) -> None:
+        """Write what is not yet written, and close the file."""
+        if self._file is not None:
+            self._file.close()
+            return
+        pyarrow, parquet = _parquet()
+        whole = pyarrow.Table.from_pylist(self._rows)
+        partial = self._path.with_suffix('.part')
+        parquet.write_table(whole, partial)
+        os.replace(partial, self._path)
+
+    def _read(self) -> list[dict[str, Any]]:
+        """The rows of the file."""
+        if not self._is_csv:
+            pyarrow, parquet = _parquet()
+            try:
+                rows: list[dict[str, Any]] = parquet.read_table(self._path).to_pylist()
+            except pyarrow.ArrowInvalid as error:
+                raise FileError(f'{self._path} is no Parquet file: {error}') from None
+            return rows
+        with self._path.open(newline='') as file:
+            reader = csv.DictReader(file)
+            if tuple(reader.fieldnames or ()) != COLUMNS:
+                raise FileError(
+                    f'{self._path} has other columns than the results of a batch of this version; '
+                    'name another file'
+                )
+            return list(reader)
+
+
+def _cut_off(path: Path) -> None:
+    """Take away a last line that was not written to its end."""
+    if path.exists():
+        whole = path.read_bytes()
+        os.truncate(path, whole.rfind(b'\n') + 1)
+
+
+def _key(row: dict[str, Any]) -> str:
+    """What distinguishes a case from all others, whether it was read from a file or not."""
+    return repr([str(row[name]) for name in _CASE])
+
+
+def _parquet() -> tuple[Any, Any]:
+    """pyarrow and pyarrow.parquet. Raises FileError where they are missing."""
+    try:
+        import pyarrow
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise FileError('Parquet needs pyarrow: pip install pyarrow') from None
+    return pyarrow, parquet
