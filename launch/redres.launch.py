@@ -2,6 +2,10 @@
 all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 """
 
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +14,42 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from redres_ros.errors import FileError, RedresError
+from redres_ros.files.law_names import check_law
 from redres_ros.files.share import share_path
 from redres_ros.files.yaml import read_yaml
 from redres_ros.robots import choose_arm
+from redres_ros.robots.choice import ALLOWED, names_an_arm
 from redres_ros.robots.urdf import Urdf
 
 # name: (default, description); an empty default leaves what params_file says
 ARGUMENTS = {
     'robot': ('', 'arm: a name that `redres laws` prints, a URDF file, or topic'),
+    'task': ('', 'task: a name in config/tasks or a path ending in .yaml'),
     'law': ('', 'law of the controller, as minimum_acceleration'),
     'limits': ('', 'limits of the controller, as position,velocity,acceleration or none'),
     'rate': ('', 'cycles per second [Hz]'),
+    'autostart': ('', 'true: the task begins as soon as the robot takes commands'),
+    'initial_state': ('', 'life cycle of our nodes: unconfigured, inactive or active'),
     'namespace': ('', 'puts the robot under this name'),
+    'states': ('joint_states', 'topic of the states, as franka/joint_states'),
     'params_file': ('', 'parameters of all nodes; empty: config/redres.yaml of this package'),
-    'use_sim_time': ('false', 'take the time of the nodes from /clock'),
+    'use_sim_time': ('false', 'take the time of the nodes from /clock; not with our own sim'),
     'sim': ('true', 'start the fake arm; false: states, URDF and frames come from a robot'),
     'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
+    'composed': ('false', 'fake arm, controller and planner in one process'),
     'rviz': ('false', 'show the arm, its traces and the points of the task in RViz'),
+    'log_level': ('', 'of our nodes: debug, info, warn, error or fatal'),
 }
 DEFAULT_ROBOT = 'lwr4_paper'
+TOPIC = 'topic'  # in place of an arm's name
+OF_EVERY_NODE = ('robot', 'rate', 'initial_state')
+OF_ONE = {'controller': ('law', 'limits'), 'planner': ('task', 'autostart'), 'sim': ()}
+CHOICES = {
+    'initial_state': ('unconfigured', 'inactive', 'active'),
+    'log_level': ('debug', 'info', 'warn', 'error', 'fatal'),
+    **dict.fromkeys(('autostart', 'use_sim_time', 'sim', 'planner', 'composed', 'rviz'), ()),
+}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -43,52 +64,138 @@ def generate_launch_description() -> LaunchDescription:
 def start_nodes(context: LaunchContext) -> list[Node]:
     """The nodes that the arguments ask for."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    wanted = {
-        'sim': _is_true(given['sim']),
-        'controller': True,
-        'planner': _is_true(given['planner']),
-    }
-    nodes = [_of_ours(name, given) for name, start in wanted.items() if start]
+    _check(given, context.launch_configurations)
+    with_sim = _is_true(given['sim'])
+    wanted = {'sim': with_sim, 'controller': True, 'planner': _is_true(given['planner'])}
+    names = [name for name, start in wanted.items() if start]
+    nodes = [_of_ours(name, [name], given) for name in names]
+    if _is_true(given['composed']):
+        nodes = [_of_ours('composed', names, given)]
     # The driver of a robot publishes its frames itself.
     description = ''
-    if wanted['sim'] and given['robot'] != 'topic':
-        description = choose_arm(given['robot'] or _robot_in(_file(given))).description()
+    if with_sim:
+        with _naming('robot'):
+            description = choose_arm(given['robot'] or _robot_in(_file(given))).description()
         nodes.append(_state_publisher(given, description))
     if _is_true(given['rviz']):
         nodes.append(_rviz(given, description))
     return nodes
 
 
-def _of_ours(name: str, given: dict[str, str]) -> Node:
-    """A node of this package; when one of them ends, so do the others."""
+def _check(given: dict[str, str], all_given: Iterable[str]) -> None:
+    """Refuse what cannot be meant.
+
+    Args:
+        given: The arguments.
+        all_given: Names of all that the command line has, known or not.
+
+    Raises:
+        ValueError: Names the argument, what it got, and what is allowed.
+    """
+    for name, choices in CHOICES.items():
+        allowed = choices or ('true', 'false')
+        if given[name] and given[name].lower() not in allowed:
+            raise ValueError(f'{name}: got {given[name]!r}; allowed: {", ".join(allowed)}')
+    _check_robot(given, all_given)
+    with _naming('params_file'):
+        _check_sections(_file(given))
+    if given['law'] and not given['params_file']:  # such a file may name plugins
+        with _naming('law'):
+            check_law(given['law'])
+    if given['rate'] and not _is_number(given['rate']):
+        raise ValueError(f'rate: got {given["rate"]!r}; allowed: a number [Hz]')
+    if _is_true(given['composed']) and 'false' in (given['sim'], given['planner']):
+        raise ValueError("composed: got 'true'; allowed only with sim:=true and planner:=true")
+
+
+def _check_robot(given: dict[str, str], all_given: Iterable[str]) -> None:
+    """Refuse an arm that is unknown, or that cannot be had with or without the fake arm."""
+    robot = given['robot']
+    if robot and robot != TOPIC and not names_an_arm(robot):
+        raise ValueError(f'robot: got {robot!r}; allowed: {", ".join((*ALLOWED, TOPIC))}')
+    if _is_true(given['sim']):
+        if robot == TOPIC:
+            raise ValueError("robot: got 'topic'; the fake arm itself publishes robot_description")
+        if _is_true(given['use_sim_time']):
+            raise ValueError("use_sim_time: got 'true'; the fake arm publishes no /clock")
+    elif not (robot or given['params_file']):
+        others = [name for name in all_given if name not in ARGUMENTS]
+        meant = [name for name in others if get_close_matches(name, ['params_file', 'robot'], 1)]
+        hint = f' (got {", ".join(meant)}: is one of them meant?)' if meant else ''
+        raise ValueError(
+            f"sim: got 'false'; a robot needs params_file:=FILE or robot:=NAME, too{hint}"
+        )
+
+
+def _check_sections(file: str) -> None:
+    """Refuse a file without parameters of nodes. Raises FileError."""
+    sections = read_yaml(Path(file))
+    found = isinstance(sections, dict) and any(
+        isinstance(section, dict) and 'ros__parameters' in section for section in sections.values()
+    )
+    if not found:
+        raise FileError(f'{file} has no ros__parameters; expected a parameter file of ROS 2')
+
+
+@contextmanager
+def _naming(argument: str) -> Iterator[None]:
+    """Name the argument that an error is about."""
+    try:
+        yield
+    except RedresError as error:
+        raise ValueError(f'{argument}: {error}') from None
+
+
+def _of_ours(executable: str, names: list[str], given: dict[str, str]) -> Node:
+    """A process of this package; when one of them ends, so do the others.
+
+    Args:
+        executable: What is run.
+        names: Of its nodes.
+        given: The arguments.
+    """
+    level = given['log_level']
     return Node(
         package='redres_ros',
-        executable=name,
-        name=name,
+        executable=executable,
+        name=names[0] if len(names) == 1 else None,  # a name would be that of all its nodes
         namespace=given['namespace'],
-        parameters=[_file(given), _parameters(name, given)],
+        parameters=[_file(given), _parameters(names, given)],
+        remappings=_states(given),
+        ros_arguments=['--log-level', level] if level else [],
         output='screen',
-        on_exit=Shutdown(reason=f'{name} ended'),
+        on_exit=Shutdown(reason=f'{executable} ended'),
     )
+
+
+def _states(given: dict[str, str]) -> list[tuple[str, str]]:
+    """What takes the states from another topic."""
+    states = given['states']
+    return [] if states == 'joint_states' else [('joint_states', states)]
 
 
 def _file(given: dict[str, str]) -> str:
     return given['params_file'] or str(share_path('config/redres.yaml'))
 
 
-def _parameters(name: str, given: dict[str, str]) -> dict[str, Any]:
-    """What the arguments set; an empty one would hide what params_file says."""
-    of_every_node = ('robot', 'rate')
-    of_the_controller = ('law', 'limits')
-    names = of_every_node + (of_the_controller if name == 'controller' else ())
-    values: dict[str, Any] = {key: given[key] for key in names if given[key]}
+def _parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
+    """What the arguments set; an empty one would hide what params_file says.
+
+    Args:
+        names: Of the nodes in a process.
+        given: The arguments.
+    """
+    wanted = [*OF_EVERY_NODE, *(parameter for name in names for parameter in OF_ONE[name])]
+    values: dict[str, Any] = {key: given[key] for key in wanted if given[key]}
     if 'rate' in values:
         values['rate'] = float(values['rate'])
+    if 'autostart' in values:
+        values['autostart'] = _is_true(values['autostart'])
     return {**values, 'use_sim_time': _is_true(given['use_sim_time'])}
 
 
 def _state_publisher(given: dict[str, str], description: str) -> Node:
-    """Publishes the frames of the arm's links.
+    """Publishes the frames of the arm's links; the URDF itself comes from the fake arm.
 
     Args:
         given: The arguments.
@@ -98,7 +205,11 @@ def _state_publisher(given: dict[str, str], description: str) -> Node:
         package='robot_state_publisher',
         executable='robot_state_publisher',
         namespace=given['namespace'],
-        remappings=_own_frames(given),
+        remappings=[
+            *_own_frames(given),
+            *_states(given),
+            ('robot_description', 'robot_state_publisher/robot_description'),
+        ],
         parameters=[
             {
                 'robot_description': description,
@@ -149,6 +260,11 @@ def _rviz(given: dict[str, str], description: str) -> Node:
 
 
 def _is_true(word: str) -> bool:
-    if word.lower() not in ('true', 'false'):
-        raise ValueError(f'got {word!r}; allowed: true or false')
     return word.lower() == 'true'
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False

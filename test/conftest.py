@@ -31,6 +31,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if config.option.junitprefix and not config.option.markexpr:
+        config.option.markexpr = 'not slow'  # colcon test, which many a workspace runs as a whole
     if not hasattr(config, 'workerinput'):
         # What processes import that start elsewhere may be another copy, that of an installation.
         elsewhere = subprocess.Popen([sys.executable, compile_all.__file__])

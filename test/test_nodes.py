@@ -84,6 +84,7 @@ BAD_STARTS = [  # node, parameters, environment, words that its one line must ho
     ('sim', 'processors:=[]', {}, ('processors is nothing', 'an array of whole numbers')),
     ('sim', 'use_sim_time:=5', {}, ("'use_sim_time' to '5'",)),
     ('sim', 'use_sim_time:=true', {}, ('publishes no /clock',)),
+    ('controller', 'limits:=[0.5]', {}, ('limits', 'array')),
     ('controller', 'use_sim_time:=x', {}, ("'use_sim_time' to 'x'",)),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': 'abc'}, ('ROS_DOMAIN_ID', 'abc', '0 to 232')),
     ('controller', 'rate:=500.0', {'ROS_DOMAIN_ID': '233'}, ('ROS_DOMAIN_ID', '233', '0 to 232')),

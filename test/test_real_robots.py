@@ -28,6 +28,7 @@ from stand_in import (
     fr3_rules,
 )
 from test_urdf import PARTS, urdf
+from ur_linear_axis import ur_linear_axis
 from virtual_graph import Graph
 
 from redres_ros.files.share import share_path
@@ -43,6 +44,10 @@ FOLDER = share_path('config/robots')
 PAGE = Path(__file__).parents[1] / 'docs' / 'real_robots.md'
 RAIL = PARTS['yaw'].replace('"revolute"', '"prismatic"').replace('"0 0 1"', '"0 1 0"')
 ON_A_RAIL = urdf(yaw=RAIL).replace('"tip"', '"tool0"')
+
+
+UR = ur_linear_axis()
+UR_ACCELERATION = (1.0, *(5.0,) * 6)  # [m/s^2], [rad/s^2]
 
 
 class Robot(NamedTuple):
@@ -68,13 +73,21 @@ ROBOTS = {
     'ros2_control': Robot(
         arm_from_urdf(ON_A_RAIL, 'tool0'), FrankaRules, ('finger',), description=ON_A_RAIL
     ),
+    'ur_linear_axis': Robot(
+        arm_from_urdf(UR, 'tool0', acceleration_limit=UR_ACCELERATION), LbrGuard, description=UR
+    ),
 }
 UP = np.array((0.0, 0.0, 0.02))  # [m]
 EVERY = pytest.mark.parametrize('name', ROBOTS)
 
 
+def parameters_of(name: str) -> dict[str, Any]:
+    parameters: dict[str, Any] = read_yaml(FOLDER / f'{name}.yaml')['/**']['ros__parameters']
+    return parameters
+
+
 def rate_of(name: str) -> float:
-    rate: float = read_yaml(FOLDER / f'{name}.yaml')['/**']['ros__parameters']['rate']
+    rate: float = parameters_of(name)['rate']
     return rate
 
 
@@ -201,7 +214,7 @@ def test_a_franka_arm_stops_for_a_single_command_that_is_late() -> None:
 
 
 def test_near_the_ends_of_its_ranges_the_limits_for_an_fr3_allow_no_more_than_the_robot() -> None:
-    own = read_yaml(FOLDER / 'franka_fr3.yaml')['/**/controller']['ros__parameters']
+    own = parameters_of('franka_fr3')
     T = 1.0 / rate_of('franka_fr3')
     model = RobotModel(ROBOTS['franka_fr3'].arm)
     names = ('position', 'velocity')
@@ -232,6 +245,6 @@ def test_every_file_of_a_robot_is_tested() -> None:
 
 @EVERY
 def test_first_steps_are_at_reduced_limits(name: str) -> None:
-    controller = read_yaml(FOLDER / f'{name}.yaml')['/**/controller']['ros__parameters']
+    controller = parameters_of(name)
     assert controller['limit_scale'] <= 0.25
     assert set(controller['limits']) >= {'position', 'velocity', 'acceleration'}

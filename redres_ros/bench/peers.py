@@ -17,7 +17,6 @@ import numpy as np
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 
-REMEDY = "pip install 'redres_ros[bench]'"
 # quadratic programs for pink and mink, by the names that qpsolvers has for them
 SOLVERS = ('quadprog', 'daqp', 'proxqp')
 # in pink's and mink's cost: small enough for the least velocity, large enough for a definite matrix

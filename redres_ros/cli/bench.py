@@ -9,6 +9,7 @@ from redres_ros.cli.files import made
 from redres_ros.cli.options import add_out
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.files.remedy import remedy
 
 _ROUNDS = 100.0  # of the ticks, per second of --duration
 
@@ -62,11 +63,13 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.bench.peers import REMEDY, missing_peers
+    from redres_ros.bench.peers import missing_peers
     from redres_ros.bench.tick import measure_tick
 
     if missing_peers():
-        print(f'not installed, and left out: {", ".join(missing_peers())}; {REMEDY}')
+        missing = missing_peers()
+        command = remedy('bench', *missing)
+        print(f'not installed, and left out: {", ".join(missing)}; {command}')
     return measure_tick(max(math.ceil(_ROUNDS * options.duration), 1), progress)
 
 

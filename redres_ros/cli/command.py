@@ -22,6 +22,7 @@ from redres_ros.cli import (
 )
 from redres_ros.cli.parser import Parser, Version
 from redres_ros.errors import RedresError, quoted
+from redres_ros.files.remedy import remedy
 
 _GROUPS = (
     demo,
@@ -111,8 +112,8 @@ def _line(error: BaseException) -> str:
         if (error.name or '').startswith('redres_ros'):
             raise error
         extra = _EXTRAS.get(error.name or '', 'ros')
-        remedy = f"install it with: pip install 'redres_ros[{extra}]'"
-        return f'the package {error.name} is not installed; {remedy}'
+        command = remedy(extra, error.name or '')
+        return f'the package {error.name} is not installed; install it with: {command}'
     if isinstance(error, OSError) and error.strerror:
         place = f': {error.filename}' if error.filename else ''
         return f'{error.strerror}{place}'

@@ -117,9 +117,8 @@ class NodeGroup:
         }
         sim: dict[str, Any] = {'start': tuple(self._task.start.tolist())}
         if options.lockstep:
-            # Nobody keeps time, and the first state waits for the planner.
+            # The first state waits for the planner.
             shared['state_timeout'] = _LOCKSTEP_SILENCE
-            sim['monitor_time'] = 0.0
         else:
             # The robot waits for its answer, which waits for the planner.
             sim['patience'] = _CLOCK_PATIENCE

@@ -7,6 +7,9 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from redres_ros.errors import RedresError
+from redres_ros.files.law_names import check_law
+
 _ROS = '--ros-args'
 _REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
 
@@ -49,15 +52,32 @@ def run_node(name: str, arguments: list[str]) -> int:
         if arguments and arguments[0] != _ROS:
             print(f'redres_{name}: got {arguments[0]!r}; {_REMEDY}', file=sys.stderr)
             return 2
+        _check_law(arguments)
         status: int = import_module(f'redres_ros.nodes.{name}').main()
         return status
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # who read our help, as `| head` does, has gone
         return 1
-    except (OSError, ImportError) as error:
+    except (OSError, ImportError, RedresError) as error:
         print(f'redres_{name}: {" ".join(str(error).split())}', file=sys.stderr)
         return 1
+
+
+def _check_law(arguments: list[str]) -> None:
+    """Refuse a mistyped law before its node loads, and compiles, the formulas.
+
+    A plugin may add laws; then the node itself decides.
+
+    Args:
+        arguments: What follows the name of the executable.
+    """
+    if any('plugins:=' in word or word == '--params-file' for word in arguments):
+        return
+    for word in arguments:
+        name, _, law = word.partition(':=')
+        if name == 'law' and law:
+            check_law(law)
 
 
 def _help(name: str) -> str:
@@ -70,5 +90,5 @@ usage: redres_{name} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r 
 
 {ast.get_docstring(ast.parse(source))}
 
-All parameters, with defaults and units: {share_path('config/redres.yaml')}
+The common parameters, with defaults and units: {share_path('config/redres.yaml')}
 What is allowed for one of a running node: ros2 param describe /{name} PARAMETER"""

@@ -44,6 +44,22 @@ class ManagedNode(LifecycleNode):
     configured = False
     active = False
 
+    def __init__(self, name: str) -> None:
+        """A node of that name.
+
+        Args:
+            name: The other nodes use it in the names of topics and services.
+
+        Raises:
+            LifeError: It was remapped.
+        """
+        super().__init__(name)
+        if self.get_name() != name:
+            raise LifeError(
+                f'__node is {self.get_name()!r}; allowed: {name}, which is part of the topics that '
+                f'other nodes use; a namespace keeps robots apart: -r __ns:=/{self.get_name()}'
+            )
+
     def _start_life(self) -> None:
         """Go to the state in which the node is to start."""
         self._refuse_impossible_transitions()

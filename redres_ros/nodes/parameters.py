@@ -1,10 +1,13 @@
 """Dataclass fields as ROS parameters: name, default, description and range are the field's."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import yaml
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 P = TypeVar('P', bound='DataclassInstance')
+
+NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
 _ALIKE = 0.8  # of two names, 1 for equal ones
 
@@ -57,8 +62,8 @@ def declare(node: Node, defaults: P) -> P:
 def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> Any:
     """The value of a parameter that is declared here, a tuple for an array.
 
-    A whole number is taken for one with a decimal point, and a text with commas for an array of
-    texts, here and whenever the parameter is set.
+    A whole number is taken for one with a decimal point, a text with commas for an array of texts,
+    and an empty array of texts for the word none, here and whenever the parameter is set.
 
     Args:
         node: Has the parameter.
@@ -128,6 +133,34 @@ def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
     return found
 
 
+def overruled(nodes: Sequence[Node], arguments: Sequence[str]) -> dict[str, str]:
+    """What -p sets on a command line and a file of parameters sets otherwise, and which one counts.
+
+    Below a key of /**, one that names the node, as /**/controller, counts more than -p.
+
+    Args:
+        nodes: All of the process.
+        arguments: Of the command line.
+    """
+    asked = dict(_assignments(arguments))
+    counts = {}
+    for node in nodes:
+        for name in asked.keys() & node._parameter_overrides.keys():
+            value = node._parameter_overrides[name].value
+            if value != asked[name]:
+                counts[name] = f'-p has {asked[name]!r}, but a file has {value!r}, which counts'
+    return counts
+
+
+def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """Names and values that -p sets for all nodes of the process."""
+    for option, word in pairwise(arguments):
+        name, _, value = word.partition(':=')
+        if option in ('-p', '--param') and value and ':' not in name:
+            with suppress(yaml.YAMLError):
+                yield name, yaml.safe_load(value)
+
+
 def _values(changed: Iterable[RosParameter]) -> dict[str, Any]:
     return {p.name: tuple(p.value) if _is_array(p) else p.value for p in changed}
 
@@ -146,6 +179,9 @@ def _as_declared(node: Node, given: RosParameter) -> RosParameter:
 def _as_type(given: RosParameter, wanted: RosParameter.Type) -> RosParameter:
     types = RosParameter.Type
     value = given.value
+    is_empty = value is None or (_is_array(given) and not value)  # a file's [], and a service's
+    if is_empty and wanted is types.STRING_ARRAY:
+        return RosParameter(given.name, types.STRING_ARRAY, [NONE])
     if given.type_ is types.INTEGER and wanted is types.DOUBLE:
         return RosParameter(given.name, types.DOUBLE, float(value))
     if given.type_ is types.INTEGER_ARRAY and wanted is types.DOUBLE_ARRAY:

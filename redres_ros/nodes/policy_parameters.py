@@ -9,7 +9,7 @@ from rclpy.node import Node
 from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS, gain_names
-from redres_ros.nodes.parameters import declare, declare_one
+from redres_ros.nodes.parameters import NONE, declare, declare_one
 from redres_ros.parameter import (
     SHARED_GAINS,
     Names,
@@ -24,8 +24,6 @@ from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
 from redres_ros.tasks import TASKS
-
-NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
 _SCALES = {'scale'}  # of a limit, given by limit_scale and torque_scale
 # Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.

@@ -26,7 +26,7 @@ from redres_ros.files.signals import handle
 from redres_ros.files.streams import open_error_output
 from redres_ros.kernels.compile_log import time_compiling
 from redres_ros.nodes import discovery
-from redres_ros.nodes.parameters import misspelt
+from redres_ros.nodes.parameters import misspelt, overruled
 from redres_ros.nodes.real_time import ask_kernel
 
 N = TypeVar('N', bound=Node)
@@ -230,6 +230,7 @@ def run_nodes(
         nodes = [_made(make) for make in makes]
         _log_compiled(nodes)
         _log_misspelt(nodes)
+        _log_overruled(nodes, sys.argv if arguments is None else arguments)
         _spin(nodes, stopped, one_thread)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
@@ -257,6 +258,20 @@ def _log_misspelt(nodes: list[Node]) -> None:
     meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
     if meant:
         nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
+
+
+def _log_overruled(nodes: list[Node], arguments: list[str]) -> None:
+    """Say, in one line, which parameters of the command line a file has set otherwise.
+
+    Args:
+        nodes: All of the process.
+        arguments: Of the command line.
+    """
+    lost = [f'{name}: {how}' for name, how in overruled(nodes, arguments).items()]
+    if lost:
+        nodes[0].get_logger().warning(
+            f'{"; ".join(lost)}: key that file /**, and put -p after --params-file'
+        )
 
 
 def _end_with_parent(stopped: threading.Event) -> None:

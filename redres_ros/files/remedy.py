@@ -1,0 +1,33 @@
+"""How to get what is not installed: an extra of this package by pip, or the bare package beside a
+workspace of ROS, which pip knows nothing of.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+_MARKER = 'share/ament_index/resource_index/packages/redres_ros'
+_ON_PYPI = {  # where the name of the package is not that of its module
+    'imageio_ffmpeg': 'imageio-ffmpeg',
+    'pinocchio': 'pin',
+    'yaml': 'PyYAML',
+}
+
+
+def remedy(extra: str, *modules: str) -> str:
+    """The command that installs modules.
+
+    Args:
+        extra: Of this package, which has them.
+        modules: Names as they are imported.
+    """
+    if not _is_in_workspace():
+        return f"pip install 'redres_ros[{extra}]'"
+    return f'pip install {" ".join(_ON_PYPI.get(module, module) for module in modules)}'
+
+
+def _is_in_workspace() -> bool:
+    """Whether ROS's own tools have installed this package, as colcon does."""
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    others = [prefix for prefix in prefixes if prefix and prefix != sys.prefix]
+    return any((Path(prefix) / _MARKER).exists() for prefix in others)
