@@ -88,7 +88,7 @@ def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
         limits=limit_names(options),
         limit_scale=options.limit_scale,
         torque_scale=options.torque_scale,
-        scaling=options.scaling,
+        scaling=options.scaling or 'task',
         preferences=tuple(preferences),
         secondary_tasks=tuple(options.secondary or ()),
         gains=gains,
