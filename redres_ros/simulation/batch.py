@@ -284,7 +284,7 @@ def _jobs(cases: Iterable[Case]) -> Iterator[_Job]:
         kind = repr(replace(case, seed=0))
         if kind not in checked:
             model = _model(arm)
-            _controller(case, model, task or make_random_task(case.task, model, case.robot, 0))
+            _controller(case, model, task)
             checked.add(kind)
         yield _Job(case, arm, task)
 
@@ -344,13 +344,22 @@ def _task(name: str) -> WaypointTask | None:
     return None if name in RANDOM_TASKS else load_task(name)
 
 
-def _controller(case: Case, model: RobotModel, task: WaypointTask) -> Controller:
-    task.check_joints(model.n)
+def _controller(case: Case, model: RobotModel, task: WaypointTask | None) -> Controller:
+    """The controller of a case.
+
+    Args:
+        case: The motion.
+        model: Of its arm.
+        task: Its task; None: a random one, which is of positions.
+    """
+    if task is not None:
+        task.check_joints(model.n)
+    has_orientations = task is not None and task.orientations is not None
     return Controller(
         model,
         case.law,
         case.T,
-        task='position' if task.orientations is None else 'pose',
+        task='pose' if has_orientations else 'position',
         limits=case.limits,
         limit_scale=case.limit_scale,
         torque_scale=case.torque_scale,
