@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from redres_ros.planning.waypoints import WaypointTask, load_task
     from redres_ros.preferences import (
         PREFERENCES,
+        Compliance,
         ElbowHeight,
         JointCentering,
         Manipulability,
@@ -55,6 +56,7 @@ _HOMES = {
     'param': 'parameter',
     'load_plugin': 'files.plugins',
     'PREFERENCES': 'preferences',
+    'Compliance': 'preferences',
     'ElbowHeight': 'preferences',
     'JointCentering': 'preferences',
     'Manipulability': 'preferences',
@@ -82,6 +84,7 @@ __all__ = [
     'Case',
     'Command',
     'Comparison',
+    'Compliance',
     'Controller',
     'Effort',
     'ElbowHeight',

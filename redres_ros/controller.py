@@ -105,6 +105,7 @@ class Controller:
         self.task_scaling_rate = task_scaling_rate
         self._integrate_from = integrate_from
         self.bridging = bridging
+        self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences
         self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
         self._moving = True
@@ -344,6 +345,8 @@ class Controller:
         start, dq_prev = self._bridged(q, missed)
         at = q if self._policy.limits is None else start
         state = RobotState(self.model, at, dq_prev)
+        if self.measurements:
+            state.measurements = self.measurements
         if self.gap > 1:
             state.gap = self.gap
         state.correction = correction

@@ -1,8 +1,9 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
@@ -42,6 +43,7 @@ class RobotState:
     _free_acceleration: np.ndarray | None = None
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
+    measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # by name, for preferences
     gap = 1  # cycles between two commands, at most, within which a joint must be able to stop
     correction: np.ndarray | None = None  # of dx, (m,): it holds what is not asked for
 

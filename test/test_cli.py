@@ -157,7 +157,7 @@ REFUSED = [
         ('--torque-scale', '0.5', '--limits', 'velocity'),
         '--torque-scale 0.5 acts on the limit torque; in use: velocity, see --limits',
     ),
-    (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: elbow_height, "),
+    (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: compliance, "),
     (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, as '),
     (('--prefer', 'posture=-1'), 'posture.gain is -1.0; allowed: 0 to '),
     (('--prefer', 'posture', 'posture=2'), "preference 'posture' is named twice; allowed: once"),

@@ -247,9 +247,7 @@ def test_preferences_are_changed_without_a_jump(model, task):
 
 
 def test_an_unknown_preference_is_refused_with_those_that_exist(model):
-    with pytest.raises(
-        UnknownNameError, match="unknown preference 'comfort'; allowed: elbow_height"
-    ):
+    with pytest.raises(UnknownNameError, match="unknown preference 'comfort'; allowed: compliance"):
         Controller(model, make_law('minimum_acceleration'), T, preferences=('comfort',))
 
 

@@ -9,6 +9,8 @@ from redres_ros.contact.settings import BASE, TIP, AdmittanceSettings, as_array
 from redres_ros.interpolation import quintic
 from redres_ros.robot_model import RobotState
 
+AT_REST = 1e-6  # [m/s], [rad/s] of a yielding motion that is none
+
 
 class Admittance:
     """dx = dx_d + de, with M dde + D de + K e = f - f_d in each direction of a frame, e = x - x_d.
@@ -51,6 +53,11 @@ class Admittance:
     def is_on(self) -> bool:
         """Whether it acts, or will."""
         return self.settings.enabled or self._new is not None or self._old is not None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the tip yielded in the last tick."""
+        return bool((np.abs(self._de) > AT_REST).any())
 
     def set_settings(self, settings: AdmittanceSettings) -> None:
         """Go over to other settings; during a fade they wait for its end.

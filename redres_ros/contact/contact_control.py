@@ -12,14 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.contact.admittance import Admittance, desired_force
+from redres_ros.contact.admittance import AT_REST, Admittance, desired_force
 from redres_ros.contact.force_sensor import ForceSensor
 from redres_ros.contact.settings import AdmittanceSettings
 from redres_ros.errors import RedresError
 from redres_ros.robot_model import RobotState
 
 _TOUCHES = 0.25  # of the desired force, which counts as contact
-_AT_REST = 1e-6  # [m/s], [rad/s] of a yielding motion that is none
 _RETREAT_TIME = 3.0  # times what it takes at full speed, after which a retreat ends anyway
 
 
@@ -50,7 +49,6 @@ class ContactControl:
     def __init__(self, settings: AdmittanceSettings, T: float, *, switch_time: float = 0.0) -> None:
         self.sensor = ForceSensor(settings, T)
         self.admittance = Admittance(settings, T, switch_time=switch_time)
-        self.warning = ''  # the reason of a retreat, and of the stop that follows
         self.force = np.zeros(3)  # on the tip at the last tick, in the base frame, (3,) [N]
         self._T = T
         self.restart()
@@ -64,6 +62,16 @@ class ContactControl:
     def is_on(self) -> bool:
         """Whether the arm yields."""
         return self.admittance.is_on
+
+    @property
+    def moves(self) -> bool:
+        """Whether the last tick yielded to something, or retreated."""
+        return self.is_on and (self.retreats or self.admittance.moves)
+
+    @property
+    def retreats(self) -> bool:
+        """Whether a retreat is under way."""
+        return self._retreat is not None
 
     def set_settings(self, settings: AdmittanceSettings) -> None:
         """Go over to other settings, without a jump. Raises RedresError; the old ones then stay."""
@@ -87,6 +95,7 @@ class ContactControl:
         """From rest, where the arm is."""
         self.admittance.restart()
         self.sensor.restart()
+        self.warning = ''  # the reason of a retreat, and of the stop that follows
         self._searched = 0.0  # [m]
         self._retreat: np.ndarray | None = None  # direction, (3,)
         self._left = 0.0  # [m] of the retreat
@@ -151,11 +160,14 @@ class ContactControl:
             missed: As of velocity(), in the place of which this is called.
         """
         self.sensor.advance(missed + 1)
-        if not self.settings.enabled or self.sensor.problem:
+        if not self.settings.enabled:
+            self.admittance.restart()
+            return False
+        if self.sensor.problem:
             return False
         self.admittance.rest()
         rate = self.admittance.rate(self.sensor.at_tip(state), state)
-        return float(np.abs(rate).max()) > _AT_REST
+        return bool((np.abs(rate) > AT_REST).any())
 
     def _retreating(self, direction: np.ndarray, rows: int) -> np.ndarray:
         """The velocity of a retreat, (m,). Raises ContactError once it is over.

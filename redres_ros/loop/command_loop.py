@@ -8,12 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.command import Command
+from redres_ros.contact.contact_control import ContactControl
+from redres_ros.contact.force_sensor import TareError
+from redres_ros.contact.settings import AdmittanceSettings
 from redres_ros.controller import Controller, bridged
 from redres_ros.errors import RedresError
 from redres_ros.loop.approach import Approach, Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.gate import Gate
+from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.modes import Conditions, Mode, next_mode
 from redres_ros.loop.pose_hold import PoseHold
 from redres_ros.loop.session import RobotSession
@@ -70,6 +74,7 @@ class CommandLoop:
         controller: It is updated here and nowhere else.
         settings: Can be replaced at any time.
         twists: How task velocities are buffered; in lock-step without lag.
+        contact: How the arm yields to wrenches; None: not at all.
     """
 
     def __init__(
@@ -77,8 +82,11 @@ class CommandLoop:
         controller: Controller,
         settings: LoopSettings | None = None,
         twists: TwistBufferSettings | None = None,
+        contact: ContactControl | None = None,
     ) -> None:
         self.settings = settings or LoopSettings()
+        contact = contact or ContactControl(AdmittanceSettings.of_rows(3), controller.T)
+        self.measurements = Measurements(controller, contact)
         self.responses = 0  # to states
         self.skipped = 0  # cycles whose state did not come
         self.input = VelocityInput(controller, self.settings, twists or TwistBufferSettings())
@@ -91,6 +99,7 @@ class CommandLoop:
         self.silence = ''  # after which the arm began anew at the last state
         self._active = True
         self._held = False  # by request
+        self._yields = False  # moves because a measurement asked for it, not a task velocity
         self._controller = controller
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
         self._slowdown = _Slowdown()
@@ -116,6 +125,11 @@ class CommandLoop:
         return self.faults.executes and self._session.commanding_at(self._cycles.newest)
 
     @property
+    def newest_response(self) -> Response | None:
+        """The response to the newest state; None if there is none."""
+        return self._response
+
+    @property
     def held(self) -> bool:
         """Whether a hold was asked for."""
         return self._held
@@ -139,7 +153,7 @@ class CommandLoop:
         """The irregularity at the last state; empty if there was none."""
         if self.gate_action:
             return f'the gate has changed the reference: {self.gate_action}'
-        return self.silence
+        return self.silence or self.measurements.problem
 
     def _position_error(self) -> str:
         """Why the arm cannot stay at its held position."""
@@ -300,6 +314,44 @@ class CommandLoop:
         self._expecting = self._expecting or of_a_state
         return self.respond_if_due(now)
 
+    def enter_wrench(self, stamp: int, wrench: np.ndarray, frame: str) -> None:
+        """Take in a measured wrench.
+
+        Args:
+            stamp: A time on the robot's clock [ns]; 0 for now.
+            wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
+            frame: The link along whose axes and about whose origin they are; '' is the tip.
+
+        Raises:
+            MeasurementAgeError: It is too old, or stamped too far ahead.
+        """
+        self.measurements.check_age('wrench', stamp, self._cycles)
+        self.measurements.contact.sensor.enter(wrench, frame)
+
+    def enter_measurement(self, name: str, stamp: int, value: np.ndarray) -> None:
+        """Take in what a preference uses.
+
+        Args:
+            name: As the preference calls it.
+            stamp: As of enter_wrench().
+            value: Finite.
+
+        Raises:
+            MeasurementAgeError: It is too old, or stamped too far ahead.
+            ArrayError: It is not finite.
+        """
+        self.measurements.check_age(name, stamp, self._cycles)
+        self.measurements.enter(name, value)
+
+    def tare(self) -> None:
+        """Take the measured wrench for the sensor's bias.
+
+        Raises TareError while the arm moves, or for a wrench that cannot be used.
+        """
+        if self.q is None or self.mode in (Mode.MOVING, Mode.STOPPING):
+            raise TareError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
+        self.measurements.tare(self.q)
+
     def respond_if_due(self, now: float) -> Response | None:
         """The response to the state that waits, once it need not wait any longer."""
         state = self._waiting
@@ -337,12 +389,14 @@ class CommandLoop:
         missed = self._bridge(state, missed)
         stale = self.input.is_stale(state.cycle, now, self.settings)
         dx = self.input.buffer.play(state.cycle)
+        self._measure(state, missed)
         self._watch(state, dx, stale, missed)
         self._change_mode(state, dx, stale)
         if self.mode is Mode.INACTIVE:
             return None
-        if self.mode is Mode.HOLDING and stale:
+        if stale and (self.mode is Mode.HOLDING or self._yields):
             self.input.clear()
+            dx = np.zeros(len(dx))
         command = self._command(state, dx, missed)
         follows = (
             self._is_motion_allowed(stale)
@@ -352,9 +406,16 @@ class CommandLoop:
         self._slowdown.enter(command, follows)
         return Response(state.stamp, command, command.s if follows else 0.0, state.q)
 
+    def _measure(self, state: _State, missed: int) -> None:
+        """See what is measured beside positions, unless something is against any motion."""
+        if self._is_motion_blocked or self.faults.reason or self._approach is not None:
+            self.measurements.restart()
+        self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
+
     def _watch(self, state: _State, dx: np.ndarray, stale: bool, missed: int) -> None:
         """Notice faults, and that one is over."""
         asks = not stale and float(np.abs(dx).max()) > _NO_TASK
+        asks = asks or (self._yields and self.measurements.asks)
         self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
         if isinstance(self._approach, Probe):
             if self._approach.has_failed:
@@ -366,14 +427,31 @@ class CommandLoop:
 
     def _is_motion_allowed(self, stale: bool) -> bool:
         """Whether motion is allowed; a fault does not count once its motion was given up."""
-        if not self._active or self._held or stale or self._cycles.rate_error:
+        if self._is_motion_blocked or stale:
             return False
         return not self.faults.reason or self.faults.released
+
+    @property
+    def _is_motion_blocked(self) -> bool:
+        return bool(not self._active or self._held or self._cycles.rate_error)
+
+    def _is_yielding_allowed(self, stale: bool) -> bool:
+        """Whether an arm follows what is measured, and comes to rest after it by itself."""
+        if self._is_motion_blocked or self.faults.reason:
+            return False
+        if self._yields:
+            return True
+        interrupted = stale and self.mode is Mode.MOVING  # it brakes first
+        retreats = self.measurements.contact.retreats
+        return self.measurements.asks and (retreats or not interrupted)
 
     def _change_mode(self, state: _State, dx: np.ndarray, stale: bool) -> None:
         """Switch to the mode of this state."""
         allowed = self._is_motion_allowed(stale)
         asked = allowed and bool(dx.any() or self.faults.is_probing)
+        if self._is_yielding_allowed(stale):
+            allowed = True
+            asked = asked or self.measurements.asks
         conditions = Conditions(
             active=self._active,
             commandable=self.commanding,
@@ -382,6 +460,7 @@ class CommandLoop:
             at_rest=not asked and float(np.abs(self.gate.dq).max()) <= _AT_REST,
         )
         mode = next_mode(self.mode, conditions)
+        self._yields = mode is Mode.MOVING and stale
         if mode is not self.mode:
             self.mode = mode
             self._begin_mode(state)
@@ -400,6 +479,8 @@ class CommandLoop:
             controller.resume()
             return
         self._end_approach()
+        if self.mode is not Mode.HOLDING:
+            self.measurements.restart()
         if self.mode is Mode.INACTIVE:
             self.gate.clear()
         elif self.mode is Mode.STOPPING:
@@ -417,13 +498,17 @@ class CommandLoop:
         if self._approach is not None:
             dx = self._approach.velocity(self.gate.q_ref)
         elif not self.input.is_of_joints:
-            is_open_loop = self.input.is_open_loop
+            # what yields is not held
+            is_open_loop = self.input.is_open_loop and not self.measurements.contact.is_on
             dx, correction = self._pose_hold.hold(
                 self._controller, dx, self.gate.q_ref, is_open_loop
             )
+        is_of_task = self._approach is None and not self.input.is_of_joints
+        yields = is_of_task and self.mode is Mode.MOVING
         self._controller.set_scaling(self._scaling())
         try:
-            command = self._controller.update(state.q, dx, missed, correction)
+            velocity = self.measurements.velocity(dx, state.q, missed) if yields else dx
+            command = self._controller.update(state.q, velocity, missed, correction)
         except RedresError as error:
             command = self._stop_for(str(error), state, missed)
         admitted = self.gate.admit(command.q_ref, missed)
@@ -431,6 +516,8 @@ class CommandLoop:
         if admitted.reason:
             self._controller.place(admitted.q_ref, admitted.dq)
             command = command._replace(q_ref=admitted.q_ref.copy(), dq=admitted.dq.copy())
+        if yields:
+            self.measurements.record(command)
         if self._approach is not None and self._approach.is_over(admitted.q_ref, state.q):
             self._end_approach()
             self.faults.is_probing = False
@@ -457,6 +544,7 @@ class CommandLoop:
         """The first command of a stop, from what was published last, by an arm without a policy."""
         self.faults.set(reason)
         self.mode = Mode.STOPPING
+        self.measurements.restart()
         self._controller.place(self.gate.q_ref, self.gate.dq)
         self._controller.hold()
         return self._controller.update(state.q, np.zeros(self._controller.m), missed=missed)

@@ -39,6 +39,7 @@ from redres_ros.nodes.policy_parameters import NONE, PolicyParameters, named
 from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.sensors import Sensors
 from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
@@ -101,8 +102,12 @@ class ControllerNode(ManagedNode):
             task_scaling_rate=settings.task_scaling_rate,
         )
         self._controller.set_policy(self._policy.policy)
+        self._sensors = Sensors(self, model, self._controller.m, T, settings.switch_time)
         self._loop = CommandLoop(
-            self._controller, loop_settings, declare(self, TwistBufferSettings())
+            self._controller,
+            loop_settings,
+            declare(self, TwistBufferSettings()),
+            self._sensors.contact,
         )
         self._loop.deactivate()
         if leap := why_it_would_leap(settings.forward_commands, loop_settings.bridging):
@@ -133,6 +138,8 @@ class ControllerNode(ManagedNode):
         self.create_subscription(JointState, 'joint_velocity', self._on_joint_velocity, RECENT)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
+        self._sensors.listen(self._loop, self._inputs)
+        self._sensors.apply({}, self._policy.policy.preferences)
         if self._loop.settings.twist_patience:
             create_steady_timer(self, _LOOK, self._on_look)
 
@@ -144,6 +151,7 @@ class ControllerNode(ManagedNode):
             return
         if self._joints.concerns(sample):
             self._watchdog.feed()
+            self._sensors.enter_effort(message)
             self._respond('joint_states', self._enter_state, sample)
 
     def _enter_state(self, sample: JointSample) -> Response | None:
@@ -243,12 +251,14 @@ class ControllerNode(ManagedNode):
 
     def _check(self, changes: dict[str, Any]) -> None:
         self._policy.changed(changes)
+        self._sensors.check(changes)
 
     def _apply(self, changes: dict[str, Any]) -> None:
         before = self._policy.policy
         policy = self._policy.apply(changes)
         if policy != before:
             self._controller.set_policy(policy)
+        self._sensors.apply(changes, policy.preferences)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
         if 'task_scaling_rate' in changes:
@@ -269,6 +279,7 @@ class ControllerNode(ManagedNode):
             'task velocities late': loop.input.of_task.late,
             'references changed by the gate': loop.gate.count,
             'messages refused': self._inputs.count,
+            **self._sensors.figures,
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
@@ -281,8 +292,8 @@ class ControllerNode(ManagedNode):
             return Health(WARN, self.life, figures)
         if loop.mode is Mode.MIRRORING:
             return Health(WARN, 'mirroring: the robot takes no commands', figures)
-        if loop.limit_warning:
-            return Health(WARN, loop.limit_warning, figures)
+        if warning := loop.limit_warning or self._sensors.problem:
+            return Health(WARN, warning, figures)
         return Health(OK, loop.mode.value, figures)
 
 

@@ -68,15 +68,27 @@ class JointMapper:
             LengthError: There is not one position for each name.
             ArrayError: A position of the arm is NaN or infinite.
         """
-        return self._in_order(message.name, message.position, 'positions')
+        return self.in_order(message.name, message.position, 'positions')
 
     def velocities(self, message: JointState) -> np.ndarray:
         """dq (n,) [rad/s] in our order; raises as positions() does."""
-        return self._in_order(message.name, message.velocity, 'velocities')
+        return self.in_order(message.name, message.velocity, 'velocities')
 
-    def _in_order(
+    def in_order(
         self, names: Sequence[str], given: Sequence[float] | np.ndarray, what: str
     ) -> np.ndarray:
+        """Values (n,) in our order.
+
+        Args:
+            names: Of joints.
+            given: A value for each.
+            what: The word for them in an error.
+
+        Raises:
+            JointNamesError: A joint of the arm is missing, or named twice.
+            LengthError: There is not one value for each name.
+            ArrayError: A value of the arm is NaN or infinite.
+        """
         if names != self._seen:
             self._learn(names)
         if len(given) != len(names):

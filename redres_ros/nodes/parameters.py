@@ -36,12 +36,13 @@ class ParameterError(RedresError):
     """A parameter of the wrong type, or without a value."""
 
 
-def declare(node: Node, defaults: P) -> P:
+def declare(node: Node, defaults: P, prefix: str = '') -> P:
     """Declare every field of a dataclass as a parameter.
 
     Args:
         node: Gets the parameters.
         defaults: A dataclass whose fields are made with `param`.
+        prefix: What their names begin with, such as 'admittance.'.
 
     Returns:
         The same with the node's values.
@@ -53,7 +54,8 @@ def declare(node: Node, defaults: P) -> P:
     """
     values = {}
     for field, parameter in parameters(defaults).items():
-        values[field.name] = declare_one(node, field.name, getattr(defaults, field.name), parameter)
+        default = getattr(defaults, field.name)
+        values[field.name] = declare_one(node, prefix + field.name, default, parameter)
     declared = replace(defaults, **values)
     check_parameters(declared)
     return declared

@@ -3,6 +3,7 @@
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
 from redres_ros.parameter import make
+from redres_ros.preferences.compliance import Compliance
 from redres_ros.preferences.joints import JointCentering, Posture
 from redres_ros.preferences.preference import Preference
 from redres_ros.preferences.shape import ElbowHeight, Manipulability
@@ -12,6 +13,7 @@ PREFERENCES: dict[str, type[Preference]] = {
     'posture': Posture,
     'manipulability': Manipulability,
     'elbow_height': ElbowHeight,
+    'compliance': Compliance,
 }
 PREFERENCES.update(installed('preferences'))
 register(Preference, PREFERENCES)
@@ -34,6 +36,7 @@ def make_preference(name: str, **gains: object) -> Preference:
 
 __all__ = [
     'PREFERENCES',
+    'Compliance',
     'ElbowHeight',
     'JointCentering',
     'Manipulability',

@@ -1,0 +1,146 @@
+"""What is measured beside joint positions: wrenches and other sensors, and motion that these ask
+for.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.command import Command
+from redres_ros.contact.contact_control import ContactControl
+from redres_ros.controller import Controller
+from redres_ros.errors import ArrayError, RedresError
+from redres_ros.loop.cycle_counter import CycleCounter
+from redres_ros.robot_model import RobotState
+
+_PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
+
+
+class MeasurementAgeError(RedresError):
+    """A measurement whose stamp is too far from the robot's clock."""
+
+
+class _Measurement(NamedTuple):
+    """A value as it came, and the time of the loop by then [s]."""
+
+    value: np.ndarray
+    time: float
+
+
+class Measurements:
+    """Wrenches for contact, other measurements for preferences.
+
+    Args:
+        controller: Gets the measurements for its preferences.
+        contact: Gets the wrenches.
+    """
+
+    def __init__(self, controller: Controller, contact: ContactControl) -> None:
+        self.contact = contact
+        self.asks = False  # for motion, now or shortly before
+        self._controller = controller
+        self._values: dict[str, _Measurement] = {}
+        self._time = 0.0  # [s] of the loop
+        self._asked = -np.inf  # when motion was last asked for [s]
+        self._dx = np.zeros(0)  # task velocity of the last tick without the part of contact
+
+    @property
+    def problem(self) -> str:
+        """Why an arm that should yield does not; '' if it does, or should not."""
+        if not self.contact.is_on:
+            return ''
+        return self.contact.warning or self.contact.sensor.problem
+
+    def check_age(self, what: str, stamp: int, cycles: CycleCounter) -> None:
+        """Raise MeasurementAgeError for a stamp too far from the robot's clock.
+
+        Args:
+            what: The name of the measurement.
+            stamp: A time on the robot's clock [ns]; 0 for now.
+            cycles: That clock.
+        """
+        timeout = self.contact.settings.wrench_timeout
+        if not stamp or not cycles.newest:
+            return
+        age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
+        if abs(age) > timeout:
+            side = 'behind' if age > 0.0 else 'ahead of'
+            raise MeasurementAgeError(
+                f"{what}: stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
+                '(admittance.wrench_timeout; a zero stamp means now)'
+            )
+
+    def tare(self, q: np.ndarray) -> None:
+        """Take the measured wrench for the sensor's bias, at q (n,) [rad]. Raises TareError."""
+        self.contact.sensor.tare(self._state(q))
+
+    def enter(self, name: str, value: np.ndarray) -> None:
+        """Take in a measurement that a preference uses.
+
+        Args:
+            name: As the preference calls it.
+            value: Any finite vector.
+
+        Raises:
+            ArrayError: It is not finite.
+        """
+        if not np.isfinite(value).all():
+            raise ArrayError(f'{name} is {value.tolist()}; every value must be finite')
+        self._values[name] = _Measurement(value, self._time)
+
+    def update(self, q: np.ndarray, missed: int, at_rest: bool) -> None:
+        """Drop what is too old, and see whether the rest asks for motion; once a tick.
+
+        Args:
+            q: Measured joint positions, (n,) [rad].
+            missed: Cycles without a tick since the last one.
+            at_rest: Nothing moves yet.
+        """
+        self._time += (missed + 1) * self._controller.T
+        if not self._values and not self.contact.is_on:
+            self.asks = False
+            return
+        timeout = self.contact.settings.wrench_timeout
+        self._controller.measurements = {
+            name: measurement.value
+            for name, measurement in self._values.items()
+            if self._time - measurement.time <= timeout
+        }
+        state = self._state(q)
+        asks = self.contact.asks(state, missed) if at_rest else self.contact.moves
+        asks = asks or any(p.asks(state) for p in self._controller.preferences)
+        if asks:
+            self._asked = self._time
+        self.asks = self._time - self._asked <= _PAUSE
+
+    def velocity(self, dx: np.ndarray, q: np.ndarray, missed: int) -> np.ndarray:
+        """The task velocity with the part of contact, (m,).
+
+        Args:
+            dx: Without, (m,).
+            q: Measured joint positions, (n,) [rad].
+            missed: Cycles without a tick since the last one.
+
+        Raises:
+            ContactError: The arm is to hold.
+        """
+        self._dx = dx
+        return self.contact.velocity(dx, self._state(q), missed)
+
+    def record(self, command: Command) -> None:
+        """Take in what was executed of the last velocity()."""
+        self.contact.record(command, self._dx)
+
+    def restart(self) -> None:
+        """From rest: nothing asks for motion."""
+        if not self.asks and not self.contact.is_on:
+            return
+        self.contact.restart()
+        self._asked = -np.inf
+        self.asks = False
+
+    def _state(self, q: np.ndarray) -> RobotState:
+        model = self._controller.model
+        state = model.unchecked_state(q, np.zeros(model.n))
+        state.measurements = self._controller.measurements
+        return state

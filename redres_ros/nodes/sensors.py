@@ -1,0 +1,202 @@
+"""What the controller receives beside states and velocities: wrenches, and what preferences use."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+from redres_ros.contact.contact_control import ContactControl
+from redres_ros.contact.settings import BASE, TIP, AdmittanceSettings
+from redres_ros.errors import RedresError
+from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.nodes.conversions import JointMapper
+from redres_ros.nodes.diagnostics import InputMonitor
+from redres_ros.nodes.parameters import declare
+from redres_ros.nodes.qos import NEWEST
+from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.nodes.wire import deserialised
+from redres_ros.parameter import param
+from redres_ros.preferences import Preference
+from redres_ros.preferences.compliance import Compliance
+from redres_ros.robot_model import RobotModel
+
+PREFIX = 'admittance.'
+TORQUES = Compliance.measurement
+
+
+@dataclass(frozen=True)
+class SensorParameters:
+    """Where the torques from outside come from."""
+
+    external_torques_from: str = param(
+        'topic',
+        "topic: external_torques; effort: that of joint_states, less the model's",
+        choices=('topic', 'effort'),
+    )
+
+
+class Sensors:
+    """Parameters, topics and the service of contact and of measured preferences.
+
+    A topic is subscribed to when it is first needed: a wrench in every cycle costs both sides time.
+
+    Args:
+        node: The controller's.
+        model: Of its arm.
+        rows: Of its task velocity.
+        T: Sampling time [s].
+        switch_time: Duration of a fade [s].
+    """
+
+    def __init__(
+        self, node: Node, model: RobotModel, rows: int, T: float, switch_time: float
+    ) -> None:
+        settings = declare(node, AdmittanceSettings.of_rows(rows), PREFIX)
+        self._from_effort = declare(node, SensorParameters()).external_torques_from == 'effort'
+        self._node = node
+        self._model = model
+        settings.check(rows, T)
+        self.contact = ContactControl(settings, T, switch_time=switch_time)
+        self.check({})
+        self._links = {'': '', BASE: model.base_frame}
+        self._joints = JointMapper(model.joint_names)
+        self._subscribed: set[str] = set()
+
+    def listen(self, loop: CommandLoop, inputs: InputMonitor) -> None:
+        """Offer the service, and subscribe to what is needed.
+
+        Args:
+            loop: Gets what is measured.
+            inputs: Gets what is refused.
+        """
+        self._loop = loop
+        self._inputs = inputs
+        self._node.create_service(Trigger, 'controller/tare', self._on_tare)
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """For /diagnostics."""
+        if not self.contact.is_on:
+            return {}
+        force = ', '.join(f'{value:.3g}' for value in self.contact.force)
+        return {'force on the tip [N]': force}
+
+    @property
+    def problem(self) -> str:
+        """Why an arm that should yield does not; '' if it does."""
+        return self._loop.measurements.problem
+
+    def check(self, changes: dict[str, Any]) -> None:
+        """Raise RedresError for changes of parameters that would be refused."""
+        settings = self._changed(changes)
+        self.contact.check(settings)
+        if settings.frame not in (BASE, TIP):
+            self._model.position(np.zeros(self._model.n), settings.frame)
+
+    def apply(self, changes: dict[str, Any], preferences: Iterable[Preference]) -> None:
+        """Take over changes of parameters.
+
+        Args:
+            changes: By name; those of other parameters do not matter.
+            preferences: In use.
+        """
+        if 'switch_time' in changes:
+            self.contact.admittance.switch_time = changes['switch_time']
+        settings = self._changed(changes)
+        if settings != self.contact.settings:
+            self.contact.set_settings(settings)
+        if settings.enabled:
+            self._subscribe('wrench', WrenchStamped, self._on_wrench)
+        for name in {preference.measurement for preference in preferences} - {''}:
+            if name != TORQUES:
+                self._subscribe(name, Float64MultiArray, partial(self._on_values, name))
+            elif not self._from_effort:
+                self._subscribe(name, JointState, self._on_torques)
+
+    def enter_effort(self, message: Any) -> None:
+        """Take the efforts of a state, if they are asked for and a response came before.
+
+        Args:
+            message: The JointState, serialised or not.
+        """
+        response = self._loop.newest_response
+        if not self._from_effort or response is None:
+            return
+        if isinstance(message, bytes):
+            message = deserialised(message, JointState)
+        efforts = self._joints.in_order(message.name, message.effort, 'efforts')
+        self._enter(TORQUES, 0, response.command.tau - efforts)
+
+    def _subscribe(self, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
+        if topic not in self._subscribed:
+            self._subscribed.add(topic)
+            self._node.create_subscription(kind, topic, receive, NEWEST)
+
+    def _on_wrench(self, message: WrenchStamped) -> None:
+        force = message.wrench.force
+        torque = message.wrench.torque
+        wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
+        try:
+            frame = self._link(message.header.frame_id)
+            self._loop.enter_wrench(to_nanoseconds(message.header.stamp), wrench, frame)
+        except RedresError as error:
+            self._inputs.refuse('wrench', error)
+            return
+        self._inputs.accept('wrench')
+
+    def _link(self, frame: str) -> str:
+        """The link of that name. Raises UnknownNameError."""
+        if frame not in self._links:
+            self._model.position(np.zeros(self._model.n), frame)
+            self._links[frame] = '' if frame == self._model.arm.tip_frame else frame
+        return self._links[frame]
+
+    def _on_torques(self, message: JointState) -> None:
+        stamp = to_nanoseconds(message.header.stamp)
+        try:
+            torques = self._joints.in_order(message.name, message.effort, 'efforts')
+        except RedresError as error:
+            self._inputs.refuse(TORQUES, error)
+            return
+        self._enter(TORQUES, stamp, torques)
+
+    def _on_values(self, name: str, message: Float64MultiArray) -> None:
+        """Take in what a preference uses.
+
+        Args:
+            name: As the preference calls it, and the topic.
+            message: Of any length.
+        """
+        self._enter(name, 0, np.array(message.data))
+
+    def _enter(self, name: str, stamp: int, value: np.ndarray) -> None:
+        try:
+            self._loop.enter_measurement(name, stamp, value)
+        except RedresError as error:
+            self._inputs.refuse(name, error)
+            return
+        self._inputs.accept(name)
+
+    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._subscribe('wrench', WrenchStamped, self._on_wrench)
+        try:
+            self._loop.tare()
+        except RedresError as error:
+            response.message = str(error)
+            return response
+        response.success = True
+        response.message = 'the measured wrench, less the weight of the payload, counts as zero'
+        return response
+
+    def _changed(self, changes: dict[str, Any]) -> AdmittanceSettings:
+        settings = self.contact.settings
+        names = {PREFIX + field.name for field in fields(settings)}
+        given = {name.removeprefix(PREFIX): changes[name] for name in names & changes.keys()}
+        return replace(settings, **given)

@@ -1,0 +1,201 @@
+"""Contact through the nodes in virtual time: parameters, force at 500 Hz, faults of the sensor."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+
+from virtual_graph import Fault, VirtualRun, virtual_run
+from wire_faults import changed, delayed, intermittent, off, reordered, slow, stuck
+
+from redres_ros import RobotModel
+from redres_ros.loop.modes import Mode
+from redres_ros.nodes.conversions import to_twist
+
+MODEL = RobotModel.named('fr3')
+X0, R0 = MODEL.tip(np.array(MODEL.arm.start))
+FORCE = 20.0  # [N]
+ON = {'admittance.enabled': True}
+OFF = {'admittance.enabled': False}
+
+
+@contextmanager
+def table_below(rate: float, **parameters: Any) -> Iterator[VirtualRun]:
+    """The nodes with an FR3, 5 mm above a table of 10 kN/m, in command mode; admittance is off."""
+    sim = {
+        'robot': 'fr3',
+        'rate': rate,
+        'patience': 0.0,
+        'monitor_time': 0.1,
+        'contact_shape': 'table',
+        'contact_position': (X0 - np.array((0.0, 0.0, 0.005))).tolist(),
+    }
+    own = {
+        'robot': 'fr3',
+        'rate': rate,
+        'admittance.damping': [1e6, 1e6, 1000.0],
+        'admittance.force': [0.0, 0.0, FORCE],
+        **parameters,
+    }
+    with virtual_run(sim=sim, controller=own, planner={'robot': 'fr3', 'rate': rate}) as run:
+        run.graph.kept['wrench'] = []
+        run.graph.kept['/diagnostics'] = []
+        assert run.run_until(lambda: run.commanding, 5.0)
+        yield run
+
+
+def mode(run: VirtualRun) -> Mode:
+    return run.nodes['controller']._loop.mode
+
+
+def force(run: VirtualRun, seconds: float) -> np.ndarray:
+    """Size of the force on the tip in the last seconds (N,) [N]."""
+    since = run.graph.clock.now - seconds
+    wrenches = [message.wrench.force for time, message in run.graph.kept['wrench'] if time > since]
+    return np.linalg.norm([(each.x, each.y, each.z) for each in wrenches], axis=1)
+
+
+def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
+    with table_below(500.0) as run:
+        assert run.set('controller', **ON)
+        run.run(1.0)
+        for _ in range(100):  # 0.1 m at 50 mm/s, said anew every 20 ms
+            velocity = to_twist(0, MODEL.base_frame, np.array((0.0, 0.05, 0.0)))
+            run.graph.publish('cartesian_velocity', velocity)
+            run.run(0.02)
+        pressed = force(run, 2.0)
+        x, _ = MODEL.tip(run.nodes['sim']._plant.q)
+        gate = run.nodes['controller']._loop.gate
+    # with friction 0.3 the whole force is sqrt(1 + 0.3^2) times that along the normal
+    assert np.sqrt(np.mean((pressed / np.sqrt(1.09) - FORCE) ** 2)) < 0.5
+    assert (x - X0)[1] == pytest.approx(0.1, abs=0.01)
+    assert gate.count == 0
+
+
+def test_going_off_stops_the_force_control_and_holds_the_arm() -> None:
+    with table_below(100.0) as run:
+        assert run.set('controller', **ON)
+        run.run(1.5)
+        assert run.set('controller', **OFF)
+        run.run(1.5)
+        q = run.nodes['controller']._loop.gate.q_ref
+        run.run(0.5)
+        assert (run.nodes['controller']._loop.gate.q_ref == q).all()
+        assert mode(run) is Mode.HOLDING
+
+
+def test_what_does_not_suit_is_refused_and_changes_nothing() -> None:
+    with table_below(100.0) as run:
+        before = run.nodes['controller']._sensors.contact.settings
+        for changes in (
+            {'admittance.damping': [1000.0]},
+            {'admittance.frame': 'nose'},
+            {'admittance.contact_stiffness': 1e6},
+            {'admittance.mass': [-1.0, 0.0, 0.0]},
+        ):
+            assert not run.set('controller', **changes)
+        assert run.nodes['controller']._sensors.contact.settings == before
+
+
+def test_a_tare_takes_off_what_the_sensor_shows_of_itself() -> None:
+    with table_below(100.0) as run:
+        assert run.set('sim', wrench_bias=5.0)
+        assert not run.graph.call('controller/tare').success  # nothing has come yet
+        run.run(0.5)
+        assert run.graph.call('controller/tare').success
+        assert run.set('controller', **{**ON, 'admittance.force': [0.0, 0.0, 0.0]})
+        run.run(0.5)
+        assert mode(run) is Mode.HOLDING
+        assert np.abs(run.nodes['controller']._sensors.contact.force).max() < 1e-9
+
+
+def test_an_arm_that_moves_is_not_tared() -> None:
+    with table_below(100.0) as run:
+        assert run.set('controller', **ON)
+        run.run(0.3)
+        assert mode(run) is Mode.MOVING
+        response = run.graph.call('controller/tare')
+    assert not response.success
+    assert 'the arm is moving; expected one at rest' in response.message
+
+
+def spoiled() -> Fault:
+    """NaN, a frame that does not exist, a stamp of another time."""
+
+    def nan(message: Any) -> None:
+        message.wrench.force.x = np.nan
+
+    def frame(message: Any) -> None:
+        message.header.frame_id = 'nose'
+
+    def stamp(message: Any) -> None:
+        message.header.stamp.sec += 100
+
+    return changed(nan, frame, stamp)
+
+
+def thousandfold(message: Any, now: float) -> list[tuple[float, Any]]:
+    """Millinewtons for newtons."""
+    wrong = deepcopy(message)
+    wrong.wrench.force.z *= 1000.0
+    return [(0.0, wrong)]
+
+
+NIGHTLY = pytest.mark.nightly
+
+
+@pytest.mark.parametrize(
+    ('fault', 'words'),
+    [
+        pytest.param(off(), 'no wrench for 0.05 s', id='off'),
+        pytest.param(spoiled(), 'expected finite values', id='garbage'),
+        pytest.param(thousandfold, 'allowed 100', id='wrong'),
+        pytest.param(delayed(), 'no wrench for 0.05 s', id='delayed', marks=NIGHTLY),
+        pytest.param(slow(), 'no wrench for 0.05 s', id='slow', marks=NIGHTLY),
+        pytest.param(intermittent(), 'no wrench for 0.05 s', id='intermittent', marks=NIGHTLY),
+        pytest.param(stuck(), 'no wrench for 0.05 s', id='stuck', marks=NIGHTLY),
+        pytest.param(reordered(), '', id='reordered', marks=NIGHTLY),
+    ],
+)
+def test_no_fault_of_the_sensor_presses_harder_or_makes_a_jump(fault: Fault, words: str) -> None:
+    with table_below(100.0) as run:
+        assert run.set('controller', **ON)
+        run.run(0.3)  # on its way to the table
+        run.graph.faults['wrench', 'controller'] = fault
+        run.run(1.5)
+        health = run.health('controller').message
+        said = [line for node, line in run.graph.log if node == 'controller']
+        loop = run.nodes['controller']._loop
+        assert any(words in line for line in said)
+        assert words in health or loop.error == ''
+        assert force(run, 1.5).max() < 25.0
+        assert loop.gate.count == 0
+        run.graph.faults.clear()
+        run.graph.call('controller/hold', data=False)
+        run.run(2.0)
+        assert run.commanding
+        # 1 N: at 100 Hz the tip creeps on to it with 0.1 N / 1000 N s/m
+        assert force(run, 0.2) == pytest.approx(FORCE, abs=1.0)
+
+
+@pytest.mark.parametrize('source', ['topic', 'effort'])
+def test_the_elbow_yields_to_torques_of_the_robot(source: str) -> None:
+    own = {'external_torques_from': source, 'preferences': ['compliance']}
+    with table_below(100.0, **own) as run:
+        run.run(0.5)
+        before = run.nodes['sim']._plant.q
+        assert run.set('sim', push_link=MODEL.elbow_frame, push_force_y=30.0)
+        run.run(1.0)
+        after = run.nodes['sim']._plant.q
+        assert mode(run) is Mode.MOVING
+        run.set('sim', push_force_y=0.0)
+        run.run(0.1)
+    elbows = [MODEL.position(q, MODEL.elbow_frame) for q in (before, after)]
+    assert (elbows[1] - elbows[0])[1] > 0.03
+    # at 100 Hz and 100 rad/s the servos give way by some tenths of a millimetre
+    assert MODEL.tip(after)[0] == pytest.approx(MODEL.tip(before)[0], abs=2e-3)

@@ -1,0 +1,183 @@
+"""The command loop with contact: when an arm yields, when it holds, and what stops it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_command_loop import GENTLE, START, T
+
+from redres_ros import Controller, RobotModel, make_law
+from redres_ros.contact import AdmittanceSettings, ContactControl
+from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.loop.modes import Mode
+
+EPOCH = 1_700_000_000 * 10**9  # [ns]
+MODEL = RobotModel.named('lwr4_paper')
+LIMITS = ('position', 'velocity', 'acceleration')
+NOTHING = np.zeros(3)
+PUSH = np.array((0.0, 10.0, 0.0))  # [N] in the base frame
+SPRING = AdmittanceSettings(enabled=True, damping=(100.0,) * 3, stiffness=(500.0,) * 3)
+FREE = AdmittanceSettings(enabled=True, damping=(200.0,) * 3)
+
+
+class PushedArm:
+    """An ideal arm behind a command loop; a force sensor at its tip.
+
+    Args:
+        settings: Of the admittance.
+    """
+
+    def __init__(self, settings: AdmittanceSettings) -> None:
+        law = make_law('minimum_acceleration', damping=10.0)
+        controller = Controller(MODEL, law, T, switch_time=0.1, limits=LIMITS)
+        contact = ContactControl(settings, T, switch_time=0.1)
+        self.loop = CommandLoop(controller, contact=contact)
+        self.q = START
+        self.tick = 0
+
+    @property
+    def x(self) -> np.ndarray:
+        """The tip's position, (3,) [m]."""
+        return MODEL.tip(self.q)[0]
+
+    def run(
+        self, seconds: float, force: np.ndarray | None, dx: np.ndarray | None = None
+    ) -> np.ndarray:
+        """References (N, n) [rad] of some time under a force (3,) [N], or without a sensor.
+
+        Args:
+            seconds: How long.
+            force: In the base frame; None: the sensor is silent.
+            dx: Task velocity (3,) [m/s]; None: nobody gives one.
+        """
+        references = []
+        for _ in range(round(seconds / T)):
+            self.tick += 1
+            if force is not None:
+                R = MODEL.tip(self.q)[1]
+                wrench = np.concatenate((R.T @ force, NOTHING))
+                self.loop.measurements.contact.sensor.enter(wrench)
+            if dx is not None and self.tick > 1:
+                self.loop.enter_twist(0, dx, self.tick * T)
+            response = self.loop.enter_state(
+                EPOCH + round(self.tick * T * 1e9), self.q, self.tick * T
+            )
+            assert response is not None
+            self.q = response.command.q_ref
+            references.append(self.q)
+        return np.array(references)
+
+
+def test_an_arm_at_rest_yields_to_a_push_and_then_holds_again() -> None:
+    arm = PushedArm(FREE)
+    assert (arm.run(0.2, NOTHING) == START).all()
+    assert arm.loop.mode is Mode.HOLDING
+    x0 = arm.x
+    arm.run(1.0, PUSH)
+    assert arm.loop.mode is Mode.MOVING
+    # 10 N / 200 N s/m for a second, less the fades
+    assert (arm.x - x0)[1] == pytest.approx(0.05, abs=0.01)
+    assert np.abs((arm.x - x0)[[0, 2]]).max() < 1e-4
+    arm.run(3.0, NOTHING)
+    assert arm.loop.mode is Mode.HOLDING
+    rest = arm.q
+    assert (arm.run(0.2, NOTHING) == rest).all()
+    assert arm.loop.gate.count == 0
+    assert arm.loop.error == ''
+
+
+def test_a_held_arm_does_not_yield() -> None:
+    arm = PushedArm(FREE)
+    arm.run(0.1, NOTHING)
+    arm.loop.hold(True)
+    before = arm.q
+    assert (arm.run(0.5, PUSH) == before).all()
+    arm.loop.hold(False)
+    arm.run(0.5, PUSH)
+    assert arm.loop.mode is Mode.MOVING
+
+
+def test_an_arm_without_admittance_does_not_yield() -> None:
+    arm = PushedArm(replace(FREE, enabled=False))
+    assert (arm.run(0.5, PUSH) == START).all()
+
+
+def test_a_spring_holds_against_a_push_and_comes_back() -> None:
+    arm = PushedArm(SPRING)
+    arm.run(0.1, NOTHING)
+    x0 = arm.x
+    arm.run(4.0, PUSH)
+    # f / K
+    assert (arm.x - x0)[1] == pytest.approx(0.02, abs=1e-4)
+    arm.run(4.0, NOTHING)
+    assert arm.x == pytest.approx(x0, abs=1e-4)
+    assert arm.loop.mode is Mode.HOLDING
+
+
+def test_a_task_velocity_and_a_push_add_up() -> None:
+    arm = PushedArm(FREE)
+    arm.run(0.1, NOTHING)
+    x0 = arm.x
+    arm.run(1.0, PUSH, 10.0 * GENTLE)
+    # 30 mm/s against 50 mm/s, less the fades
+    assert (arm.x - x0)[1] == pytest.approx(0.02, abs=0.01)
+
+
+def test_when_task_velocities_end_the_arm_goes_on_yielding() -> None:
+    arm = PushedArm(FREE)
+    arm.run(0.1, NOTHING)
+    arm.run(0.5, PUSH, 10.0 * GENTLE)
+    references = arm.run(1.0, PUSH)
+    assert arm.loop.mode is Mode.MOVING
+    ddq = np.diff(references, n=2, axis=0) / T**2
+    assert np.abs(ddq).max() < 20.0  # [rad/s^2], the limits are 20.9 and more
+    assert arm.loop.gate.count == 0
+
+
+@pytest.mark.parametrize(
+    ('force', 'words'),
+    [
+        (None, 'no wrench for 0.05 s'),
+        (np.full(3, np.nan), 'expected finite values'),
+        (np.array((0.0, 0.0, 80.0)), 'saturated'),
+    ],
+)
+def test_a_wrench_that_fails_stops_the_arm_until_somebody_lets_it_go_on(
+    force: Any, words: str
+) -> None:
+    arm = PushedArm(replace(FREE, sensor_range=60.0))
+    arm.run(0.1, NOTHING)
+    arm.run(0.5, PUSH)
+    arm.run(1.0, force)
+    assert words in arm.loop.error
+    assert arm.loop.mode is Mode.HOLDING
+    before = arm.q
+    assert (arm.run(1.0, PUSH) == before).all()
+    arm.loop.hold(False)
+    arm.run(0.5, PUSH)
+    assert arm.loop.mode is Mode.MOVING
+    assert arm.loop.gate.count == 0
+
+
+def test_too_high_a_force_makes_the_tip_retreat_and_then_hold() -> None:
+    arm = PushedArm(replace(FREE, force_limit=50.0))
+    arm.run(0.1, NOTHING)
+    x0 = arm.x
+    arm.run(0.01, 6.0 * PUSH)
+    arm.run(0.05, NOTHING)
+    assert 'retreating' in arm.loop.warning
+    arm.run(2.0, NOTHING)
+    assert 'a force of 60 N on the tip, allowed 50' in arm.loop.error
+    assert arm.loop.mode is Mode.HOLDING
+    # 10 mm, and the way in which the arm stops
+    assert (arm.x - x0)[1] == pytest.approx(0.01, abs=2e-3)
+
+
+def test_a_search_without_contact_ends_in_a_hold() -> None:
+    arm = PushedArm(replace(FREE, force=(0.0, 0.0, 10.0), search_distance=0.02))
+    x0 = arm.x
+    arm.run(3.0, NOTHING)
+    assert 'no contact within 0.02 m' in arm.loop.error
+    assert arm.loop.mode is Mode.HOLDING
+    assert (arm.x - x0)[2] == pytest.approx(-0.02, abs=2e-3)
