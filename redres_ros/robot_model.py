@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
-from redres_ros.kernels.closed_form import free_motion
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.vectors import finite_vector
 
@@ -40,7 +39,6 @@ class RobotState:
     _J: np.ndarray | None = None
     _M: np.ndarray | None = None
     _n: np.ndarray | None = None
-    _free_acceleration: np.ndarray | None = None
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
     measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # by name, for preferences
@@ -57,7 +55,6 @@ class RobotState:
         state = copy(self)
         state.dq_prev = dq_prev
         state._n = None
-        state._free_acceleration = None
         return state
 
     @property
@@ -94,15 +91,6 @@ class RobotState:
         if self._n is None:
             self._n = self.model._bias_torque(self.q, self.dq_prev)
         return self._n
-
-    @property
-    def free_acceleration(self) -> np.ndarray:
-        """-M^-1 n, (n,) [rad/s^2]: the acceleration without torque, Eq. (6)."""
-        if self._free_acceleration is None:
-            ddq = np.empty(self.model.n)
-            free_motion(0.0, self.dq_prev, 1.0, self.M, self.n, ddq)
-            self._free_acceleration = ddq
-        return self._free_acceleration
 
     def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and orientation (3, 3) of a frame; '' is the tip."""

@@ -20,7 +20,7 @@ from redres_ros.paper.claims import (
     write_csv,
 )
 from redres_ros.paper.runs import Runs
-from redres_ros.paper.saturation import LWR_DAMPED, angle_between, run
+from redres_ros.paper.saturation import LWR_DAMPED, angle_between, run_benchmark
 
 pytestmark = pytest.mark.slow
 
@@ -110,7 +110,7 @@ def test_the_command_draws_measures_and_writes(
 
 
 def test_a_motion_of_others_is_as_fast_here_and_straighter() -> None:
-    ours = run(LWR_DAMPED)
+    ours = run_benchmark(LWR_DAMPED)
     assert ours.seconds == pytest.approx(LWR_DAMPED.seconds, rel=0.01)
     assert ours.heading_error < 0.1 * LWR_DAMPED.heading_error
     assert ours.limit_usage < 1.0 + 1e-9

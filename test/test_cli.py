@@ -65,22 +65,6 @@ def test_simulate_does_the_papers_task_with_damped_minimum_acceleration_by_defau
 
 
 @pytest.mark.parametrize(
-    ('factor', 'damping', 'period'),
-    [
-        ('0.99', '10', '0.001'),
-        ('0.99', '5', '0.002'),
-        ('0', '1000', '0.001'),
-        ('1', '0', '0.001'),
-    ],
-)
-def test_a_forgetting_factor_is_the_same_as_its_damping(short, tmp_path, factor, damping, period):
-    common = ('--period', period, '--law', 'dynamically_consistent')
-    a = simulate(short, tmp_path / 'a.csv', '--forgetting-factor', factor, *common)
-    b = simulate(short, tmp_path / 'b.csv', '--damping', damping, *common)
-    assert a == pytest.approx(b, abs=1e-9)  # (1 - 0.99) / T is not quite 10
-
-
-@pytest.mark.parametrize(
     'options',
     [
         ('--dynamics', 'cylinders'),
@@ -173,8 +157,6 @@ REFUSED = [
     (('--damping', 'nan'), 'damping is nan; allowed: 0 to'),
     (('--damping', '-1'), 'damping is -1.0; allowed: 0 to'),
     (('--damping', '1001'), 'damping is 1001.0; allowed: 0 to 1000'),
-    (('--forgetting-factor', '1.1'), 'forgetting factor is 1.1; allowed: 0 to 1'),
-    (('--forgetting-factor', 'nan'), 'forgetting factor is nan; allowed: 0 to 1'),
     (('--period', '0'), 'T is 0.0; allowed: 1e-05 to 1'),
     (('--period', 'inf'), 'T is inf; allowed: 1e-05 to 1'),
     (('--switch-time', '-1'), 'switch_time is -1.0; allowed: 0 to 60'),
@@ -267,7 +249,6 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         'simulate --damp 1',
         'simulate --damping much',
         'simulate --delay 0.5',
-        'simulate --damping 1 --forgetting-factor 1',
         'simulate --x',
         'simulate --robot=',
         'simulate --task=',

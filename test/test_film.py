@@ -142,7 +142,7 @@ def test_a_window_without_a_display_is_refused(
 def test_where_there_is_a_display_a_window_shows_the_arm_and_closes() -> None:
     script = """
 import numpy as np
-from redres_ros.view.mujoco_window import opened
+from redres_ros.view.window import opened
 from redres_ros.robots import find_arm
 arm = find_arm('planar4r')
 with opened(arm) as window:

@@ -18,8 +18,8 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from redres_ros.demo.processes import own_domain
+from redres_ros.nodes.composed import IntraProcess
 from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.intra_process import IntraProcess
 from redres_ros.nodes.qos import NEWEST, PUBLISH
 from redres_ros.nodes.runtime import Arrival, Spinner
 

@@ -78,7 +78,7 @@ def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
             'fake_robot/mujoco_arm.py',
             'fake_robot/environment.py',
             'simulation/render.py',
-            'view/mujoco_window.py',
+            'view/window.py',
             PEERS,
         }
     )

@@ -15,6 +15,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from graph_helpers import PATIENCE, await_that, nodes
 
+from redres_ros.preflight.graph import judge
 from redres_ros.preflight.graph_snapshot import (
     COMMANDS,
     FORWARD,
@@ -23,7 +24,6 @@ from redres_ros.preflight.graph_snapshot import (
     GraphSnapshot,
     StateSeen,
 )
-from redres_ros.preflight.judge import judge
 from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.joint_limits import JointLimits

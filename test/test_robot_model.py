@@ -20,7 +20,7 @@ from redres_ros.robots import ARMS, Arm, arm_from_urdf, find_arm
 from redres_ros.robots.arm import DYNAMICS
 
 AGREEMENT = 1e-9  # two libraries in double precision, numbers up to some hundreds
-QUANTITIES = ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n', 'free_acceleration')  # of a state
+QUANTITIES = ('q', 'dq_prev', 'x', 'R', 'J', 'M', 'n')  # of a state
 BOTH_LWR = pytest.mark.parametrize('name', ['lwr4', 'lwr4_paper'])  # others: test_arms.py
 EVERY_DYNAMICS = pytest.mark.parametrize('dynamics', DYNAMICS)
 
@@ -93,7 +93,7 @@ def test_the_jacobian_of_a_frame_is_the_derivative_of_its_position(model):
 
 def test_each_quantity_of_a_state_is_evaluated_once(model):
     state = model.state(*random_motion(7, 1)[0])
-    for name in ('x', 'R', 'J', 'M', 'n', 'free_acceleration'):
+    for name in ('x', 'R', 'J', 'M', 'n'):
         assert getattr(state, name) is getattr(state, name)
 
 

@@ -27,11 +27,9 @@ from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.command import norm
 from redres_ros.errors import ArrayError
 from redres_ros.graph import live_arm
-from redres_ros.graph.active_limits import ActiveLimits
 from redres_ros.graph.client import CallError
-from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
-from redres_ros.graph.sampling import Sampler
-from redres_ros.graph.settings import credible, judge_of, model_of
+from redres_ros.graph.graph_monitor import WORDS, GraphMonitor, Sampler
+from redres_ros.graph.settings import ActiveLimits, credible, judge_of, model_of
 from redres_ros.limits import limit_name, make_limits
 from redres_ros.nodes import controller_snapshot
 from redres_ros.nodes.controller import ControllerNode
@@ -49,10 +47,9 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.view import origin_check, words
 from redres_ros.view.controls import Controls
-from redres_ros.view.plots import Plots
-from redres_ros.view.ring_buffer import RingBuffer
+from redres_ros.view.plots import Plots, RingBuffer
 from redres_ros.view.saved import write_page
-from redres_ros.view.shapes import FIXED, shapes_of
+from redres_ros.view.scene import FIXED, shapes_of
 
 T = 0.002  # [s]
 DX = np.array((0.0, 0.6, -0.3))  # [m/s]
@@ -150,15 +147,15 @@ def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch
 
 def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
     evil = '<img src=x onerror=alert(1)>'
-    shown = words.state(dict.fromkeys(WORDS, evil), {'sim': evil}, 0.0)
-    shown += words.joints([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
+    shown = words.state_text(dict.fromkeys(WORDS, evil), {'sim': evil}, 0.0)
+    shown += words.joint_bars([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
     assert '<img' not in shown and shown.count('&lt;img') == len(WORDS) + 5
 
 
 def test_the_progress_of_a_goal_is_shown_while_it_is_under_way() -> None:
     newest = dict.fromkeys(WORDS, '')
-    assert '43%' in words.state({**newest, TASK_STATE: 'homing'}, {}, 0.43)
-    assert '100%' not in words.state({**newest, TASK_STATE: 'finished'}, {}, 1.0)
+    assert '43%' in words.state_text({**newest, TASK_STATE: 'homing'}, {}, 0.43)
+    assert '100%' not in words.state_text({**newest, TASK_STATE: 'finished'}, {}, 1.0)
 
 
 @pytest.mark.parametrize('name', ARMS)

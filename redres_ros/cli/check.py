@@ -53,8 +53,8 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
+    from redres_ros.preflight.graph import judge
     from redres_ros.preflight.graph_snapshot import SnapshotNode
-    from redres_ros.preflight.judge import judge
     from redres_ros.preflight.verdict import Level
 
     if not _SHORTEST <= options.duration <= _LONGEST:

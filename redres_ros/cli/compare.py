@@ -31,7 +31,7 @@ class _Contender:
         """The law with its gains."""
         from redres_ros.cli.controller import find_law
 
-        return find_law(self.options, self.name, self.options.period, self.damping)
+        return find_law(self.options, self.name, self.damping)
 
     @property
     def label(self) -> str:

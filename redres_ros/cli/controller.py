@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.gains import gains_of, given_gains
 from redres_ros.cli.parser import NONE, OptionError
-from redres_ros.errors import RangeError, UnknownNameError
+from redres_ros.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,15 +20,12 @@ if TYPE_CHECKING:
     from redres_ros.tasks import Task
 
 
-def find_law(
-    options: argparse.Namespace, name: str, T: float, damping: float | None = None
-) -> 'Law':
+def find_law(options: argparse.Namespace, name: str, damping: float | None = None) -> 'Law':
     """The law of that name.
 
     Args:
         options: With its gains.
         name: In the table of laws.
-        T: Sampling time [s].
         damping: Of this law alone [1/s]; None: that of the options.
 
     Raises:
@@ -39,7 +36,7 @@ def find_law(
 
     gains = gains_of(options, 'law', name)
     if damping is None:
-        damping = _damping(options, T)
+        damping = options.damping
     if damping is not None:
         gains['damping'] = damping
     return make_law(name, **gains)
@@ -233,16 +230,3 @@ def _number(option: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise OptionError(f'--prefer {option}; expected NAME=GAIN, as joint_centering=4') from None
-
-
-def _damping(options: argparse.Namespace, T: float) -> float | None:
-    """k_d [1/s] from either option; None if neither is given."""
-    factor: float | None = options.forgetting_factor
-    if factor is None:
-        given: float | None = options.damping
-        return given
-    if not T > 0.0:
-        raise RangeError('period', T, 1e-5, 1.0, 's')
-    if not 0.0 <= factor <= 1.0:
-        raise RangeError('forgetting factor', factor, 0.0, 1.0)
-    return (1.0 - factor) / T

@@ -175,8 +175,8 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         {'plant': options.plant, **node_parameters(options, motion)},
     )
     out = made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS)
-    demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law, period), out)
-    make_controller(options, motion, find_law(options, options.law, period), period)
+    demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law), out)
+    make_controller(options, motion, find_law(options, options.law), period)
     return demo
 
 

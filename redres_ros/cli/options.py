@@ -107,18 +107,11 @@ def add_former(group: Any, option: str, **declared: Any) -> None:
 
 
 def _add_damping(group: Any) -> None:
-    gain = group.add_mutually_exclusive_group()
-    gain.add_argument(
+    group.add_argument(
         '--damping',
         type=float,
         metavar='K_D',
         help='null-space damping k_d [1/s], 0 to 1/T; default: 10',
-    )
-    gain.add_argument(
-        '--forgetting-factor',
-        type=float,
-        metavar='LAMBDA',
-        help='the same as lambda = 1 - k_d T, 0 to 1',
     )
 
 

@@ -60,7 +60,7 @@ def _simulate(options: argparse.Namespace) -> int:
         task = replace(task, switching=options.switching)
     if not 0 <= options.delay <= 1000:
         raise RangeError('delay', options.delay, 0, 1000, 'ticks')
-    law = find_law(options, options.law, options.period)
+    law = find_law(options, options.law)
     check_gains(options, in_use(options, options.law))
     controller = make_controller(
         options, motion, law, options.period, switch_time=options.switch_time

@@ -10,7 +10,6 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.fake_robot.command_validator import ValidatorSettings
 from redres_ros.laws import make_law
-from redres_ros.paper import saturation
 from redres_ros.paper.equivalence import (
     SIMULATION_DYNAMICS,
     Difference,
@@ -18,6 +17,14 @@ from redres_ros.paper.equivalence import (
     difference,
 )
 from redres_ros.paper.experiment import Experiment, experiment
+from redres_ros.paper.saturation import (
+    LWR,
+    LWR_DAMPED,
+    PLANAR,
+    PLANAR_CHOICES,
+    Benchmark,
+    run_benchmark,
+)
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.paper.sensing import as_in_the_paper
 from redres_ros.paper.velocity_difference import VelocityDifference
@@ -273,9 +280,9 @@ def _convergence(law: str) -> Computation:
     return Computation(lambda runs: convergence(law, SIMULATION_DAMPING, runs.task), seconds=3.0)
 
 
-def _published(benchmark: saturation.Benchmark) -> Computation:
+def _published(benchmark: Benchmark) -> Computation:
     """A motion published by others, under one of our laws."""
-    return Computation(lambda _: saturation.run(benchmark), seconds=benchmark.seconds / 4.0)
+    return Computation(lambda _: run_benchmark(benchmark), seconds=benchmark.seconds / 4.0)
 
 
 _LEAST_VELOCITY = RobotRun('2', 'minimum_velocity', seed=1)
@@ -328,13 +335,10 @@ COMPUTATIONS: dict[str, Computation] = {
     **{f'difference_{law}': _difference(law, dynamics=EXPERIMENT_DYNAMICS) for law in TORQUE_LAWS},
     **{f'convergence_{law}': _convergence(law) for law in CONVERGING_LAWS},
     # What others published, and how much it depends on our choices:
-    'published_lwr': _published(saturation.LWR),
-    'published_lwr_damped': _published(saturation.LWR_DAMPED),
-    'published_planar': _published(saturation.PLANAR),
-    **{
-        f'published_{name}': _published(benchmark)
-        for name, benchmark in saturation.PLANAR_CHOICES.items()
-    },
+    'published_lwr': _published(LWR),
+    'published_lwr_damped': _published(LWR_DAMPED),
+    'published_planar': _published(PLANAR),
+    **{f'published_{name}': _published(benchmark) for name, benchmark in PLANAR_CHOICES.items()},
 }
 
 RUNS: dict[str, Simulation | RobotRun | Computation] = {**MOTIONS, **COMPUTATIONS}

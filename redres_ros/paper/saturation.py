@@ -122,7 +122,7 @@ PLANAR_CHOICES = {
 }
 
 
-def run(benchmark: Benchmark) -> SaturatedMotion:
+def run_benchmark(benchmark: Benchmark) -> SaturatedMotion:
     """The motion under a law of ours, within the same limits.
 
     Raises DivergedError if it does not get to its end.

@@ -3,16 +3,131 @@
 import os
 import sys
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
 
 from redres_ros.files.plugins import load_plugins
-from redres_ros.graph.graph_monitor import NICENESS, GraphMonitor
-from redres_ros.nodes.parameters import declare
-from redres_ros.nodes.policy_parameters import NONE, named
+from redres_ros.graph.client import GraphClient
+from redres_ros.graph.graph_monitor import NICENESS, WORDS, GraphMonitor
+from redres_ros.graph.live_arm import LiveArm
+from redres_ros.graph.settings import Values, points_of
+from redres_ros.nodes.parameters import NONE, declare
+from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
+from redres_ros.view.controls import Controls
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server
-from redres_ros.view.page import Page
+from redres_ros.view.plots import Plots, RingBuffer
+from redres_ros.view.scene import ArmScene
+from redres_ros.view.words import joint_bars, state_text
+
+_PERIOD = 0.05  # [s] from one picture of the arm to the next
+_SLOWLY = 6  # pictures from one drawing of plots, ways and words to the next
+_PLOTTED = 15.0  # [s] of the robot's clock
+_TRACED = 20.0  # [s]
+
+
+class Page:
+    """A page of one graph.
+
+    Args:
+        server: Of viser, still empty.
+        monitor: Observes the graph; is spun by somebody else.
+
+    Raises:
+        CallError: The controller or the planner is not there.
+        RedresError: It has an arm or a task that is not known here.
+    """
+
+    def __init__(self, server: viser.ViserServer, monitor: GraphMonitor) -> None:
+        self._server = server
+        self._monitor = monitor
+        client = monitor.client
+        values = {'controller': client.parameters('controller'), 'sim': _of_sim(client)}
+        self._arm = LiveArm(monitor, values['controller'])
+        model = self._arm.model
+        self._scene = ArmScene(server, model, points_of(client.parameters('planner'), model))
+        self._add_panels(values)
+        self._figures = RingBuffer(_PLOTTED)
+        self._ways = {way: RingBuffer(_TRACED) for way in self._scene.ways(self._arm.q)}
+        self._shown = np.full(model.n, np.nan)  # q of the newest picture
+        monitor.on_parameters = self._on_parameters
+
+    def run(self, stopped: threading.Event) -> None:
+        """Keep the page up to date until the event is set."""
+        number = 0
+        while not stopped.wait(_PERIOD):
+            if not self._server.get_clients():
+                self._forget()  # nobody looks
+                continue
+            self._look()
+            number += 1
+            with self._server.atomic():
+                self._show_arm()
+                if number % _SLOWLY == 0:
+                    self._show_slowly()
+
+    def _add_panels(self, values: Mapping[str, Values]) -> None:
+        """What is seen on the left, what is steered on the right."""
+        gui = self._server.gui
+        seen = gui.add_panel()
+        with seen.add_tab('what happens'):
+            self._state = gui.add_html('')
+            with gui.add_folder('joints in their ranges, and limits that act'):
+                self._bars = gui.add_html('')
+            with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
+                self._plots = Plots(gui, values['controller']['law'])
+        seen.dock_left()
+        self._controls = Controls(self._server, self._monitor.client, values)
+        gui.main_panel.dock_right()
+
+    def _look(self) -> None:
+        figures = self._arm.look()
+        for each in figures:
+            self._figures.add(each.time, each)
+        if figures:
+            for way, place in self._scene.ways(self._arm.q).items():
+                self._ways[way].add(figures[-1].time, place)
+
+    def _forget(self) -> None:
+        """Clear plots and traces, so that no line bridges the gap."""
+        for trail in (self._figures, *self._ways.values()):
+            trail.clear()
+
+    def _show_arm(self) -> None:
+        if not np.array_equal(self._arm.q, self._shown):
+            self._shown = self._arm.q
+            self._scene.show(self._shown)
+
+    def _show_slowly(self) -> None:
+        newest = {topic: self._monitor.word(topic) for topic in WORDS}
+        progress = self._monitor.progress()
+        self._state.content = state_text(newest, self._monitor.health(), progress)
+        arm = self._arm
+        self._bars.content = joint_bars(arm.model.joint_names, arm.shares, arm.acting)
+        for way, trail in self._ways.items():
+            self._scene.trace(way, np.array(trail.values))
+        if len(self._figures.times) > 1:
+            self._plots.show(self._figures.times, self._figures.values)
+
+    def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
+        """Show parameters that were changed, by this page or elsewhere."""
+        self._controls.show(node, values)
+        if node == 'controller':
+            self._arm.apply(values)
+            if 'law' in values:
+                self._plots.set_law(str(values['law']))
+
+
+def _of_sim(client: GraphClient) -> dict[str, Any]:
+    """The parameters of the fake robot; none beside a real one."""
+    if not client.offers('sim'):
+        return {}
+    return client.parameters('sim')
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ _COLOURS = {
 }
 
 
-def state(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
+def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
     """Session and planner as HTML, and why the robot has stopped, if it has.
 
     Args:
@@ -50,7 +50,9 @@ def state(words: Mapping[str, str], health: Mapping[str, str], progress: float) 
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
-def joints(names: Sequence[str], shares: np.ndarray, acting: Mapping[str, Iterable[str]]) -> str:
+def joint_bars(
+    names: Sequence[str], shares: np.ndarray, acting: Mapping[str, Iterable[str]]
+) -> str:
     """A bar for each joint as HTML, with the limits that act.
 
     Args:
