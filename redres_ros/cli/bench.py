@@ -9,7 +9,6 @@ from redres_ros.cli.files import made
 from redres_ros.cli.options import add_out
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError, UnknownNameError
-from redres_ros.files.remedy import remedy
 
 _ROUNDS = 100.0  # of the ticks, per second of --duration
 
@@ -68,6 +67,8 @@ def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any
 
     if missing_peers():
         missing = missing_peers()
+        from redres_ros.files.remedy import remedy
+
         command = remedy('bench', *missing)
         print(f'not installed, and left out: {", ".join(missing)}; {command}')
     return measure_tick(max(math.ceil(_ROUNDS * options.duration), 1), progress)

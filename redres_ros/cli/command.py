@@ -22,7 +22,6 @@ from redres_ros.cli import (
 )
 from redres_ros.cli.parser import Parser, Version
 from redres_ros.errors import RedresError, quoted
-from redres_ros.files.remedy import remedy
 
 _GROUPS = (
     demo,
@@ -112,6 +111,8 @@ def _line(error: BaseException) -> str:
         if (error.name or '').startswith('redres_ros'):
             raise error
         extra = _EXTRAS.get(error.name or '', 'ros')
+        from redres_ros.files.remedy import remedy
+
         command = remedy(extra, error.name or '')
         return f'the package {error.name} is not installed; install it with: {command}'
     if isinstance(error, OSError) and error.strerror:

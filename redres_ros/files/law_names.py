@@ -28,4 +28,7 @@ def _names() -> list[str]:
     """The keys of the table LAWS."""
     tree = ast.parse(_SOURCE.read_text(encoding='utf-8'))
     [table] = [node.value for node in tree.body if isinstance(node, ast.AnnAssign)]
-    return list(ast.literal_eval(ast.List(table.keys))) if isinstance(table, ast.Dict) else []
+    keys = table.keys if isinstance(table, ast.Dict) else []
+    return [
+        key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)
+    ]

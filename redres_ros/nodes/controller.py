@@ -34,8 +34,8 @@ from redres_ros.nodes.diagnostics import (
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.motion_telemetry import MotionTelemetry
-from redres_ros.nodes.parameters import ListenerParameters, declare, on_live_change
-from redres_ros.nodes.policy_parameters import NONE, PolicyParameters, named
+from redres_ros.nodes.parameters import NONE, ListenerParameters, declare, on_live_change
+from redres_ros.nodes.policy_parameters import PolicyParameters, named
 from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
