@@ -9,7 +9,8 @@ the robot's interface is by then, v its velocity there, and T the robot's period
     mirroring: only finite, and in the range or where the arm is.
 
 A robot that holds stays at its last reference: p = r, v = 0 if m > 1. One that extrapolates goes
-on: p = r + (m - 1) T v, up to the ends of its range.
+on: p = r + (m - 1) T v, up to the ends of its range. A joint that it has moved so near to an end
+that no braking keeps it in its range has to brake with all of A.
 """
 
 from typing import NamedTuple
@@ -29,7 +30,7 @@ NANOSECONDS = 1_000_000_000
 NEW_CLOCK = NANOSECONDS  # [ns] a step of the stamps by which a robot has been started again
 REMEMBERED = 64  # states
 JITTER = 0.25  # of a period, by which a stamp may be off
-BURST = 0.2  # of a period: references that come sooner are for one cycle
+BURST = 2 * JITTER  # of a period: references that come sooner are for one cycle
 
 
 class Violation(NamedTuple):
@@ -93,6 +94,8 @@ class ReferenceJudge:
         self._last_stamp = 0
         self._last_mode = ''
         self._v_T = np.zeros(len(self._names))  # (n,) [rad], v T of the robot at r_{k-1}
+        # Joints that the robot itself has moved too near to an end, (n,).
+        self._overshoots = np.zeros(len(self._names), dtype=bool)
         self._before = (self._last, self._last_stamp, self._last_mode, self._v_T)
 
     def enter_mode(self, word: str) -> None:
@@ -165,7 +168,8 @@ class ReferenceJudge:
         if -NEW_CLOCK < since < 0:
             self._note('in the order of stamps', stamp, 0)
             return (1,)
-        if abs(since) > NEW_CLOCK:
+        stays = self._holds or self._last_mode == 'holding'
+        if abs(since) > NEW_CLOCK and (since < 0 or not stays):
             self.forget()
             return (1,)
         cycles = since / NANOSECONDS / self._period
@@ -214,13 +218,19 @@ class ReferenceJudge:
         lowest = np.minimum(limits.lower, last)
         highest = np.maximum(limits.upper, last)
         outside = np.maximum(r - highest, lowest - r)
-        self._judge_excess('range', stamp, cycles, outside)
         if cycles > 1 and not self._complete:
+            self._judge_excess('range', stamp, cycles, outside)
             self._judge_excess('velocity', stamp, cycles, np.abs(r - last) - cycles * self._step)
             self._v_is_known = False
             return
         slow, fast, p = self._robot_at(last, cycles)
         step = r - p
+        if cycles > 1:
+            self._overshoots |= (slow == fast) & self._must_leave(p, fast)
+        brakes = np.abs(step) <= np.maximum(np.abs(fast) - self._change, 0.0) + ROUNDING
+        outside[self._overshoots & brakes] = 0.0
+        self._judge_excess('range', stamp, cycles, outside)
+        self._overshoots &= self._must_leave(r, step)
         if self._dynamic:
             self._judge_excess('velocity', stamp, cycles, np.abs(step) - self._step)
         if self._dynamic and self._v_is_known:
@@ -249,11 +259,25 @@ class ReferenceJudge:
             rest = np.zeros_like(last)
             return rest, rest, last
         going = last + (cycles - 1) * v_T
-        p = np.clip(going, self._limits.lower, self._limits.upper)
+        lower = np.minimum(self._limits.lower, last)
+        p = np.clip(going, lower, np.maximum(self._limits.upper, last))
         at_end = p != going
         slow = np.where(at_end, np.minimum(v_T, 0.0), v_T)
         fast = np.where(at_end, np.maximum(v_T, 0.0), v_T)
         return slow, fast, p
+
+    def _must_leave(self, p: np.ndarray, v_T: np.ndarray) -> np.ndarray:
+        """Which joints leave their range even if they brake with all of A, (n,).
+
+        Args:
+            p: Where they are, (n,) [rad].
+            v_T: Their velocity, (n,) [rad] a cycle.
+        """
+        cycles = np.floor(np.abs(v_T) / self._change)
+        way = cycles * np.abs(v_T) - self._change * cycles * (cycles + 1.0) / 2.0
+        stop = p + np.copysign(way, v_T)
+        limits = self._limits
+        return (stop > limits.upper + ROUNDING) | (stop < limits.lower - ROUNDING)
 
     def _judge_mirrored(self, stamp: int, r: np.ndarray) -> None:
         measured = self._measured.get(stamp, r)

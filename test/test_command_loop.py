@@ -274,6 +274,21 @@ def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_
     assert speed(answer) < 0.05  # and at rest
 
 
+@pytest.mark.parametrize(('bridging', 'held'), [('hold', False), ('extrapolate', True)])
+def test_after_seconds_of_silence_a_reference_that_is_held_is_the_same(
+    bridging: str, held: bool
+) -> None:
+    robot = at_speed(bridging=bridging)
+    robot.following.hold(held)
+    robot.follow(300 if held else 1)
+    reference = robot.q
+    robot.cycle += round(1.5 / T)
+    robot.q = reference - 0.01
+    answer = robot.ask()
+    assert answer is not None
+    np.testing.assert_array_equal(answer.command.q_ref, reference)
+
+
 def test_of_two_answers_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
     robot = at_speed(bridging='hold')
     before = robot.q

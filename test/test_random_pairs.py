@@ -90,7 +90,9 @@ class Robot:
             self.velocity = np.zeros_like(before)
         else:
             self.missed += 1
-            self.q = np.clip(before + self.velocity, self.limits.lower, self.limits.upper)
+            lower = np.minimum(self.limits.lower, before)
+            upper = np.maximum(self.limits.upper, before)
+            self.q = np.clip(before + self.velocity, lower, upper)
             self.commanding = self.missed < BRIDGED
         self.newest = None
 

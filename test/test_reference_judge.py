@@ -152,6 +152,34 @@ def test_outside_the_range_only_the_way_back_is_allowed() -> None:
     assert 'range' in arm.rules
 
 
+@pytest.mark.parametrize(('gap', 'rules'), [(9, set()), (1, {'range'})])
+def test_beyond_its_range_a_joint_may_brake_only_if_the_robot_has_brought_it_there(
+    gap: int, rules: set[str]
+) -> None:
+    arm = Publisher('extrapolate')
+    arm.q = 0.9 if gap == 1 else 0.865
+    arm.accelerate(0.5)
+    arm.to(arm.q + (gap - 1) * 0.5 * T + 0.48 * T, cycles=gap)
+    for speed in np.arange(0.46, 0.0, -0.02):
+        arm.to(arm.q + speed * T)
+    assert arm.q > 1.0
+    assert arm.rules == rules
+
+
+@pytest.mark.parametrize(('bridging', 'mode'), [('hold', 'moving'), ('extrapolate', 'holding')])
+def test_after_a_long_silence_too_an_arm_that_holds_is_where_it_was(
+    bridging: str, mode: str
+) -> None:
+    arm = Publisher(bridging)
+    arm.judge.enter_mode(mode)
+    arm.to(0.3)
+    arm.to(0.3, cycles=150)
+    assert arm.rules == set()
+    arm.judge.enter_state(round(1e9 * T * (arm.cycle + 150)), np.array((0.31, 0.0)))
+    arm.to(0.31, cycles=150)
+    assert arm.rules != set()
+
+
 def test_mirroring_it_may_be_wherever_the_arm_is() -> None:
     arm = Publisher('extrapolate')
     arm.judge.enter_mode('mirroring')

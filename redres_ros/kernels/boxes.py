@@ -192,9 +192,10 @@ def admit(
         dq: Receives its velocity, (n,) [rad/s].
 
     Returns:
-        The number of the first joint that is changed; -1 if none is.
+        The number of the first joint that is changed, or cannot stop within its range any more;
+        -1 if there is none.
     """
-    changed = -1
+    first = -1
     for i in range(len(q_ref)):
         lower = v[i] - T * A[i]
         upper = v[i] + T * A[i]
@@ -208,6 +209,8 @@ def admit(
             proposed = dq[i] if np.isfinite(dq[i]) else 0.0
             dq[i] = min(max(proposed, lower), upper)
             admitted[i] = p[i] + T * dq[i]
-            if changed < 0:
-                changed = i
-    return changed
+        elif least - TOUCHING <= dq[i] <= most + TOUCHING:
+            continue
+        if first < 0:
+            first = i
+    return first

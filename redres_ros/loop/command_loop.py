@@ -33,6 +33,7 @@ _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
 _AT_REST = 1e-4  # [rad/s]
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
 _GAP_TIME = 2.0  # [s] after which a gap between states counts for less
+_CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
 _MORE = 2  # cycles by which the next gap may be longer
 
 
@@ -152,7 +153,7 @@ class CommandLoop:
     def warning(self) -> str:
         """The irregularity at the last state; empty if there was none."""
         if self.gate_action:
-            return f'the gate has changed the reference: {self.gate_action}'
+            return f'the gate acts: {self.gate_action}'
         return self.silence or self.measurements.problem
 
     def _position_error(self) -> str:
@@ -240,13 +241,16 @@ class CommandLoop:
         self.input.note_input(now, self.settings)
         if stamp and stamp == self._cycles.newest:
             return self._same_again(q, now)
-        another_robot = self._cycles.newest > 0
+        before = self._cycles.newest
         cycles = self._cycles.enter(stamp, now)
         q = self._controller.nearest_turn(q)
         if cycles == 0:
-            if another_robot:
+            if before:
                 self._session.begin(stamp)
+            stays = self._has_stayed(q, (stamp - before) / NANOSECONDS - now + self._state_arrived)
             self._begin_anew()
+            if stays:
+                self._stand_at(self.gate.q_ref)
         elif self.q is not None and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
             seconds = (self._cycles.number - self._state_cycle) * self._controller.T
             self.faults.check_leap(q, self.q, seconds, self.settings.following_tolerance)
@@ -257,6 +261,19 @@ class CommandLoop:
         self._state_arrived = now
         self._waiting = _State(stamp, self._cycles.number, q, now)
         return self.respond_if_due(now)
+
+    def _has_stayed(self, q: np.ndarray, clock_step: float) -> bool:
+        """Whether an arm was silent for long, but is where its last reference holds it.
+
+        Args:
+            q: Measured, (n,) [rad].
+            clock_step: Of the robot's clock against this computer's; large for another robot [s].
+        """
+        holds = self.mode is Mode.HOLDING or self.settings.bridging == 'hold'
+        if not holds or self.gate.is_open or self.mode is Mode.MIRRORING:
+            return False
+        lag, _ = self.faults.lag(q, self.gate.q_ref)
+        return abs(clock_step) < _CLOCK_STEP and lag <= self.settings.following_tolerance
 
     def note_sent(self, now: float) -> None:
         """The newest response is on its way at this time [s]."""
