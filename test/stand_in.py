@@ -14,13 +14,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 from unittest import mock
 
 import numpy as np
 import rclpy
 from graph_helpers import to_joint_state
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from reference_judge import ReferenceJudge
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -32,6 +34,7 @@ from redres_ros.nodes.planner import PlannerNode
 from redres_ros.robots.joint_limits import JointLimits
 
 COMMANDS = 'forward_position_controller/commands'
+PARAMETERS = 'forward_position_controller/get_parameters'
 ROUNDING = 1e-9
 TURN = 2.0 * np.pi  # [rad]
 IN_A_BURST = 20e-6  # [s] from one update to the next, of those that an overrun has held up
@@ -153,6 +156,13 @@ class Habits:
     servo: float = 0.0
 
 
+class Cycle(NamedTuple):
+    """A cycle of the hardware: what it holds, (n,) [rad], and how many commands came in it."""
+
+    held: np.ndarray
+    commands: int
+
+
 class StandIn:
     """A robot that follows its commands.
 
@@ -169,6 +179,7 @@ class StandIn:
         blocked: Joints that do not move, by index.
         hardware: Judges the commands that are written to the hardware, cycle by cycle.
         way: The commands that were written.
+        cycles: What the hardware held in each of its cycles.
     """
 
     def __init__(
@@ -183,6 +194,8 @@ class StandIn:
         self.q = q
         self.blocked: list[int] = []
         self.commands = 0
+        self.cycles: list[Cycle] = []  # of the hardware
+        self._in_this_cycle = 0
         self.complaints: list[str] = []
         self.way = [q]
         self.forwarding = True  # the forward_position_controller is active
@@ -202,6 +215,7 @@ class StandIn:
         self._stamp = 0  # of the newest state [ns]
         self._owed = 0  # updates that an overrun holds up
         self._held_up_until = 0.0
+        graph.services[PARAMETERS] = (GetParameters, self._on_get_parameters)
         graph.listen(COMMANDS, 'robot', self._on_command)
         graph.clock.repeat(self._period, self._on_cycle)
 
@@ -229,8 +243,16 @@ class StandIn:
         """Hold up the controller_manager for some time; then it makes up for its updates."""
         self._held_up_until = self._graph.clock.now + seconds
 
+    def _on_get_parameters(
+        self, request: GetParameters.Request, response: GetParameters.Response
+    ) -> GetParameters.Response:
+        joints = Parameter('joints', value=list(self._joints))
+        response.values = [joints.get_parameter_value() for _ in request.names]
+        return response
+
     def _on_command(self, message: Float64MultiArray) -> None:
         self.commands += 1
+        self._in_this_cycle += 1
         if not self.forwarding:
             return
         if len(message.data) != len(self._joints):
@@ -251,6 +273,8 @@ class StandIn:
     def _move(self) -> None:
         """The hardware goes on by a cycle."""
         self._cycle += 1
+        self.cycles.append(Cycle(self._written, self._in_this_cycle))
+        self._in_this_cycle = 0
         if self._is_new:
             self.hardware.enter_reference(round(1e9 * self._cycle * self._period), self._written)
             self._is_new = False

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +14,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from graph_helpers import PATIENCE, await_that, nodes
 
+from redres_ros.demo.processes import own_domain
+from redres_ros.nodes.runtime import spun
 from redres_ros.preflight.graph import judge
 from redres_ros.preflight.graph_snapshot import (
     COMMANDS,
@@ -22,6 +27,7 @@ from redres_ros.preflight.graph_snapshot import (
     STATES,
     TWISTS,
     GraphSnapshot,
+    SnapshotNode,
     StateSeen,
 )
 from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
@@ -80,12 +86,22 @@ def beyond(subject: str, seen: GraphSnapshot, wanted: ExpectedArm | None = None)
 
 def test_where_all_is_well_every_finding_is_ok() -> None:
     assert {verdict.level for verdict in judge(GOOD, None)} == {Level.OK}
+    assert {verdict.level for verdict in judge(BEHIND, None)} == {Level.OK}
 
 
 def test_a_finding_names_its_subject_on_a_line() -> None:
     assert str(beyond('joints', GOOD)) == 'ok     joints      all 7'
 
 
+BEHIND = replace(
+    GOOD,
+    controller=parameters_with(forward_commands=True, bridging='hold'),
+    subscribers={FORWARD: ('/forward_position_controller',)},
+    publishers={STATES: ('/robot',), FORWARD: ('/controller',), TWISTS: ('/planner',)},
+    forward_joints=NAMES,
+    forward_states=frozenset({'active'}),
+    mode='holding',
+)
 JITTER = np.random.default_rng(0).uniform(-0.4, 0.4, 100) * T
 OUTSIDE = (9.0, *ARM.start[1:])
 NARROW = re.sub(r'upper="2\.967\d*"', 'upper="1.5"', ARM.description())
@@ -151,6 +167,14 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
         replace(GOOD, controller=parameters_with(forward_commands=True)),
         ('commands', f'nobody listens to {FORWARD}; is that controller loaded'),
     ),
+    'an inactive forwarding controller': (
+        replace(BEHIND, forward_states=frozenset({'inactive'})),
+        ('forwarding', 'is inactive: ros2 control switch_controllers --activate'),
+    ),
+    'an arm that executes nothing': (
+        replace(BEHIND, forward_states=frozenset(), mode='mirroring'),
+        ('forwarding', 'executes no commands'),
+    ),
     'another order of joints': (
         replace(GOOD, forward_joints=NAMES[::-1]),
         ('order', f'goes by {NAMES[6]}'),
@@ -195,6 +219,10 @@ NOTES = {
     'no commands yet': (
         replace(GOOD, words={'sim/session_state': 'MON'}),
         ('session', 'takes no commands yet: MON'),
+    ),
+    'an unknown state of the forwarding controller': (
+        replace(BEHIND, forward_states=frozenset()),
+        ('forwarding', 'no controller_manager reports'),
     ),
     'a clock of its own': (
         replace(GOOD, states=states(stamp=lambda k: 10**12 + k * T)),
@@ -249,6 +277,31 @@ def check(*options: str) -> subprocess.CompletedProcess[str]:
         timeout=PATIENCE,
         check=False,
     )
+
+
+@pytest.mark.slow
+def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None:
+    values = [
+        KeyValue(key='joint_state_broadcaster.state', value='active'),
+        KeyValue(key='forward_position_controller.state', value='inactive'),
+    ]
+    activity = DiagnosticStatus(name='controller_manager: Controllers Activity', values=values)
+    with own_domain(), spun(SnapshotNode) as observer:
+        manager = rclpy.create_node('controller_manager')
+        publisher = manager.create_publisher(DiagnosticArray, '/diagnostics', 1)
+        timer = threading.Event()
+
+        def report() -> None:
+            while not timer.wait(0.1):
+                publisher.publish(DiagnosticArray(status=[activity]))
+
+        thread = threading.Thread(target=report)
+        thread.start()
+        seen = observer.look(1.0)
+        timer.set()
+        thread.join()
+        manager.destroy_node()
+    assert seen.forward_states == {'inactive'}
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from nightly import NIGHTLY
 from reference_judge import ReferenceJudge, judge_graph
-from stand_in import COMMANDS, Habits, StandIn, behind_ros2_control
+from stand_in import COMMANDS, PARAMETERS, Habits, StandIn, behind_ros2_control
 from std_msgs.msg import Float64MultiArray
 from virtual_graph import Graph
 from wire_faults import off
@@ -156,7 +157,8 @@ def test_an_arm_with_a_servo_and_no_fault_is_never_taken_for_one_that_does_not_m
     with scene(tmp_path, 100.0, Habits(servo=0.04)) as now:
         teleoperate(now.graph, now.robot)
         now.advance(3.0)
-        assert 'mirroring' not in now.published.modes
+        modes = now.published.modes
+        assert 'mirroring' not in modes[modes.index('moving') :]
         assert now.speed > 0.01
         now.assert_well()
 
@@ -224,3 +226,45 @@ def test_after_an_overrun_and_a_burst_of_states_the_arm_moves_on(
         assert now.speed > 0.01
         # The hardware stops by itself: what it had not yet executed by then is its own step.
         now.published.assert_followable()
+
+
+def test_before_the_first_command_the_order_of_the_joints_is_compared(tmp_path: Path) -> None:
+    with scene(tmp_path, 500.0) as now:
+        kind, right = now.graph.services[PARAMETERS]
+
+        def reversed_order(request: Any, response: Any) -> Any:
+            answered = right(request, response)
+            for value in answered.values:
+                value.string_array_value = value.string_array_value[::-1]
+            return answered
+
+        now.graph.services[PARAMETERS] = (kind, reversed_order)
+        teleoperate(now.graph, now.robot)
+        now.advance(1.0)
+        assert now.robot.commands == 0
+        wrong = 'forward_position_controller has the joints lbr_A7'
+        assert any(wrong in line for _, line in now.graph.log)
+        now.robot.q = now.robot.q + 0.02  # it sinks meanwhile
+        now.graph.services[PARAMETERS] = (kind, right)
+        now.advance(2.0)
+        assert now.speed > 0.01
+        now.robot.hardware.assert_followable()
+
+
+def test_a_cycle_shows_when_it_got_no_command_or_two(tmp_path: Path) -> None:
+    with scene(tmp_path, 500.0) as now:
+        teleoperate(now.graph, now.robot)
+        now.advance(1.0)
+        first = len(now.robot.cycles)
+        now.graph.faults[COMMANDS, 'robot'] = delayed_once(1.5 / now.rate)
+        now.advance(0.1)
+        cycles = now.robot.cycles[first:]
+    assert {0, 1, 2} == {cycle.commands for cycle in cycles}
+    [empty] = [k for k, cycle in enumerate(cycles) if cycle.commands == 0]
+    assert np.array_equal(cycles[empty].held, cycles[empty + 1].held)
+
+
+def delayed_once(seconds: float) -> Callable[[Any, float], list[tuple[float, Any]]]:
+    """A wire on which the first message takes so long, and others no time."""
+    delays = iter([seconds])
+    return lambda message, _: [(next(delays, 0.0), message)]

@@ -218,6 +218,11 @@ class CommandLoop:
         if not self.faults.executes and self._session.commanding_at(self._cycles.newest):
             self.faults.clear()
 
+    def set_connected(self, connected: bool) -> None:
+        """Whether commands may reach the robot at all; a moving arm is not let go of."""
+        if self.mode not in (Mode.MOVING, Mode.STOPPING):
+            self._session.is_connected = connected
+
     @property
     def rows(self) -> int:
         """m, rows of a task velocity."""

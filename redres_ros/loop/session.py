@@ -17,6 +17,7 @@ class RobotSession:
     """
 
     def __init__(self, lockstep: bool) -> None:
+        self.is_connected = True  # whether commands reach it at all
         self._commanding = True
         self._undecided = lockstep  # until command mode has begun
         self._spoken = False
@@ -36,4 +37,4 @@ class RobotSession:
 
     def commanding_at(self, stamp: int) -> bool:
         """Whether the robot takes commands at a stamp [ns]."""
-        return self._commanding and stamp >= self._silent_until
+        return self.is_connected and self._commanding and stamp >= self._silent_until

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 from redres_ros.command import Command
+from redres_ros.nodes.forwarding import Forwarding
 from redres_ros.nodes.qos import PUBLISH
 from redres_ros.nodes.wire import JointStateWriter
 
@@ -23,11 +23,7 @@ class CommandPublisher:
     def __init__(self, node: Node, names: Sequence[str], forward: bool) -> None:
         self._writer = JointStateWriter(names)
         self._publisher = node.create_publisher(JointState, 'joint_command', PUBLISH)
-        self._forward_publisher = None
-        if forward:
-            self._forward_publisher = node.create_publisher(
-                Float64MultiArray, 'forward_position_controller/commands', PUBLISH
-            )
+        self.forwarding = Forwarding(node, names) if forward else None
 
     def publish(self, stamp: int, command: Command) -> None:
         """Publish a tick's reference.
@@ -37,5 +33,5 @@ class CommandPublisher:
             command: Its answer.
         """
         self._publisher.publish(self._writer.written(stamp, command.q_ref, command.dq))
-        if self._forward_publisher:
-            self._forward_publisher.publish(Float64MultiArray(data=command.q_ref.tolist()))
+        if self.forwarding:
+            self.forwarding.publish(command.q_ref.tolist())

@@ -117,6 +117,7 @@ class ControllerNode(ManagedNode):
         self._states = JointStateReader()
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
         self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
+        self._forwarding = self._commands.forwarding
         self._mode_publisher = self.create_publisher(String, 'controller/mode', LATCHED)
         self._reported_mode: Mode | None = None
         self._reported_error = ''
@@ -156,6 +157,8 @@ class ControllerNode(ManagedNode):
 
     def _enter_state(self, sample: JointSample) -> Response | None:
         q = self._joints.positions(sample)
+        if self._forwarding:
+            self._loop.set_connected(not self._forwarding.is_pending)
         return self._loop.enter_state(sample.stamp, q, time.monotonic())
 
     def _on_twist(self, message: TwistStamped | bytes) -> None:
@@ -207,13 +210,18 @@ class ControllerNode(ManagedNode):
         loop = self._loop
         if loop.warning:
             self.get_logger().error(loop.warning, throttle_duration_sec=_REPEAT)
-        error = loop.error
+        error = self._error
         if error and error != self._reported_error:
             self.get_logger().error(error)
         self._reported_error = error
         if loop.mode is not self._reported_mode:
             self._reported_mode = loop.mode
             self._mode_publisher.publish(String(data=loop.mode.value))
+
+    @property
+    def _error(self) -> str:
+        """What blocks motion; empty if nothing does."""
+        return (self._forwarding.error if self._forwarding else '') or self._loop.error
 
     def _on_session(self, message: String) -> None:
         before = self._loop.commanding
@@ -283,7 +291,7 @@ class ControllerNode(ManagedNode):
         }
         if self._watchdog.silent:
             return Health(ERROR, 'no joint_states', figures)
-        if error := loop.error:
+        if error := self._error:
             self._report()
             return Health(ERROR, error, figures)
         if self._inputs.reasons:

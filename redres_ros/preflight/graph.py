@@ -173,11 +173,35 @@ def judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
         yield Verdict(Level.FAULT, 'commands', f'nobody listens to {topic}; {advice}')
     if leap := why_it_would_leap(forward, str(seen.controller['bridging'])):
         yield Verdict(Level.FAULT, 'commands', leap)
+    if forward and listeners:
+        yield from _judge_forwarding(seen)
     for other in (COMMANDS, FORWARD):
         rivals = [name for name in seen.publishers.get(other, ()) if not _is_controller(name)]
         if rivals:
             text = f'{", ".join(rivals)} publishes {other} too; only the controller may'
             yield Verdict(Level.FAULT, 'commands', text)
+
+
+def _judge_forwarding(seen: GraphSnapshot) -> Iterator[Verdict]:
+    """Whether ros2_control's controller takes the commands that reach it: an inactive one has its
+    subscription, too.
+    """
+    states = seen.forward_states
+    command = 'ros2 control switch_controllers --activate forward_position_controller'
+    if states and 'active' not in states:
+        text = f'the forward_position_controller is {", ".join(sorted(states))}: {command}'
+        yield Verdict(Level.FAULT, 'forwarding', text)
+    elif seen.mode == 'mirroring':
+        text = f'the arm executes no commands: our controller mirrors it; {command}'
+        yield Verdict(Level.FAULT, 'forwarding', text)
+    elif not states:
+        text = (
+            'no controller_manager reports on /diagnostics whether the forward_position_controller '
+            'is active; one that is not shows in the first motion, within 50 ms'
+        )
+        yield Verdict(Level.NOTE, 'forwarding', text)
+    else:
+        yield Verdict(Level.OK, 'forwarding', 'the forward_position_controller is active')
 
 
 def _is_controller(name: str) -> bool:

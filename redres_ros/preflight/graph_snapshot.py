@@ -6,12 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from redres_ros.errors import one_line
 from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.nodes.qos import LATCHED
@@ -27,6 +29,8 @@ FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
 
 _FORWARDING = 'forward_position_controller'
+_DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
+_MODE = 'controller/mode'
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
 
@@ -65,6 +69,8 @@ class GraphSnapshot:
         controller: Parameters of the controller by name; None: there is no controller.
         controllers: How many nodes have its name.
         forward_joints: In the order of the forward_position_controller; empty: not known.
+        forward_states: Of its life cycle, as controller_managers report them; none: not known.
+        mode: Of our controller; empty: not known.
     """
 
     states: tuple[StateSeen, ...] = ()
@@ -76,6 +82,8 @@ class GraphSnapshot:
     controller: Mapping[str, Any] | None = None
     controllers: int = 0
     forward_joints: tuple[str, ...] = ()
+    forward_states: frozenset[str] = frozenset()
+    mode: str = ''
 
 
 class SnapshotNode(GraphMonitor):
@@ -94,7 +102,11 @@ class SnapshotNode(GraphMonitor):
         self._description = ''
         self.samples.add(states, JointState, _MANY)
         self.samples.add(TWISTS, TwistStamped, _MANY)
+        self._mode = ''
+        self._forward_states: dict[str, str] = {}  # by controller_manager
         self.samples.add(DESCRIPTION, String, LATCHED)
+        self.samples.add(_MODE, String, LATCHED)
+        self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
 
     def look(self, seconds: float) -> GraphSnapshot:
         """A snapshot over that time, longer while states or a controller are missing.
@@ -117,6 +129,8 @@ class SnapshotNode(GraphMonitor):
             controller=self._ask(CONTROLLER, _ASKED),
             controllers=self._count(CONTROLLER),
             forward_joints=self._forward_joints(),
+            forward_states=frozenset(self._forward_states.values()),
+            mode=self._mode,
         )
 
     def _collect(self, seconds: float) -> None:
@@ -133,9 +147,25 @@ class SnapshotNode(GraphMonitor):
             for sample in self.samples.take(TWISTS):
                 with suppress(EncodingError):
                     self._frames.add(deserialised(sample.data, TwistStamped).header.frame_id)
+            self._take_health()
             description = self.samples.newest(DESCRIPTION)
             if description is not None:
                 self._description = description.data
+
+    def _take_health(self) -> None:
+        """Take in the mode of the controller, and what controller_managers report.
+
+        Their own message types need not be installed here; diagnostics have the same.
+        """
+        mode = self.samples.newest(_MODE)
+        if mode is not None:
+            self._mode = one_line(mode.data)
+        for sample in self.samples.take(_DIAGNOSTICS):
+            with suppress(EncodingError):
+                for status in deserialised(sample.data, DiagnosticArray).status:
+                    for pair in status.values:
+                        if pair.key == f'{_FORWARDING}.state':
+                            self._forward_states[status.name] = one_line(pair.value)
 
     def _nodes(
         self, topics: Mapping[str, str], infos: Callable[[str], Sequence[TopicEndpointInfo]]

@@ -1,0 +1,105 @@
+"""Commands for ros2_control's forward_position_controller: numbers without names, so its order of
+joints is compared before it gets the first one.
+"""
+
+import time
+from collections.abc import Sequence
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Float64MultiArray
+
+from redres_ros.nodes.clocks import create_steady_timer
+from redres_ros.nodes.qos import PUBLISH
+
+_CONTROLLER = 'forward_position_controller'
+_LOOK = 0.1  # [s] between looks at who is there
+_PATIENCE = 2.0  # [s] for the parameters of a subscriber, which may have none
+_ASK_AGAIN = 1.0  # [s] after another order, or no answer
+
+
+class Forwarding:
+    """Publishes positions once the forwarding controller is known to have our order of joints.
+
+    Args:
+        node: Publishes.
+        names: Of the joints, from base to tip.
+
+    Attributes:
+        error: Why nothing is forwarded; empty if nothing is against it.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        self.error = ''
+        self._logger = node.get_logger()
+        self._names = list(names)
+        self._publisher = node.create_publisher(
+            Float64MultiArray, f'{_CONTROLLER}/commands', PUBLISH
+        )
+        self._client = node.create_client(GetParameters, f'{_CONTROLLER}/get_parameters')
+        self._forget()
+        create_steady_timer(node, _LOOK, self._look)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether somebody listens whose order of joints is not known, or another one."""
+        return not self._is_confirmed and self._publisher.get_subscription_count() > 0
+
+    def publish(self, positions: list[float]) -> None:
+        """Forward a reference, if the order of its joints is known to be right.
+
+        Args:
+            positions: Of the joints, from base to tip, (n,) [rad].
+        """
+        if self._is_confirmed:
+            self._publisher.publish(Float64MultiArray(data=positions))
+
+    def _forget(self) -> None:
+        """Nobody listens: the next one may have another order."""
+        self.error = ''
+        self._is_confirmed = False
+        self._answer: Future | None = None
+        self._asked_at = 0.0  # [s]
+        self._waits_since = 0.0  # [s]; 0: nobody waits
+
+    def _look(self) -> None:
+        if self._publisher.get_subscription_count() == 0:
+            self._forget()
+            return
+        if self._is_confirmed:
+            return
+        now = time.monotonic()
+        self._waits_since = self._waits_since or now
+        if self._answer is not None and self._answer.done():
+            self._judge(self._answer)
+        elif not self._client.service_is_ready():
+            self._go_without(now)
+        elif now - self._asked_at > _ASK_AGAIN:
+            self._asked_at = now
+            self._answer = self._client.call_async(GetParameters.Request(names=['joints']))
+
+    def _judge(self, answer: Future) -> None:
+        self._answer = None
+        values = answer.result().values
+        joints = list(values[0].string_array_value) if values else []
+        self._is_confirmed = joints == self._names
+        self.error = ''
+        if not self._is_confirmed:
+            self.error = (
+                f'{_CONTROLLER} has the joints {", ".join(joints)}; expected '
+                f'{", ".join(self._names)}: nothing is forwarded until its parameter joints is so'
+            )
+
+    def _go_without(self, now: float) -> None:
+        """Forward to a subscriber that has no parameters.
+
+        Args:
+            now: [s].
+        """
+        if now - self._waits_since > _PATIENCE:
+            self._is_confirmed = True
+            self._logger.warning(
+                f'who listens to {_CONTROLLER}/commands has no parameter joints; it must have them '
+                f'in the order {", ".join(self._names)}'
+            )
