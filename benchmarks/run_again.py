@@ -221,7 +221,7 @@ def print_drift() -> None:
 
 def _figure(robot: str, law: str, settings: dict[str, object]) -> str:
     distance = drift(robot, law, **settings)
-    return 'does not end' if np.isnan(distance) else f'{distance:.3f}'
+    return 'does not end' if np.isnan(distance) else f'{distance:.2f}'
 
 
 def main(arguments: list[str] | None = None) -> int:
