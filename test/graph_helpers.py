@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -165,6 +166,7 @@ class Observer(Node):
         self.session: list[tuple[int, str]] = []
         self.modes: list[tuple[int, str]] = []  # of the controller
         self.reasons: list[str] = []
+        self.gate_counts: list[int] = []  # references that the controller's gate has changed
         self._setter = self.create_client(
             SetParametersAtomically, 'controller/set_parameters_atomically'
         )
@@ -173,6 +175,7 @@ class Observer(Node):
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_subscription(String, 'controller/mode', self._on_mode, LATCHED)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self.create_subscription(
             String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED
         )
@@ -272,6 +275,11 @@ class Observer(Node):
 
     def _on_mode(self, message: String) -> None:
         self.modes.append((self.at, message.data))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for value in message.status[0].values:
+            if value.key == 'references changed by the gate':
+                self.gate_counts.append(int(value.value))
 
 
 def _around(stamp: int, words: list[tuple[int, str]]) -> set[str]:

@@ -268,11 +268,8 @@ def bring_to(mode: str, observer: Observer) -> None:
     await_that(lambda: mode in [word for _, word in observer.modes[before:]], mode, every=0.001)
 
 
-KILLED = [
-    pytest.param(mode, name, id=f'{name} while {mode}')
-    for mode in ('moving', 'mirroring', 'stopping', 'holding', 'inactive')
-    for name in OWN
-]
+MODES = ('moving', 'mirroring', 'stopping', 'holding', 'inactive')
+KILLED = [pytest.param(mode, name, id=f'{name} while {mode}') for mode in MODES for name in OWN]
 FEW_KILLED = [KILLED[0], KILLED[4], KILLED[7], KILLED[10], KILLED[13]]
 
 
@@ -303,26 +300,24 @@ class TestKilled:
         observer.assert_all_was_well()
 
 
-@pytest.mark.parametrize('keep_awake', [False, True])
+@pytest.mark.parametrize('mode', MODES if NIGHTLY else MODES[2:3])
 def test_composed_and_killed_and_started_again_the_arm_makes_no_step(
-    keep_awake: bool, tmp_path: Path
+    mode: str, tmp_path: Path
 ) -> None:
-    own = {'task': str(endless_task(tmp_path)), 'autostart': True, 'keep_awake': keep_awake}
+    own = {'task': str(endless_task(tmp_path)), 'autostart': True}
     with graph(Observer) as (observer, start):
-        for life in range(2):
+        for life, keep_awake in enumerate((False, True)):
             observer.states.clear()  # a robot that is started again stands somewhere else
             observer.commands.clear()
             observer.session.clear()  # its word may be received before its first state
-            process = start('composed', tmp_path / f'composed_{life}.log', **ALL, **own)
+            log = tmp_path / f'composed_{life}.log'
+            process = start('composed', log, **ALL, **own, keep_awake=keep_awake)
             observer.await_command_mode()
             await_going_on(observer)
-            hold(observer, True)
-            observer.await_standstill(observer.at)
-            hold(observer, False)
-            await_going_on(observer)
-            observer.assert_all_was_well()
+            bring_to(mode, observer)
             os.kill(process.pid, signal.SIGKILL)
             process.wait(PATIENCE)
+            observer.assert_all_was_well()
 
 
 # --- computers that stall -------------------------------------------------------------------------
@@ -408,6 +403,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     """The arm moves, and goes on moving."""
     with moving_graph(tmp_path_factory.mktemp('undisturbed'), patience=PATIENCE) as shared:
         yield shared
+        assert set(shared.observer.gate_counts) == {0}
 
 
 class TestUndisturbed:
