@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from redres_ros import LAWS, RobotModel
 from redres_ros.bench import loop, peers
-from redres_ros.bench.loop import UDP, LoopResult, graphs
+from redres_ros.bench.loop import LoopResult, graphs
 from redres_ros.bench.processor_time import ProcessorMeter, processor_seconds
 from redres_ros.bench.report import write_json
 from redres_ros.bench.round_trips import RoundTrips
@@ -33,7 +33,6 @@ from redres_ros.bench.tick import (
 )
 from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, Times, measure
-from redres_ros.bench.udp import measure_udp
 from redres_ros.cli import main
 from redres_ros.graph.mcap_file import RecordedMessage
 from redres_ros.nodes.stamps import to_time
@@ -151,13 +150,6 @@ def test_processor_time_is_that_of_the_process() -> None:
     assert np.isnan(processor_seconds(process.pid))
 
 
-@pytest.mark.slow
-def test_the_bare_echo_over_udp_answers_every_datagram() -> None:
-    got = measure_udp(0.005, 0.1)
-    assert len(got.latencies) == 20
-    assert got.lost == 0.0
-
-
 # --- results --------------------------------------------------------------------------------------
 
 
@@ -250,6 +242,7 @@ def test_a_short_bench_of_the_tick_has_every_law_and_prints_what_it_writes(
         assert float(median) == pytest.approx(figures['median_us'], abs=0.06)  # to one decimal
 
 
+@pytest.mark.nightly
 @pytest.mark.realtime
 def test_a_short_bench_of_the_loop_has_every_kind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -259,7 +252,7 @@ def test_a_short_bench_of_the_loop_has_every_kind(
     short = ['--only', 'loop', '--duration', '0.6', '--rates', '100']
     assert main(['bench', *short, '--out', str(tmp_path)]) == 0
     kinds = json.loads((tmp_path / 'bench.json').read_text())['loop']['100_Hz']
-    assert set(kinds) == {UDP, *graphs()}
+    assert set(kinds) == set(graphs())
     for name, figures in kinds.items():
         assert figures['states'] > 0, name
         assert figures['median_us'] > 0.0, name

@@ -12,7 +12,6 @@ from rich.table import Table
 
 from redres_ros.bench.processor_time import ProcessorMeter
 from redres_ros.bench.round_trips import RoundTrips
-from redres_ros.bench.udp import measure_udp
 from redres_ros.demo.processes import NodeProcess, own_domain
 from redres_ros.errors import RedresError
 from redres_ros.graph.mcap_file import read_messages
@@ -21,11 +20,9 @@ from redres_ros.simulation.report import table
 
 REPETITIONS = 2  # of everything, so that a slow minute of the machine hits all alike
 SETTLING = 2.0  # [s] from the first answer to the first state that counts: by then the arm moves
-UDP = 'bare UDP echo'
 GRAPHS = {  # what runs together; the last process of each has the robot in it
     'bare echo node': ('bench.echo', 'sim'),
     'controller, standing still': ('controller', 'sim'),
-    'planner, messages alone': ('planner', 'bench.courier', 'sim'),
     'planner, controller': ('planner', 'controller', 'sim'),
     'the same in one process': ('composed',),
     'bare echo node, kept awake': ('bench.echo', 'sim'),
@@ -98,16 +95,10 @@ def measure_loop(
     Raises:
         BenchError, GraphError: A node does not run or does not answer.
     """
-    names = (UDP, *graphs())
-    steps = [(rate, name) for _ in range(REPETITIONS) for rate in rates for name in names]
+    steps = [(rate, name) for _ in range(REPETITIONS) for rate in rates for name in graphs()]
     parts: dict[tuple[float, str], list[RoundTrips]] = {step: [] for step in steps}
     for number, (rate, name) in enumerate(steps):
-        seconds = duration / REPETITIONS
-        if name == UDP:
-            trips = measure_udp(1.0 / rate, seconds)
-        else:
-            trips = _measure_graph(name, rate, seconds, out)
-        parts[rate, name].append(trips)
+        parts[rate, name].append(_measure_graph(name, rate, duration / REPETITIONS, out))
         progress((number + 1) / len(steps))
     joined: dict[float, dict[str, RoundTrips]] = {rate: {} for rate in rates}
     for (rate, name), repetitions in parts.items():
