@@ -293,7 +293,7 @@ def test_far_from_everything_the_closed_form_comes_back_to_the_bit():
 
 
 def test_balls_come_as_four_numbers_each():
-    with pytest.raises(ArrayError, match='balls holds 3 numbers; expected four for each'):
+    with pytest.raises(ArrayError, match='spheres holds 3 numbers; expected four for each'):
         limit_of('lwr4', spheres=(0.1, 0.2, 0.3))
 
 

@@ -7,9 +7,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
+from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
-from redres_ros.nodes.markers import Markers, show_obstacles
+from redres_ros.nodes.markers import Markers
+from redres_ros.nodes.obstacles import show_obstacles, take_workspace
 
 PERIOD = 2_000_000  # [ns] between two states
 WAYPOINTS = np.array([[0.5, 0.0, 0.5], [0.6, 0.1, 0.4]])
@@ -105,3 +107,60 @@ def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -
     node.look()
     assert [marker.action for marker in node.sent[-1].markers] == 2 * [Marker.DELETE]
     assert {marker.id for marker in node.sent[-1].markers} == {floor.id, ball.id}
+
+
+class WithParameters(Listened):
+    """A node whose parameters are a dictionary, and whose subscription one can call."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.values: dict[str, list[float]] = {}
+        self.warnings: list[str] = []
+
+    def create_subscription(self, _: type, topic: str, callback: object, qos: object) -> None:
+        assert topic == 'workspace'
+        self.hand_in = callback
+
+    def set_parameters(self, parameters: list[Parameter]) -> list[SimpleNamespace]:
+        self.values = {parameter.name: list(parameter.value) for parameter in parameters}
+        return [SimpleNamespace(successful=True, reason='')] * len(parameters)
+
+    def get_logger(self) -> SimpleNamespace:
+        return SimpleNamespace(warning=self.warnings.append)
+
+
+def shape(side: str, kind: int, at: tuple[float, ...], size: tuple[float, ...]) -> Marker:
+    marker = Marker(ns=side, type=kind)
+    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = at
+    marker.scale.x, marker.scale.y, marker.scale.z = size
+    return marker
+
+
+def test_the_workspace_is_taken_from_markers() -> None:
+    node = WithParameters()
+    take_workspace(node, 'world')
+    box = shape('inside', Marker.CUBE, (0.5, 0.0, 0.5), (0.4, 0.6, 0.2))
+    ball = shape('outside', Marker.SPHERE, (0.1, 0.2, 0.3), (0.2, 0.2, 0.2))
+    node.hand_in(MarkerArray(markers=[box, ball]))
+    boxes = node.values['workspace.inside_boxes']
+    assert boxes == pytest.approx([0.3, -0.3, 0.4, 0.7, 0.3, 0.6])
+    assert node.values['workspace.outside_spheres'] == pytest.approx([0.1, 0.2, 0.3, 0.1])
+    assert node.values['workspace.inside_spheres'] == [0.0] * 4  # none
+    node.hand_in(MarkerArray())
+    assert not any(map(any, node.values.values()))
+
+
+@pytest.mark.parametrize(
+    ('marker', 'words'),
+    [
+        (shape('beside', Marker.CUBE, (0.0,) * 3, (1.0,) * 3), "namespace 'beside'"),
+        (shape('inside', Marker.CYLINDER, (0.0,) * 3, (1.0,) * 3), 'expected a CUBE'),
+        (shape('inside', Marker.SPHERE, (0.0,) * 3, (1.0, 1.0, 2.0)), 'one diameter'),
+    ],
+)
+def test_a_marker_that_is_no_wall_changes_nothing(marker: Marker, words: str) -> None:
+    node = WithParameters()
+    take_workspace(node, 'world')
+    node.hand_in(MarkerArray(markers=[marker]))
+    assert node.values == {}
+    assert words in node.warnings[0]

@@ -8,11 +8,13 @@ from typing import Any
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
+from redres_ros.limits.clearance import ClearanceLimit
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.limits.joint import AccelerationLimit, PositionLimit, VelocityLimit
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.torque import TorqueLimit
+from redres_ros.limits.workspace import WorkspaceLimit
 from redres_ros.parameter import check_once, gain_key, name_of, parameters
 from redres_ros.robot_model import RobotModel
 
@@ -21,6 +23,7 @@ LIMITS: dict[str, type[Limit]] = {
     'velocity': VelocityLimit,
     'acceleration': AccelerationLimit,
     'collision': CollisionLimit,
+    'workspace': WorkspaceLimit,
     'torque': TorqueLimit,
 }
 LIMITS.update(installed('limits'))
@@ -83,14 +86,14 @@ def make_limits(
 
 
 def _with_the_acceleration_in_force(limits: list[Limit]) -> list[Limit]:
-    """The limits, where collisions are braked by the acceleration that is in force, if any is."""
+    """The limits, where distances are kept by the acceleration that is in force, if any is."""
     in_force = [limit.A for limit in limits if isinstance(limit, AccelerationLimit)]
     if not in_force:
         return limits
     (A,) = in_force
     return [
         replace(limit, acceleration=tuple(A / limit.scale), acceleration_is_limited=True)
-        if isinstance(limit, CollisionLimit)
+        if isinstance(limit, ClearanceLimit)
         else limit
         for limit in limits
     ]

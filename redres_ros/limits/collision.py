@@ -1,63 +1,31 @@
 """Collision avoidance with itself, the floor, and spheres: a velocity damper for each pair."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
-from redres_ros.limits.joint import AccelerationFigures
-from redres_ros.limits.limit import ReferenceState, RowLimit
+from redres_ros.limits.clearance import ClearanceLimit, Near
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
 
-# Of the row that bounds a joint's acceleration, beside those of distances
-_OWN_WEIGHT = 1e-3
-# Of a row for where the arm comes to rest, beside a velocity damper, where not all can be kept:
-# what cannot be braked any more comes first.
-WEIGHT = 100.0
-
-CollisionRows = tuple[np.ndarray, np.ndarray, np.ndarray]
-Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
-
 
 @dataclass(frozen=True, eq=False)
-class CollisionLimit(AccelerationFigures, RowLimit):
+class CollisionLimit(ClearanceLimit):
     """n' (J_a - J_b) dq <= (d - d_s) / t_d for each pair of bodies nearer than d_i, and d >= d_s
     where the joints come to rest if they brake.
 
-    d is their distance, n the way from the nearest point of a to that of b, J_a and J_b the
-    Jacobians of these points. The nearer they are, the slower they may approach; at d_s not at all,
-    and below it they go apart. The second condition is that of the limit `position`, for distances
-    in place of joint positions: the arm can always stop in time. Bodies are
-    capsules around the arm's links; `scale` acts on the speed and on the accelerations.
-
-    Where no acceleration limit is in force, this limit keeps the accelerations itself while
-    anything is near, as well as the distances allow: joints that may jump would swing between two
-    ways round an obstacle.
-
-    Args:
-        acceleration_is_limited: Whether an acceleration limit is in force.
+    d is their distance, n the direction from the nearest point of a to that of b, J_a and J_b the
+    Jacobians of these points. Bodies are capsules around the arm's links.
 
     Raises:
-        ArrayError: An arm with several tips, balls of the wrong shape, or a clearance that is not
+        ArrayError: An arm with several tips, spheres of the wrong shape, or a clearance that is not
             below the influence.
     """
 
-    order = 0
-    holds_in_a_stop = True
-
-    acceleration_is_limited: bool = False
-    influence: float = param(
-        0.1, 'd_i, distance below which an approach is slowed down [m]', 0.001, 1.0, live=True
-    )
-    clearance: float = param(0.02, 'd_s, distance that is kept [m]', 0.0, 1.0, live=True)
-    time: float = param(
-        0.3, 't_d, time in which what is left to d_s may be covered [s]', 0.01, 10.0, live=True
-    )
     floor: float = param(-10.0, 'height of a floor in the base frame [m]', -10.0, 10.0, live=True)
     spheres: tuple[float, ...] = param(
         (0.0, 0.0, 0.0, 0.0),
@@ -76,13 +44,8 @@ class CollisionLimit(AccelerationFigures, RowLimit):
         super().__post_init__()
         if len(self.spheres) % 4:
             raise ArrayError(
-                f'balls holds {len(self.spheres)} numbers; '
-                'expected four for each ball: x, y, z and radius'
-            )
-        if not self.clearance < self.influence:
-            raise ArrayError(
-                f'the clearance is {self.clearance:g} m; '
-                f'expected less than the influence, {self.influence:g} m'
+                f'spheres holds {len(self.spheres)} numbers; '
+                'expected four for each sphere: x, y, z and radius'
             )
         _distances()  # now, and not in the loop
 
@@ -124,124 +87,21 @@ class CollisionLimit(AccelerationFigures, RowLimit):
         return balls[balls[:, 3] > 0.0]
 
     @cached_property
-    def _lever(self) -> float:
-        """Of any joint at most [m]."""
+    def lever(self) -> float:
         return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
 
-    def near(self, state: ReferenceState) -> Near:
-        """What is nearer than d_i: C dq is the speed of approach [m/s]."""
-        return self._near(state.q, self.influence)
-
-    def _near(self, q: np.ndarray, reach: float) -> Near:
+    def approaches(self, q: np.ndarray, reach: float) -> Near:
         found: Near = _distances().approaches(q, *self._scene, reach)
         return found
 
-    def rows(self, state: ReferenceState, T: float) -> Rows:
-        C, high, _ = _rows_at(self, state, T)
-        low = np.full(len(C), -np.inf)
-        if self.acceleration_is_limited or not len(C):
-            return C, low, high
-        own = _OWN_WEIGHT * np.eye(len(state.q))
-        steps = _OWN_WEIGHT * T * self.A
-        middle = _OWN_WEIGHT * state.dq_prev
-        return (
-            np.concatenate((C, own)),
-            np.concatenate((low, middle - steps)),
-            np.concatenate((high, middle + steps)),
-        )
-
-    def place(self, state: ReferenceState, index: int, T: float) -> str:
-        """As 'link_5 to floor'; of a row that bounds an acceleration the joint."""
-        _, _, who = _rows_at(self, state, T)
-        if index >= len(who):
-            return super().place(state, index - len(who), T)
-        i, other = who[index].tolist()
-        return f'{self.bodies.links[i]} to {self._name(other)}'
-
-    def collision_rows(self, state: ReferenceState, T: float) -> CollisionRows:
-        """Rows C dq <= high for which the arm keeps its clearance.
-
-        Those that the acceleration limits imply are left out. There are two kinds, with d the
-        distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
-        velocity damper n' (J_a - J_b) dq <= rate (d - d_s). And at q + s(dq), where the joints come
-        to rest if they brake by A from the next tick on, d >= d_s. To first order in dq, about the
-        velocity v of braking already in this tick,
-
-            C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2,
-
-        with S = ds/dv; s is exact for v = j A T. Braking, dq = v, changes nothing about where the
-        joints come to rest, so it keeps all of these rows, if those of the tick before were kept.
-        That is why they can be kept for ever, however many pairs there are.
-
-        Args:
-            state: Of the reference at this tick.
-            T: Sampling time [s].
-
-        Returns:
-            C (r, n), high (r,), and who approaches whom (r, 2).
-        """
-        near = self._near(state.q, self.influence)
-        C, distance, who = near
-        high = self._rate * (distance - self.clearance)
-        fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)  # in this tick
-        is_needed = fastest > high
-        now = (C[is_needed], high[is_needed], who[is_needed])
-        at_rest = self._rows_at_rest(state, T, near)
-        return now if at_rest is None else _joined(now, at_rest)
-
-    def _rows_at_rest(self, state: ReferenceState, T: float, near: Near) -> CollisionRows | None:
-        """The second kind of rows, if there are any.
-
-        Args:
-            state: Of the reference at this tick.
-            T: Sampling time [s].
-            near: What is near at this state.
-        """
-        A = self.A
-        speed = np.maximum(np.abs(state.dq_prev) - A * T, 0.0)
-        v = np.copysign(speed, state.dq_prev)
-        q_stop = state.q + state.gap * v * (speed / (2.0 * A) + T / 2.0)
-        slope = state.gap * (speed / A + T)  # S [s]
-        step = 2.0 * T * A  # dq - v at most, in the sense of v
-        C, distance, who = self._near(q_stop, self.clearance + self._lever * float(slope.dot(step)))
-        if not len(C):
-            return None
-        # The chord of s that is on the safe side: it becomes steeper with the speed.
-        rows = C * (slope + 0.5 * state.gap * T * np.sign(C * v))
-        margin = distance - self.clearance
-        is_needed = margin < np.abs(rows).dot(step)
-        # What is inside already comes out again as slowly as by the damper.
-        _, distance_now, who_now = near
-        inside = who_now[distance_now < self.clearance].tolist()
-        is_inside = np.array([pair in inside for pair in who.tolist()])
-        margin[(margin < 0.0) & is_inside] *= min(self._rate * T, 1.0)
-        # Of the size of the other rows, times the weight.
-        size = WEIGHT * np.linalg.norm(C, axis=1) / np.linalg.norm(rows, axis=1)
-        high = size * (margin + rows.dot(v))
-        rows *= size[:, None]
-        return rows[is_needed], high[is_needed], who[is_needed]
-
-    @property
-    def _rate(self) -> float:
-        """1 / t_d [1/s]."""
-        return self.scale / self.time
+    def name_of_pair(self, one: int, other: int) -> str:
+        return f'{self.bodies.links[one]} to {self._name(other)}'
 
     def _name(self, other: int) -> str:
         if other == _distances().FLOOR:
             return 'floor'
         links = self.bodies.links
         return links[other] if other < len(links) else f'ball {other - len(links) + 1}'
-
-
-def _joined(first: CollisionRows, second: CollisionRows) -> CollisionRows:
-    """The rows of both."""
-    C, high, who = (np.concatenate(both) for both in zip(first, second, strict=True))
-    return C, high, who
-
-
-@lru_cache(maxsize=1)  # the name of a row is asked for right after the rows
-def _rows_at(limit: CollisionLimit, state: ReferenceState, T: float) -> CollisionRows:
-    return limit.collision_rows(state, T)
 
 
 def _distances() -> ModuleType:

@@ -32,8 +32,8 @@ from redres_ros.nodes.diagnostics import (
     Watchdog,
 )
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.markers import show_obstacles
 from redres_ros.nodes.motion_telemetry import MotionTelemetry
+from redres_ros.nodes.obstacles import show_obstacles, take_workspace
 from redres_ros.nodes.parameters import NONE, ListenerParameters, declare, on_live_change
 from redres_ros.nodes.policy_parameters import PolicyParameters, named
 from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
@@ -126,6 +126,7 @@ class ControllerNode(ManagedNode):
         self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
         self._diagnostics = Diagnostics(self, robot.name, self._health)
         show_obstacles(self, frame)
+        take_workspace(self, frame)
         self._listen()
         on_live_change(self, self._check, self._apply)
         self._start_life()

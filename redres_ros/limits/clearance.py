@@ -1,0 +1,193 @@
+"""What keeps a distance: a velocity damper, and room to brake, for each thing that is near."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from redres_ros.constrained import Rows
+from redres_ros.errors import ArrayError
+from redres_ros.limits.joint import AccelerationFigures
+from redres_ros.limits.limit import ReferenceState, RowLimit
+from redres_ros.parameter import param
+
+# Of the row that bounds a joint's acceleration, beside those of distances
+_OWN_WEIGHT = 1e-3
+# Of a row for where the arm comes to rest, beside a velocity damper, where not all can be kept:
+# what cannot be braked any more comes first.
+WEIGHT = 100.0
+
+ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
+Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class ClearanceLimit(AccelerationFigures, RowLimit):
+    """C dq <= (d - d_s) / t_d for all that is nearer than d_i, and d >= d_s where the joints rest
+    after braking.
+
+    C dq is the speed at which a distance d becomes smaller. The nearer, the slower the approach; at
+    d_s there is none, and below it they go apart. The second condition is that of the limit
+    `position`, for distances in place of joint positions: the arm can always stop in time. `scale`
+    acts on the speed and on the accelerations.
+
+    Where no acceleration limit is in force, this limit keeps the accelerations itself while
+    anything is near, as well as the distances allow: joints that may jump would swing between two
+    ways round an obstacle.
+
+    Args:
+        acceleration_is_limited: Whether an acceleration limit is in force.
+
+    Raises:
+        ArrayError: A clearance that is not below the influence.
+    """
+
+    order = 0
+    holds_in_a_stop = True
+
+    acceleration_is_limited: bool = False
+    influence: float = param(
+        0.1, 'd_i, distance below which an approach is slowed down [m]', 0.001, 1.0, live=True
+    )
+    clearance: float = param(0.02, 'd_s, distance that is kept [m]', 0.0, 1.0, live=True)
+    time: float = param(
+        0.3, 't_d, time in which what is left to d_s may be covered [s]', 0.01, 10.0, live=True
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.clearance < self.influence:
+            raise ArrayError(
+                f'the clearance is {self.clearance:g} m; '
+                f'expected less than the influence, {self.influence:g} m'
+            )
+
+    @property
+    @abstractmethod
+    def lever(self) -> float:
+        """How far a radian of any joint moves anything, at most [m]."""
+
+    @abstractmethod
+    def approaches(self, q: np.ndarray, reach: float) -> Near:
+        """What is nearer than `reach`: C dq is the speed of approach [m/s]; who approaches whom.
+
+        Args:
+            q: (n,) [rad].
+            reach: [m].
+        """
+
+    @abstractmethod
+    def name_of_pair(self, one: int, other: int) -> str:
+        """Such as 'link_5 to floor'.
+
+        Args:
+            one: Who approaches.
+            other: Whom.
+        """
+
+    def near(self, state: ReferenceState) -> Near:
+        """What is nearer than d_i: C dq is the speed of approach [m/s]."""
+        return self.approaches(state.q, self.influence)
+
+    def rows(self, state: ReferenceState, T: float) -> Rows:
+        C, high, _ = _rows_at(self, state, T)
+        low = np.full(len(C), -np.inf)
+        if self.acceleration_is_limited or not len(C):
+            return C, low, high
+        own = _OWN_WEIGHT * np.eye(len(state.q))
+        steps = _OWN_WEIGHT * T * self.A
+        middle = _OWN_WEIGHT * state.dq_prev
+        return (
+            np.concatenate((C, own)),
+            np.concatenate((low, middle - steps)),
+            np.concatenate((high, middle + steps)),
+        )
+
+    def place(self, state: ReferenceState, index: int, T: float) -> str:
+        """As 'link_5 to floor'; of a row that bounds an acceleration the joint."""
+        _, _, who = _rows_at(self, state, T)
+        if index >= len(who):
+            return super().place(state, index - len(who), T)
+        return self.name_of_pair(*who[index].tolist())
+
+    def clearance_rows(self, state: ReferenceState, T: float) -> ClearanceRows:
+        """Rows C dq <= high for which the arm keeps its clearance.
+
+        Those that the acceleration limits imply are left out. There are two kinds, with d the
+        distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
+        velocity damper C dq <= rate (d - d_s). And at q + s(dq), where the joints come
+        to rest if they brake by A from the next tick on, d >= d_s. To first order in dq, about the
+        velocity v of braking already in this tick,
+
+            C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2,
+
+        with S = ds/dv; s is exact for v = j A T. Braking, dq = v, changes nothing about where the
+        joints come to rest, so it keeps all of these rows, if those of the tick before were kept.
+        That is why they can be kept for ever, however many pairs there are.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+
+        Returns:
+            C (r, n), high (r,), and who approaches whom (r, 2).
+        """
+        near = self.near(state)
+        C, distance, who = near
+        high = self._rate * (distance - self.clearance)
+        fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)  # in this tick
+        is_needed = fastest > high
+        now = (C[is_needed], high[is_needed], who[is_needed])
+        at_rest = self._rows_at_rest(state, T, near)
+        return now if at_rest is None else _joined(now, at_rest)
+
+    def _rows_at_rest(self, state: ReferenceState, T: float, near: Near) -> ClearanceRows | None:
+        """The second kind of rows, if there are any.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+            near: What is near at this state.
+        """
+        A = self.A
+        speed = np.maximum(np.abs(state.dq_prev) - A * T, 0.0)
+        v = np.copysign(speed, state.dq_prev)
+        q_stop = state.q + state.gap * v * (speed / (2.0 * A) + T / 2.0)
+        slope = state.gap * (speed / A + T)  # S [s]
+        step = 2.0 * T * A  # dq - v at most, in the sense of v
+        C, distance, who = self.approaches(
+            q_stop, self.clearance + self.lever * float(slope.dot(step))
+        )
+        if not len(C):
+            return None
+        # The chord of s that is on the safe side: it becomes steeper with the speed.
+        rows = C * (slope + 0.5 * state.gap * T * np.sign(C * v))
+        margin = distance - self.clearance
+        is_needed = margin < np.abs(rows).dot(step)
+        # What is inside already comes out again as slowly as by the damper.
+        _, distance_now, who_now = near
+        inside = who_now[distance_now < self.clearance].tolist()
+        is_inside = np.array([pair in inside for pair in who.tolist()])
+        margin[(margin < 0.0) & is_inside] *= min(self._rate * T, 1.0)
+        # Of the size of the other rows, times the weight.
+        size = WEIGHT * np.linalg.norm(C, axis=1) / np.linalg.norm(rows, axis=1)
+        high = size * (margin + rows.dot(v))
+        rows *= size[:, None]
+        return rows[is_needed], high[is_needed], who[is_needed]
+
+    @property
+    def _rate(self) -> float:
+        """1 / t_d [1/s]."""
+        return self.scale / self.time
+
+
+def _joined(first: ClearanceRows, second: ClearanceRows) -> ClearanceRows:
+    """The rows of both."""
+    C, high, who = (np.concatenate(both) for both in zip(first, second, strict=True))
+    return C, high, who
+
+
+@lru_cache(maxsize=1)  # the name of a row is asked for right after the rows
+def _rows_at(limit: ClearanceLimit, state: ReferenceState, T: float) -> ClearanceRows:
+    return limit.clearance_rows(state, T)

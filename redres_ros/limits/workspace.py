@@ -1,0 +1,221 @@
+"""Walls: points of the arm stay inside or outside of boxes, spheres and half-spaces."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.errors import ArrayError
+from redres_ros.limits.clearance import ClearanceLimit, Near
+from redres_ros.parameter import param
+
+TIP = 'tip'
+ELBOW = 'elbow'
+
+_FARTHEST = 100.0  # [m]
+_NO_SHAPE = {4: (0.0,) * 4, 6: (0.0,) * 6}  # of that many numbers: ROS knows no empty array
+_SHORTEST = 1e-12  # [m] of a vector that has a direction
+_FACES = ('-x', '-y', '-z', '+x', '+y', '+z')  # of a box
+_INWARDS = np.concatenate((np.eye(3), -np.eye(3)))  # from each of them
+
+
+class _Walls(NamedTuple):
+    """All walls, by kind.
+
+    Args:
+        names: In the order of the kinds below.
+        normals: Of half-spaces and of the faces of boxes to stay in, (h, 3); they point outwards.
+        offsets: n' x <= offset is allowed, (h,) [m].
+        boxes: Least and largest x, y, z of those to stay out of, (2, b, 3) [m].
+        centres: Of spheres, (s, 3) [m].
+        radii: (s,) [m].
+        sides: 1 for a sphere to stay in, -1 for one to stay out of, (s,).
+    """
+
+    names: tuple[str, ...]
+    normals: np.ndarray
+    offsets: np.ndarray
+    boxes: np.ndarray
+    centres: np.ndarray
+    radii: np.ndarray
+    sides: np.ndarray
+
+    def seen_from(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances of points from the walls, (points, walls) [m], positive on the allowed side;
+        and the directions in which they become smaller, (points, walls, 3).
+
+        Args:
+            x: (points, 3) [m].
+        """
+        planes = self.offsets - x @ self.normals.T
+        to_planes = np.broadcast_to(self.normals, (len(x), *self.normals.shape))
+        boxes, to_boxes = self._boxes_from(x)
+        since = x[:, None] - self.centres  # (points, s, 3)
+        radii = np.linalg.norm(since, axis=2)
+        spheres = self.sides * (self.radii - radii)
+        outwards = since / np.maximum(radii, _SHORTEST)[:, :, None]
+        to_spheres = self.sides[:, None] * outwards
+        return (
+            np.concatenate((planes, boxes, spheres), axis=1),
+            np.concatenate((to_planes, to_boxes, to_spheres), axis=1),
+        )
+
+    def _boxes_from(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As seen_from(), of boxes to stay out of."""
+        lower, upper = self.boxes
+        away = x[:, None] - np.clip(x[:, None], lower, upper)  # (points, b, 3)
+        distance = np.linalg.norm(away, axis=2)
+        approach = -away / np.maximum(distance, _SHORTEST)[:, :, None]
+        depths = np.concatenate((x[:, None] - lower, upper - x[:, None]), axis=2)  # (points, b, 6)
+        face = depths.argmin(axis=2)
+        is_inside = distance == 0.0
+        depth = np.take_along_axis(depths, face[:, :, None], axis=2)[:, :, 0]
+        return (
+            np.where(is_inside, -depth, distance),
+            np.where(is_inside[:, :, None], _INWARDS[face], approach),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceLimit(ClearanceLimit):
+    """n' J dq <= (d - d_s) / t_d for each point and each wall nearer than d_i, and d >= d_s where
+    the joints rest after braking.
+
+    d is the distance of a point from the wall, n the direction towards it, J the point's Jacobian.
+    Shapes are in the base frame, and each applies to all points.
+
+    Raises:
+        ArrayError: Shapes of another number of figures, a box whose ends are exchanged, a clearance
+            that is not below the influence.
+        UnknownNameError: A point that is no link of the arm.
+        FileError: The elbow of an arm that has none.
+    """
+
+    clearance: float = param(0.0, 'd_s, distance that is kept [m]', 0.0, 1.0, live=True)
+    points: str = param(
+        TIP, 'what stays inside: tip, elbow or names of links, with commas between', live=True
+    )
+    half_spaces: tuple[float, ...] = param(
+        _NO_SHAPE[4],
+        'a x + b y + c z <= d: a, b, c and d [m] of each; a = b = c = 0 for none',
+        -_FARTHEST,
+        _FARTHEST,
+        live=True,
+    )
+    inside_boxes: tuple[float, ...] = param(
+        _NO_SHAPE[6],
+        'least x, y, z and largest x, y, z [m] of each box to stay in; of no size for none',
+        -_FARTHEST,
+        _FARTHEST,
+        live=True,
+    )
+    outside_boxes: tuple[float, ...] = param(
+        _NO_SHAPE[6],
+        'the same of each box to stay out of',
+        -_FARTHEST,
+        _FARTHEST,
+        live=True,
+    )
+    inside_spheres: tuple[float, ...] = param(
+        _NO_SHAPE[4],
+        'x, y, z of the centre and the radius [m] of each sphere to stay in; radius 0 for none',
+        -_FARTHEST,
+        _FARTHEST,
+        live=True,
+    )
+    outside_spheres: tuple[float, ...] = param(
+        _NO_SHAPE[4],
+        'the same of each sphere to stay out of',
+        -_FARTHEST,
+        _FARTHEST,
+        live=True,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._walls.seen_from(np.zeros((1, 3)))
+        for frame in self._frames:
+            self.model.jacobian(np.zeros(self.model.n), frame)
+
+    @cached_property
+    def lever(self) -> float:
+        return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
+
+    def approaches(self, q: np.ndarray, reach: float) -> Near:
+        x = np.array([self.model.position(q, frame) for frame in self._frames])  # (points, 3)
+        distance, approach = self._walls.seen_from(x)
+        who = np.argwhere(distance < reach)  # (r, 2)
+        J = np.array([self.model.jacobian(q, frame)[:3] for frame in self._frames])
+        points, walls = who.T
+        C = np.einsum('ra,ran->rn', approach[points, walls], J[points])
+        return C, distance[points, walls], who
+
+    def name_of_pair(self, one: int, other: int) -> str:
+        return f'{self._frames[one]} to {self._walls.names[other]}'
+
+    @cached_property
+    def _frames(self) -> tuple[str, ...]:
+        """The links whose origins are the points."""
+        known = {TIP: self.model.arm.tip_frame}
+        names = [name.strip() for name in self.points.split(',')]
+        if ELBOW in names:
+            known[ELBOW] = self.model.elbow_frame
+        return tuple(known.get(name, name) for name in names)
+
+    @cached_property
+    def _walls(self) -> _Walls:
+        half_spaces = self._shapes('half_spaces', 4)
+        lengths = np.linalg.norm(half_spaces[:, :3], axis=1)
+        half_spaces = half_spaces[lengths > 0.0] / lengths[lengths > 0.0, None]
+        inside = self._boxes('inside_boxes')  # (2, b, 3)
+        outside = self._boxes('outside_boxes')
+        spheres_in = self._spheres('inside_spheres')
+        spheres_out = self._spheres('outside_spheres')
+        spheres = np.concatenate((spheres_in, spheres_out))
+        b = inside.shape[1]
+        names = (
+            *_numbered('half-space', len(half_spaces)),
+            *(f'{face} of inside box {k + 1}' for k in range(b) for face in _FACES),
+            *_numbered('outside box', outside.shape[1]),
+            *_numbered('inside sphere', len(spheres_in)),
+            *_numbered('outside sphere', len(spheres_out)),
+        )
+        ends = np.concatenate((-inside[0], inside[1]), axis=1)  # (b, 6), of -x, -y, -z, x, y, z
+        return _Walls(
+            names,
+            np.concatenate((half_spaces[:, :3], np.tile(-_INWARDS, (b, 1)))),
+            np.concatenate((half_spaces[:, 3], ends.reshape(-1))),
+            outside,
+            spheres[:, :3],
+            spheres[:, 3],
+            np.repeat((1.0, -1.0), (len(spheres_in), len(spheres_out))),
+        )
+
+    def _shapes(self, name: str, size: int) -> np.ndarray:
+        """The shapes in a field, (shapes, size)."""
+        values = getattr(self, name)
+        if len(values) % size:
+            raise ArrayError(f'{name} holds {len(values)} numbers; expected {size} for each shape')
+        return np.reshape(np.array(values, np.float64), (-1, size))
+
+    def _spheres(self, name: str) -> np.ndarray:
+        """Centre and radius of the spheres in a field, (s, 4) [m]."""
+        spheres = self._shapes(name, 4)
+        return spheres[spheres[:, 3] > 0.0]
+
+    def _boxes(self, name: str) -> np.ndarray:
+        """Least and largest x, y, z of the boxes in a field, (2, b, 3) [m]."""
+        boxes = self._shapes(name, 6).reshape(-1, 2, 3)
+        for lower, upper in boxes:
+            if not (lower <= upper).all():
+                raise ArrayError(
+                    f'{name}: {lower.tolist()} is not below {upper.tolist()}; expected least '
+                    'x, y, z before largest x, y, z'
+                )
+        has_size = (boxes[:, 0] < boxes[:, 1]).any(axis=1)
+        return boxes[has_size].transpose(1, 0, 2)
+
+
+def _numbered(kind: str, count: int) -> list[str]:
+    return [f'{kind} {k + 1}' for k in range(count)]

@@ -1,0 +1,166 @@
+"""What the arm keeps away from: shown as `markers`, and taken from the topic `workspace`."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from redres_ros.nodes.clocks import create_steady_timer
+from redres_ros.nodes.markers import make_marker, to_point
+from redres_ros.nodes.qos import LATCHED, PUBLISH
+
+_PERIOD = 1.0  # [s]
+_PLANE = 3.0  # [m], width of a plane that has no end
+_RED = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.4)  # to stay out of
+_GREEN = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.15)  # to stay in
+_SIDES = {'inside': _GREEN, 'outside': _RED}
+_SIZES = {'boxes': 6, 'spheres': 4}  # numbers of each shape
+
+
+def show_obstacles(node: Node, frame: str) -> None:
+    """Have a node publish what its limits `collision` and `workspace` keep away from.
+
+    Args:
+        node: With the parameters of these limits.
+        frame: Of their figures.
+    """
+    publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
+    shown: set[int] = set()
+
+    def publish() -> None:
+        if publisher.get_subscription_count() == 0:
+            return
+        markers = list(_obstacles(node))
+        for number, marker in enumerate(markers):
+            marker.id = number
+        present = {marker.id for marker in markers}
+        gone = shown - present
+        shown.clear()
+        shown.update(present)
+        # One by one: to delete all would take the traces along.
+        markers += [Marker(ns='obstacles', id=number, action=Marker.DELETE) for number in gone]
+        for marker in markers:
+            marker.header.frame_id = frame
+        publisher.publish(MarkerArray(markers=markers))
+
+    create_steady_timer(node, _PERIOD, publish)
+
+
+def take_workspace(node: Node, frame: str) -> None:
+    """Have a node set the shapes of its limit `workspace` from the topic of that name.
+
+    Args:
+        node: With the parameters of that limit.
+        frame: Of its figures.
+    """
+
+    def on_markers(message: MarkerArray) -> None:
+        try:
+            parameters = _parameters(message, frame)
+        except ValueError as error:
+            node.get_logger().warning(f'workspace: {error}')
+            return
+        for result in node.set_parameters(parameters):
+            if not result.successful:
+                node.get_logger().warning(f'workspace: {result.reason}')
+
+    node.create_subscription(MarkerArray, 'workspace', on_markers, LATCHED)
+
+
+def _parameters(message: MarkerArray, frame: str) -> list[Parameter]:
+    """The parameters that stand for the markers. Raises ValueError for one that is no shape."""
+    shapes: dict[str, list[float]] = {f'{side}_{kind}': [] for side in _SIDES for kind in _SIZES}
+    for marker in message.markers:
+        if marker.action == Marker.ADD:
+            name, numbers = _shape(marker, frame)
+            shapes[name] += numbers
+    none = {name: [0.0] * _SIZES[name.split('_')[1]] for name in shapes}
+    return [
+        Parameter(f'workspace.{name}', value=numbers or none[name])
+        for name, numbers in shapes.items()
+    ]
+
+
+def _shape(marker: Marker, frame: str) -> tuple[str, list[float]]:
+    """The kind of shape and its numbers. Raises ValueError."""
+    place = marker.pose.position
+    size = marker.scale
+    turn = marker.pose.orientation
+    if marker.ns not in _SIDES:
+        raise ValueError(f'got the namespace {marker.ns!r}; expected inside or outside')
+    if marker.header.frame_id not in ('', frame):
+        raise ValueError(f'got the frame {marker.header.frame_id!r}; expected {frame!r}')
+    centre = np.array((place.x, place.y, place.z))
+    if marker.type == Marker.SPHERE and size.x == size.y == size.z:
+        return f'{marker.ns}_spheres', [*centre.tolist(), size.x / 2.0]
+    is_upright = abs(turn.x) + abs(turn.y) + abs(turn.z) < 1e-6
+    if marker.type == Marker.CUBE and is_upright:
+        half = np.array((size.x, size.y, size.z)) / 2.0
+        return f'{marker.ns}_boxes', [*(centre - half).tolist(), *(centre + half).tolist()]
+    raise ValueError(
+        f'got marker {marker.id} of type {marker.type}; expected a CUBE along the axes of {frame}, '
+        'or a SPHERE of one diameter'
+    )
+
+
+def _obstacles(node: Node) -> Iterator[Marker]:
+    limits = node.get_parameter('limits').value
+    if 'collision' in limits:
+        yield _floor(node.get_parameter('collision.floor').value)
+        yield from _spheres(node.get_parameter('collision.spheres').value, _RED)
+    if 'workspace' in limits:
+        for side, color in _SIDES.items():
+            yield from _spheres(node.get_parameter(f'workspace.{side}_spheres').value, color)
+            yield from _boxes(node.get_parameter(f'workspace.{side}_boxes').value, color)
+        yield from _half_spaces(node.get_parameter('workspace.half_spaces').value)
+
+
+def _spheres(numbers: Sequence[float], color: ColorRGBA) -> Iterator[Marker]:
+    for *centre, radius in np.reshape(numbers, (-1, 4)):
+        if radius > 0.0:
+            marker = make_marker('obstacles', Marker.SPHERE, 2.0 * float(radius), color)
+            marker.pose.position = to_point(np.array(centre))
+            yield marker
+
+
+def _boxes(numbers: Sequence[float], color: ColorRGBA) -> Iterator[Marker]:
+    for lower, upper in np.reshape(numbers, (-1, 2, 3)):
+        if (lower < upper).any():
+            marker = make_marker('obstacles', Marker.CUBE, 0.0, color)
+            marker.scale.x, marker.scale.y, marker.scale.z = (upper - lower).tolist()
+            marker.pose.position = to_point((lower + upper) / 2.0)
+            yield marker
+
+
+def _half_spaces(numbers: Sequence[float]) -> Iterator[Marker]:
+    """A plate at the end of each, turned from z to its normal."""
+    for *normal, offset in np.reshape(numbers, (-1, 4)):
+        length = float(np.linalg.norm(normal))
+        if length > 0.0:
+            n = np.array(normal) / length
+            marker = _plate()
+            marker.pose.position = to_point(offset / length * n)
+            half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
+            if half[3] < 1e-9:
+                half = np.array((1.0, 0.0, 0.0, 0.0))
+            x, y, z, w = (half / np.linalg.norm(half)).tolist()
+            marker.pose.orientation.x = x
+            marker.pose.orientation.y = y
+            marker.pose.orientation.z = z
+            marker.pose.orientation.w = w
+            yield marker
+
+
+def _floor(height: float) -> Marker:
+    marker = _plate()
+    marker.pose.position.z = height - 0.0005
+    return marker
+
+
+def _plate() -> Marker:
+    marker = make_marker('obstacles', Marker.CUBE, _PLANE, _RED)
+    marker.scale.z = 0.001
+    return marker

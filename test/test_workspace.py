@@ -1,0 +1,131 @@
+"""Walls: what they are, and that no point of the arm passes one."""
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel
+from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.limits.workspace import WorkspaceLimit
+
+SHAPES = {
+    'half_spaces': (0.0, 0.6, 0.8, 0.5),
+    'inside_boxes': (-0.4, -0.5, -0.6, 0.7, 0.8, 0.9),
+    'outside_boxes': (0.1, 0.1, 0.1, 0.4, 0.3, 0.2),
+    'inside_spheres': (0.0, 0.1, 0.2, 0.9),
+    'outside_spheres': (0.5, 0.0, 0.3, 0.2),
+}
+FARTHEST = 1e3  # [m]: everything is near
+
+
+def middle_of(model: RobotModel) -> np.ndarray:
+    """A posture well within the ranges, (n,) [rad]."""
+    lower = np.maximum(model.q_min, -3.0)
+    upper = np.minimum(model.q_max, 3.0)
+    return (lower + upper) / 2.0 + 0.1 * (upper - lower)
+
+
+def expected_distances(x: np.ndarray) -> list[float]:
+    """Of a point from the walls of SHAPES, in their order, each from its definition."""
+    *normal, offset = SHAPES['half_spaces']
+    lower, upper = np.reshape(SHAPES['inside_boxes'], (2, 3))
+    low, high = np.reshape(SHAPES['outside_boxes'], (2, 3))
+    *centre, radius = SHAPES['inside_spheres']
+    *middle, size = SHAPES['outside_spheres']
+    outside = np.linalg.norm(x - np.clip(x, low, high))
+    depth = np.minimum(x - low, high - x).min()
+    return [
+        offset - float(np.dot(normal, x)),
+        *(x - lower),
+        *(upper - x),
+        outside if outside > 0.0 else -depth,
+        radius - np.linalg.norm(x - centre),
+        np.linalg.norm(x - middle) - size,
+    ]
+
+
+@pytest.mark.parametrize('name', ['lwr4', 'planar4r'])
+def test_distances_are_those_of_the_definition_for_each_point(name):
+    model = RobotModel.named(name)
+    limit = WorkspaceLimit(model, points='tip, elbow', **SHAPES)
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        q = middle_of(model) + random.uniform(-1.0, 1.0, model.n)
+        _, distance, who = limit.approaches(q, FARTHEST)
+        points = (model.tip(q)[0], model.position(q, model.elbow_frame))
+        expected = [expected_distances(x) for x in points]
+        assert distance == pytest.approx(np.ravel(expected), abs=1e-12)
+        assert who[-1].tolist() == [1, len(expected[0]) - 1]
+
+
+def test_rows_are_the_speeds_at_which_distances_become_smaller():
+    model = RobotModel.named('lwr4')
+    limit = WorkspaceLimit(model, points='tip,elbow', **SHAPES)
+    random = np.random.default_rng(1)
+    step = 1e-6  # [rad]
+    for _ in range(10):
+        q = middle_of(model) + random.uniform(-0.5, 0.5, model.n)
+        dq = random.normal(size=model.n)
+        C, _, _ = limit.approaches(q, FARTHEST)
+        _, after, _ = limit.approaches(q + step * dq, FARTHEST)
+        _, before, _ = limit.approaches(q - step * dq, FARTHEST)
+        assert C @ dq == pytest.approx((before - after) / (2.0 * step), abs=1e-6)
+
+
+@pytest.mark.parametrize('T', [0.002, 0.01])
+@pytest.mark.parametrize('name', ['lwr4', 'fr3', 'planar4r'])
+def test_no_point_passes_a_wall_whatever_is_asked(name, T):
+    """In a box with a ball in it, under random velocities far beyond what the joints can do."""
+    model = RobotModel.named(name)
+    q = middle_of(model)
+    x, _ = model.tip(q)
+    walls = {
+        'inside_boxes': (*(x - 0.2), *(x + 0.2)),
+        'outside_spheres': (*(x + np.array((0.1, 0.05, 0.0))), 0.05),
+    }
+    limit = WorkspaceLimit(model, **walls)
+    controller = Controller(
+        model,
+        'minimum_acceleration',
+        T,
+        limits=('position', 'velocity', 'acceleration', limit),
+    )
+    random = np.random.default_rng(2)
+    nearest = np.inf
+    for k in range(2500):
+        if k % round(1.0 / T) == 0:
+            dx = random.uniform(-1.0, 1.0, 3)
+        q = controller.update(q, dx).q_ref
+        nearest = min(nearest, limit.approaches(q, FARTHEST)[1].min())
+    assert -1e-9 < nearest < 0.02  # [m]: the walls were reached, and not passed
+
+
+def test_an_arm_outside_comes_back_within_its_limits():
+    model = RobotModel.named('lwr4')
+    q = middle_of(model)
+    x, _ = model.tip(q)
+    n = np.array((0.0, 0.0, 1.0))
+    limit = WorkspaceLimit(model, half_spaces=(*n, float(x @ n) - 0.05))
+    controller = Controller(
+        model, 'minimum_velocity', 0.002, limits=('position', 'velocity', 'acceleration', limit)
+    )
+    for _ in range(3000):
+        q = controller.update(q, np.zeros(3)).q_ref
+    assert limit.approaches(q, FARTHEST)[1].min() > -1e-3
+
+
+@pytest.mark.parametrize(
+    ('figures', 'words'),
+    [
+        ({'half_spaces': (1.0, 0.0)}, 'half_spaces holds 2 numbers; expected 4'),
+        ({'inside_boxes': (1.0, 0.0, 0.0, 0.0, 1.0, 1.0)}, 'is not below'),
+        ({'influence': 0.01, 'clearance': 0.02}, 'less than the influence'),
+    ],
+)
+def test_walls_that_make_no_sense_are_refused(figures, words):
+    with pytest.raises(ArrayError, match=words):
+        WorkspaceLimit(RobotModel.named('lwr4'), **figures)
+
+
+def test_a_point_that_is_no_link_is_refused_with_those_that_are():
+    with pytest.raises(UnknownNameError, match='link_4'):
+        WorkspaceLimit(RobotModel.named('lwr4'), points='tip,hand')
