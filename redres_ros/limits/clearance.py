@@ -1,4 +1,4 @@
-"""What keeps a distance: a velocity damper, and room to brake, for each thing that is near."""
+"""Distances that are kept: a velocity damper and a distance to brake for each near pair."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
