@@ -28,10 +28,11 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
         if _IN_PYTHON:
             return function
         with interruptible():  # LLVM calls back into Python, where an interrupt would get lost
+            options: Any = {'error_model': 'numpy', 'no_cfunc_wrapper': True}  # nobody calls by C
             try:
-                made: Any = numba.njit(list(signatures), cache=True, error_model='numpy')(function)
+                made: Any = numba.njit(list(signatures), cache=True, **options)(function)
             except RuntimeError:  # there is no folder that can be written
-                made = numba.njit(list(signatures), error_model='numpy')(function)
+                made = numba.njit(list(signatures), **options)(function)
         if not made.stats.cache_hits:
             log_compiling(made.stats.cache_path or '')
         return made
