@@ -399,6 +399,24 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
     assert speed(answer) < 1e-3
 
 
+def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None:
+    period = 0.01  # [s]
+    model = RobotModel.named('gen3')
+    limits = ('position', 'velocity', 'acceleration')
+    law = make_law('minimum_torque')
+    loop = CommandLoop(Controller(model, law, period, limits=limits))
+    q = np.array(model.arm.start) + 0.3 * np.random.default_rng(1).normal(size=model.n)
+    for cycle in range(1, 800):
+        stamp = EPOCH + cycle * round(1e9 * period)
+        answer = loop.enter_state(stamp, q, cycle * period)
+        assert answer is not None
+        q = answer.command.q_ref
+        dx = np.array((0.0, 0.05 if cycle < 50 else 0.0, 0.0))  # [m/s]
+        loop.enter_twist(stamp, dx, cycle * period)
+    assert loop.mode is Mode.HOLDING
+    assert 'null-space motion' in loop.error
+
+
 # --- task velocities that are not as they should be -----------------------------------------------
 
 
