@@ -124,6 +124,18 @@ def test_lockstep_equals_the_loop_that_uses_the_reference_one_tick_late(
     np.testing.assert_allclose(got[1:, JOINTS], expected[:-1, JOINTS], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.nightly
+def test_the_arm_wipes_a_table_with_the_force_of_its_spring(tmp_path: Path) -> None:
+    done = demo(tmp_path, *IN_LOCKSTEP, '--task', 'wipe', '--save', str(tmp_path / 'run.mcap'))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / 'contact.png').stat().st_size > 0
+    rows = motion(tmp_path)
+    slides = (column(rows, 't') > 3.5) & (column(rows, 't') < 8.5)
+    depth = 0.5403 - column(rows, 'z')[slides]
+    # 20 N on 10 kN/m; 0.2 mm: ripple, and servos of 100 rad/s that give way
+    assert depth == pytest.approx(np.full(depth.size, 2e-3), abs=2e-4)
+
+
 def test_lockstep_answers_every_state_and_records_every_answer(lockstep: Path) -> None:
     rows = motion(lockstep)
     np.testing.assert_allclose(rows[:, 0], PERIOD * np.arange(len(rows)), atol=1e-9)

@@ -94,6 +94,14 @@ def test_what_a_file_does_not_say_is_as_in_the_paper(tmp_path):
     )
 
 
+def test_a_file_may_have_parameters_of_the_nodes_and_changes_of_them(tmp_path):
+    nodes = {'sim': {'contact_shape': 'table', 'contact_position': [0.5, 0.0, 0.1]}}
+    events = [{'at': 2, 'node': 'sim', 'push_force_y': 30.0}]
+    task = load_task(written(tmp_path, nodes=nodes, events=events))
+    assert task.nodes['sim'] == {'contact_shape': 'table', 'contact_position': (0.5, 0.0, 0.1)}
+    assert task.events == ((2.0, 'sim', {'push_force_y': 30.0}),)
+
+
 # --- bad ones -------------------------------------------------------------------------------------
 
 
@@ -285,3 +293,18 @@ def test_a_task_without_any_leaves_the_orientation_free(tmp_path):
 def test_orientations_that_cannot_be_used_are_refused(tmp_path, changes, said):
     with pytest.raises(FileError, match=said):
         load_task(written(tmp_path, **changes))
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'words'),
+    [
+        ('nodes', [1], 'expected parameters below the names of nodes'),
+        ('nodes', {'sim': 3}, 'expected parameters below the names of nodes'),
+        ('nodes', {'robot': {}}, 'no node; allowed: sim, controller, planner'),
+        ('events', 5, 'events is 5; expected a list'),
+        ('events', [{'at': 1.0}], 'expected at [s], node, and parameters'),
+        ('events', [{'at': 'x', 'node': 'sim', 'a': 1}], 'at is'),
+    ],
+)
+def test_parameters_of_nodes_that_cannot_be_are_refused(tmp_path, key, value, words):
+    assert words in refusal(written(tmp_path, **{key: value}), FileError)

@@ -34,6 +34,7 @@ def add(commands: Any) -> None:
         '--law minimum_velocity --limits none  # the robot stops it',
         '--switch minimum_weighted_torque@6.5  # another law on the way',
         '--robot my_arm.urdf --tip tool0  # your arm',
+        '--task wipe  # press on a table, slide, lift, while the elbow is pushed',
         '--view  # steer it in a browser',
         '--save motion.mp4 motion.html  # a film, and a page that replays the motion',
     )
@@ -174,7 +175,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         recording_in(options.save or ()),
         {'plant': options.plant, **node_parameters(options, motion)},
     )
-    out = made(options.out, 'motion.csv', 'motion.png', 'summary.json', *_LOGS)
+    out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
     demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law), out)
     make_controller(options, motion, find_law(options, options.law), period)
     return demo

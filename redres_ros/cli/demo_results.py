@@ -65,6 +65,7 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
         if not outcome.interrupted:
             _draw(outcome, demo, picture)
             print(f'plot {picture}')
+            _draw_forces(outcome, demo, out / 'contact.png')
         print(f'data {out}/motion.csv')
         for path in options.save or ():
             _save(outcome, demo, path)
@@ -88,6 +89,18 @@ def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
         write_page(*motion, path)
         kind = 'page'
     print(f'{kind} {path}')
+
+
+def _draw_forces(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
+    """A picture of the forces, where any were measured."""
+    path.unlink(missing_ok=True)  # that of a run before
+    if not outcome.forces.any():
+        return
+    from redres_ros.simulation.contact_plot import draw_contact
+    from redres_ros.simulation.plots import in_symbols
+
+    draw_contact(outcome.forces, outcome.recording, demo.model, in_symbols(demo.title), path)
+    print(f'forces {path}')
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.log import FINISHED, read_log
-from redres_ros.demo.node_group import NODES, NodeGroup
+from redres_ros.demo.node_group import NodeGroup
 from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
 from redres_ros.demo.replay import replay
@@ -31,7 +31,7 @@ from redres_ros.nodes.task_topics import TASK_BEGUN, TASK_STATE
 from redres_ros.nodes.wire import stamp_of
 from redres_ros.parameter import check_parameters
 from redres_ros.planning.task_executor import UNDER_WAY
-from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.planning.waypoints import NODES, TaskEvent, WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
 
@@ -189,7 +189,8 @@ class Demo:
         """Run the task until it is finished, the robot is stopped, or a time limit."""
         called = time.monotonic()
         self._start_task(monitor)
-        switches = sorted(self.options.switches, key=lambda pair: pair[1])
+        switches = [TaskEvent(t, 'controller', {'law': law}) for law, t in self.options.switches]
+        events = sorted((*switches, *self.task.events), key=lambda event: event.at)
         nominal = self.task.segments * self.task.segment_time
         t = 0.0
         while t < PATIENCE * nominal and not monitor.has_ended(called):
@@ -197,9 +198,9 @@ class Demo:
             if monitor.word(REASON):
                 return
             t = (monitor.newest - monitor.began) / 1e9
-            while switches and t >= switches[0][1]:
-                law, _ = switches.pop(0)
-                monitor.client.set_parameters('controller', {'law': law})
+            while events and t >= events[0].at:
+                event = events.pop(0)
+                monitor.client.set_parameters(event.node, dict(event.parameters))
             progress(min(t / nominal, 1.0))
             time.sleep(_LOOK)
         time.sleep(SETTLING)
@@ -296,6 +297,11 @@ class Demo:
             messages = read_messages(recordings[0])
             cycles = count_cycles(messages, period, (stamps[0], stamps[-1]))
         self.remove_recordings()
+        forces = [
+            ((stamp - stamps[0]) / 1e9, *log.forces[stamp])
+            for stamp in stamps
+            if stamp in log.forces
+        ]
         return Outcome(
             recording,
             motion,
@@ -306,6 +312,7 @@ class Demo:
             switches=log.switches(),
             endurance=ending.endurance,
             interrupted=ending.interrupted,
+            forces=np.array(forces).reshape(-1, 4),
         )
 
     def remove_recordings(self) -> None:

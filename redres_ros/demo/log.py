@@ -32,7 +32,8 @@ _REASON = f'/{REASON}'
 _SESSION = f'/{SESSION}'
 
 _TWISTS = '/cartesian_velocity'  # whose stamps belong to what the planner says beside it
-_STAMPED = {STATES, COMMANDS, _TWISTS, _DESIRED}
+_FORCES = '/wrench'  # published while a controller listens
+_STAMPED = {STATES, COMMANDS, _TWISTS, _DESIRED, _FORCES}
 # As nodes name them.
 JUDGED = tuple(
     topic.removeprefix('/')
@@ -58,6 +59,7 @@ class Log:
         laws: Name of the law in force.
         scalings: Fraction of the task velocity that the limits allow.
         reasons: Why the robot stopped itself; empty where it takes commands.
+        forces: Of the environment on the tip, (3,) [N].
         session: States of the robot's session, one after the other.
     """
 
@@ -69,6 +71,7 @@ class Log:
     laws: Mapping[int, str]
     scalings: Mapping[int, float]
     reasons: Mapping[int, str]
+    forces: Mapping[int, np.ndarray]
     session: tuple[str, ...]
 
     @property
@@ -182,6 +185,7 @@ def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float =
         laws=said[_LAW],
         scalings=said[_SCALING],
         reasons=said[_REASON],
+        forces=said[_FORCES],
         session=tuple(session),
     )
 
@@ -199,6 +203,7 @@ class _Topics:
             STATES: joints.positions,
             COMMANDS: lambda message: (joints.positions(message), np.array(message.velocity)),
             _DESIRED: _pose,
+            _FORCES: _force,
             **dict.fromkeys((_SEGMENT, _TASK, _LAW, _SCALING, _REASON), _data),
         }
         self.said: dict[str, dict[int, Any]] = {topic: {} for topic in self._converters}
@@ -251,6 +256,11 @@ def _pose(message: Any) -> np.ndarray:
     x = message.pose.position
     turn = message.pose.orientation
     return np.array((x.x, x.y, x.z, turn.x, turn.y, turn.z, turn.w))
+
+
+def _force(message: Any) -> np.ndarray:
+    force = message.wrench.force
+    return np.array((force.x, force.y, force.z))
 
 
 def _data(message: Any) -> Any:

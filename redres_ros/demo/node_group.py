@@ -12,9 +12,7 @@ from redres_ros.demo.processes import NodeProcess
 from redres_ros.demo.recorded import ALL
 from redres_ros.files.signals import handled
 from redres_ros.laws import Law
-from redres_ros.planning.waypoints import WaypointTask
-
-NODES = ('sim', 'controller', 'planner')
+from redres_ros.planning.waypoints import NODES, WaypointTask
 
 _PAGE = 'page: '  # how the line begins in which it reports its address
 
@@ -123,11 +121,12 @@ class NodeGroup:
             # The robot waits for its answer, which waits for the planner.
             sim['patience'] = _CLOCK_PATIENCE
             shared['twist_patience'] = _CLOCK_PATIENCE
-        return {
-            'sim': shared | sim,
-            'controller': shared | {'law': options.law, 'damping': self._law.damping},
-            'planner': shared | {'task': options.task},
+        own: dict[str, dict[str, Any]] = {
+            'sim': sim,
+            'controller': {'law': options.law, 'damping': self._law.damping},
+            'planner': {'task': options.task},
         }
+        return {name: shared | own[name] | dict(self._task.nodes.get(name, {})) for name in NODES}
 
     def _recording(self, name: str) -> Path:
         return self._out / f'{name}.part.mcap'

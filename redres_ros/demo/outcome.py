@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +134,8 @@ class Outcome:
         switches: (time [s], law before, law after).
         endurance: Where the task was repeated to the end.
         interrupted: By Ctrl-C.
+        forces: Times [s], and forces of the environment on the tip [N], (N, 4); none without a
+            controller that yields.
     """
 
     recording: Recording
@@ -145,6 +147,7 @@ class Outcome:
     switches: tuple[tuple[float, str, str], ...] = ()
     endurance: Endurance | None = None
     interrupted: bool = False
+    forces: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
 
     @property
     def succeeded(self) -> bool:

@@ -2,8 +2,8 @@
 or a YAML file.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,11 +16,26 @@ from redres_ros.robots import Arm
 from redres_ros.robots.square import square_before_tip
 from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 
+NODES = ('sim', 'controller', 'planner')  # of a demo
 SWITCHING = ('at_rest', 'within_tolerance')
 
 _FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
 _MOST_DEGREES = 36000.0
 _METRES = ' m'  # ends the position of a linear joint
+
+
+class TaskEvent(NamedTuple):
+    """A change of a node's parameters while a demo runs a task.
+
+    Attributes:
+        at: After the task began [s].
+        node: Its name.
+        parameters: By name.
+    """
+
+    at: float
+    node: str
+    parameters: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -41,6 +56,8 @@ class WaypointTask:
         tolerance: Error at which a point counts as reached [m].
         orientation_tolerance: The same for its orientation [rad].
         switching: When the next segment begins.
+        nodes: Parameters of the nodes in a demo, by the node: what the tip touches, how it yields.
+        events: Changes of these on the way.
     """
 
     robot: str
@@ -56,6 +73,8 @@ class WaypointTask:
         0.01, 'error at which an orientation counts as reached [rad]', 1e-9, 3.0
     )
     switching: str = param('at_rest', 'when the next segment begins', choices=SWITCHING)
+    nodes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    events: tuple[TaskEvent, ...] = ()
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -133,7 +152,7 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
     required = ('robot', 'start', 'waypoints')
     orientations = tuple(form.key for form in _FORMS)
     numbers = ('segment_time', 'feedback_gain', 'tolerance', 'orientation_tolerance')
-    optional = (*orientations, *numbers, 'switching')
+    optional = (*orientations, *numbers, 'switching', 'nodes', 'events')
     if not isinstance(content, dict) or not all(key in content for key in required):
         raise FileError(
             f'{path} is no task; expected the keys {", ".join(required)} '
@@ -154,8 +173,50 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
             'expected at least two points of three coordinates'
         )
     given['orientations'] = _orientations(content, len(waypoints), path)
+    given['nodes'] = _nodes(content.get('nodes', {}), path)
+    given['events'] = _events(content.get('events', []), path)
     start = _start(content['start'], path)
     return WaypointTask(_name(content['robot'], 'robot', path), start, waypoints, **given)
+
+
+def _nodes(value: Any, path: Path) -> dict[str, dict[str, Any]]:
+    """Parameters by node. What they are, the nodes judge themselves."""
+    mappings = list(value.values()) if isinstance(value, dict) else [value]
+    if not all(isinstance(mapping, dict) for mapping in mappings):
+        raise FileError(
+            f'{path}: nodes is {quoted(value)}; expected parameters below the names of nodes'
+        )
+    return {_node(name, path): _parameters(own) for name, own in value.items()}
+
+
+def _events(value: Any, path: Path) -> tuple[TaskEvent, ...]:
+    if not isinstance(value, list):
+        raise FileError(f'{path}: events is {quoted(value)}; expected a list')
+    return tuple(_event(event, path) for event in value)
+
+
+def _event(value: Any, path: Path) -> TaskEvent:
+    if not (isinstance(value, dict) and {'at', 'node'} < value.keys()):
+        raise FileError(
+            f'{path}: an event is {quoted(value)}; expected at [s], node, and parameters'
+        )
+    own = {key: value[key] for key in value if key not in ('at', 'node')}
+    at = _number(value['at'], 'at', path)
+    return TaskEvent(at, _node(value['node'], path), _parameters(own))
+
+
+def _node(name: Any, path: Path) -> str:
+    if name not in NODES:
+        raise FileError(f'{path}: {quoted(name)} is no node; allowed: {", ".join(NODES)}')
+    return str(name)
+
+
+def _parameters(given: Mapping[Any, Any]) -> dict[str, Any]:
+    """Values by name, arrays as tuples."""
+    return {
+        str(name): tuple(value) if isinstance(value, list) else value
+        for name, value in given.items()
+    }
 
 
 def _start(value: Any, path: Path) -> np.ndarray:
