@@ -290,6 +290,7 @@ class Controller:
             q_ref: (n,) [rad].
             dq: Its velocity, (n,) [rad/s]; None: at rest, where the next motion begins.
         """
+        before = self._dq_start
         self._q_ref = q_ref
         self._start = q_ref
         self._dq_start = self._dq_prev
@@ -297,6 +298,7 @@ class Controller:
         if dq is None:
             self._forget_motion()
         else:
+            self._ddq_prev = (dq - before) / self.T
             self._dq_prev = dq
 
     def rollback(self) -> None:
@@ -305,6 +307,7 @@ class Controller:
         """
         self._q_ref = self._start
         self._dq_prev = self._dq_start
+        self._ddq_prev = np.zeros(self.model.n)
 
     def nearest_turn(self, q: np.ndarray) -> np.ndarray:
         """q (n,) [rad], with joints of more than a turn at the one nearest to the last position.
@@ -344,7 +347,8 @@ class Controller:
         q, dx = self._checked(q, dx, missed)
         start, dq_prev = self._bridged(q, missed)
         at = q if self._policy.limits is None else start
-        state = RobotState(self.model, at, dq_prev)
+        ddq_prev = np.zeros(self.model.n) if missed else self._ddq_prev
+        state = RobotState(self.model, at, dq_prev, ddq_prev)
         if self.measurements:
             state.measurements = self.measurements
         if self.gap > 1:
@@ -368,6 +372,7 @@ class Controller:
         self._q_ref = q_ref
         self._near = q_ref
         self._dq_prev = dq
+        self._ddq_prev = (dq - dq_prev) / self.T
         self._motion = motion if motion is desired else after(motion, solution)
         self._has_open_targets = False
         if self._begins_anew and not dq.any():
@@ -405,6 +410,7 @@ class Controller:
     def _forget_motion(self) -> None:
         """Reset to rest, with unset targets."""
         self._dq_prev = np.zeros(self.model.n)
+        self._ddq_prev = np.zeros(self.model.n)  # its acceleration, (n,) [rad/s^2]
         self._pace = 1.0  # the fraction of the task velocity that is asked for
         self._motion = self._policy.stop
         self._targeted = self._policy

@@ -32,6 +32,7 @@ class RobotState:
         q: (n,) [rad].
         dq_prev: (n,) [rad/s], the last command, which is all that is known of the velocity at a
             tick (footnote 4).
+        ddq_prev: (n,) [rad/s^2], the acceleration of the last command; None: zero.
     """
 
     # Until a quantity is asked for. A property with such a default takes half of what a
@@ -45,10 +46,17 @@ class RobotState:
     gap = 1  # cycles between two commands, at most, within which a joint must be able to stop
     correction: np.ndarray | None = None  # of dx, (m,): it holds what is not asked for
 
-    def __init__(self, model: 'RobotModel', q: np.ndarray, dq_prev: np.ndarray) -> None:
+    def __init__(
+        self,
+        model: 'RobotModel',
+        q: np.ndarray,
+        dq_prev: np.ndarray,
+        ddq_prev: np.ndarray | None = None,
+    ) -> None:
         self.model = model
         self.q = q
         self.dq_prev = dq_prev
+        self.ddq_prev = np.zeros(len(q)) if ddq_prev is None else ddq_prev
 
     def with_velocity(self, dq_prev: np.ndarray) -> 'RobotState':
         """The same position at another last velocity (n,) [rad/s]; keeps what q alone decides."""

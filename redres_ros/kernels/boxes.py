@@ -7,11 +7,17 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
 
 TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
+_AT_REST = 1e-13  # [rad/s]
+_ENOUGH = 1e-11  # [rad] within which the end of a braking is found
+_MOST_GUESSES = 60
+_LEAST_ACCELERATION = 0.1  # of the limit, which is left however many commands may get lost
+
 # What a limit is, and what its figures (3, n) are then.
 ACCELERATION = 0  # A [rad/s^2], and the arm's own, with which a joint may brake where it has to
 VELOCITY = 1  # V [rad/s]
 POSITION = 2  # q_min, q_max [rad], A [rad/s^2]
 GIVEN = 3  # the box itself, lower and upper [rad/s]
+JERK = 4  # J [rad/s^3], A [rad/s^2], and the changes J T by which A is lowered
 
 _FIGURES = types.Array(types.float64, 3, 'C')
 
@@ -45,16 +51,156 @@ def stopping_speed(d: float, A: float, T: float) -> float:
     return (d / T + step * N * (N + 1.0) / 2.0) / (N + 1.0)
 
 
+@compiled(float64(*(float64,) * 5))
+def braking_distance(v: float, a: float, A: float, J: float, T: float) -> float:
+    """How far a joint gets at most when it brakes as hard as it may, [rad]; 0 if it recedes.
+
+    Each tick changes the acceleration by J T at most. A joint comes to rest without acceleration if
+    its deceleration is always at most stopping_speed(v, J, T): for velocity and acceleration this
+    is what the stopping speed is for position and velocity. What the braking does after its first
+    tick is the braking of the state after that tick: if one stops in time, so can the next tick.
+
+    Args:
+        v: Its velocity towards the end [rad/s].
+        a: The acceleration in the tick before [rad/s^2].
+        A: Largest acceleration [rad/s^2].
+        J: Largest jerk [rad/s^3].
+        T: Sampling time [s].
+    """
+    h = J * T
+    d = 0.0
+    farthest = 0.0
+    while v > _AT_REST or a > _AT_REST:
+        b = min(min(A, h - a), stopping_speed(max(v, 0.0), J, T))  # the deceleration
+        b = max(b, -a - h)
+        v -= T * b
+        a = -b
+        d += T * v
+        farthest = max(farthest, d)
+        if b == A:  # as long as the stopping speed allows it
+            k = np.floor(A / h)
+            last = T * (A * (k + 1.0) - h * k * (k + 1.0) / 2.0)  # whose stopping speed is A
+            N = np.floor((v - last) / (A * T))
+            if N > 0.0:
+                d += T * (N * v - A * T * N * (N + 1.0) / 2.0)
+                v -= N * A * T
+                farthest = max(farthest, d)
+    return farthest
+
+
+@part
+def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float) -> float:
+    """By how much a joint that takes a velocity stops beyond the end, [rad]; negative: before.
+
+    Args:
+        dq: The velocity [rad/s].
+        d: Distance to the end now [rad].
+        dq_prev: The last velocity [rad/s].
+        A: Largest acceleration [rad/s^2].
+        J: Largest jerk [rad/s^3].
+        T: Sampling time [s].
+    """
+    a = (dq - dq_prev) / T
+    left = d - T * dq
+    rising = max(a, 0.0)
+    w = max(dq, 0.0) + rising * (rising / J + T)
+    if w * (w / A + (rising + 2.0 * A) / J + 2.0 * T) <= left:  # far from the end
+        return -1.0
+    return braking_distance(dq, a, A, J, T) - left
+
+
+@part
+def largest_speed(
+    d: float, lower: float, upper: float, dq_prev: float, A: float, J: float, T: float
+) -> float:
+    """The largest velocity in [lower, upper] from which a joint stops before the end, [rad/s].
+
+    Args:
+        d: Distance to the end [rad].
+        lower: The least that other limits allow [rad/s].
+        upper: The largest [rad/s].
+        dq_prev: The last velocity [rad/s].
+        A: Largest acceleration [rad/s^2].
+        J: Largest jerk [rad/s^3].
+        T: Sampling time [s].
+
+    Returns:
+        The velocity; infinity if all do, -infinity if none does. Beyond the end, the velocity
+        with which the joint comes back so that it stops there.
+    """
+    side = 1.0
+    if d < -_ENOUGH / T:
+        side = -1.0
+        d = -d
+        lower, upper = -upper, -lower
+        dq_prev = -dq_prev
+    beyond = stops(upper, d, dq_prev, A, J, T)
+    if not beyond > 0.0:
+        return side * np.inf
+    before = stops(lower, d, dq_prev, A, J, T)
+    if before > 0.0:
+        return side * (lower if before < _ENOUGH else -np.inf)
+    for count in range(_MOST_GUESSES):  # Illinois, and bisection every third time
+        if T * (upper - lower) < _ENOUGH:
+            break
+        share = 0.5 if count % 3 == 2 else before / (before - beyond)
+        guess = lower + min(max(share, 0.01), 0.99) * (upper - lower)
+        value = stops(guess, d, dq_prev, A, J, T)
+        if value > 0.0:
+            upper = guess
+            beyond = value
+        else:
+            lower = guess
+            before = value
+    return side * lower
+
+
 @inlined
 def box_of_joint(
-    kind: int, figures: np.ndarray, k: int, i: int, q: float, dq_prev: float, T: float
+    kind: int,
+    figures: np.ndarray,
+    k: int,
+    i: int,
+    q: float,
+    last: tuple[float, float],
+    jerk: tuple[float, float],
+    box: tuple[float, float],
+    T: float,
 ) -> tuple[float, float]:
-    """The least and the largest velocity of joint i under one limit [rad/s]."""
+    """The least and the largest velocity of joint i under one limit [rad/s].
+
+    Args:
+        kind: What the limit is.
+        figures: Of all limits, (k, 3, n).
+        k: The limit.
+        i: The joint.
+        q: Its position [rad].
+        last: Its last velocity [rad/s] and acceleration [rad/s^2].
+        jerk: The largest one [rad/s^3], infinite without a limit on it, and the largest
+            acceleration [rad/s^2] that goes with it.
+        box: What the limits before allow [rad/s].
+        T: Sampling time [s].
+    """
+    dq_prev, ddq_prev = last
+    J, A_most = jerk
+    if kind == JERK:  # |ddq - ddq_prev| <= J T
+        least = max(ddq_prev - J * T, min(-A_most, ddq_prev + J * T))
+        most = min(ddq_prev + J * T, max(A_most, ddq_prev - J * T))
+        return dq_prev + T * least, dq_prev + T * most
     if kind == ACCELERATION:  # |dq - dq_prev| <= A T
         reach = T * figures[k, 0, i]
         return dq_prev - reach, dq_prev + reach
+    if kind == VELOCITY and J < np.inf:  # the acceleration comes to zero before the velocity to V
+        V = figures[k, 0, i]
+        least = dq_prev - T * stopping_speed(V + dq_prev, J, T)
+        return least, dq_prev + T * stopping_speed(V - dq_prev, J, T)
     if kind == VELOCITY:  # |dq| <= V
         return -figures[k, 0, i], figures[k, 0, i]
+    if kind == POSITION and J < np.inf:
+        A = min(figures[k, 2, i], A_most)
+        lower, upper = box
+        least = -largest_speed(q - figures[k, 0, i], -upper, -lower, -dq_prev, A, J, T)
+        return least, largest_speed(figures[k, 1, i] - q, lower, upper, dq_prev, A, J, T)
     if kind == POSITION:  # -beta(q - q_min) <= dq <= beta(q_max - q)
         A = figures[k, 2, i]
         least = -stopping_speed(q - figures[k, 0, i], A, T)
@@ -109,10 +255,11 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 
 
 @direct
-@compiled(boolean(vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES))
+@compiled(boolean(vector(), vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES))
 def fill_boxes(
     q: np.ndarray,
     dq_prev: np.ndarray,
+    ddq_prev: np.ndarray,
     T: float,
     kinds: np.ndarray,
     figures: np.ndarray,
@@ -126,6 +273,7 @@ def fill_boxes(
     Args:
         q: (n,) [rad].
         dq_prev: (n,) [rad/s] the last command.
+        ddq_prev: (n,) [rad/s^2] its acceleration.
         T: Sampling time [s].
         kinds: (k,) what each limit is.
         figures: (k, 3, n) of each limit.
@@ -139,15 +287,23 @@ def fill_boxes(
         lower = -np.inf
         upper = np.inf
         hardest = 0.0
+        last = (dq_prev[i], ddq_prev[i])
+        J = np.inf
+        A_most = np.inf
         for k in range(len(kinds)):
-            least, most = box_of_joint(kinds[k], figures, k, i, q[i], dq_prev[i], T)
+            if kinds[k] == JERK:
+                J = figures[k, 0, i]
+                A = figures[k, 1, i]
+                A_most = max(A - figures[k, 2, i] * J * T, _LEAST_ACCELERATION * A)
+            box = (lower, upper)
+            least, most = box_of_joint(kinds[k], figures, k, i, q[i], last, (J, A_most), box, T)
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
-            if least > upper + TOUCHING or most < lower - TOUCHING:
-                meet = False
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
-            elif kinds[k] == POSITION and (least > upper + TOUCHING or most < lower - TOUCHING):
+            is_apart = least > upper + TOUCHING or most < lower - TOUCHING
+            meet = meet and not is_apart
+            if is_apart and kinds[k] == POSITION and J == np.inf:
                 margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
                 lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
             lower, upper = narrowed(lower, upper, least, most)

@@ -9,9 +9,11 @@ import numpy as np
 
 from redres_ros.constrained import Box
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.boxes import ACCELERATION, POSITION, VELOCITY, fill_boxes
+from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState
 from redres_ros.parameter import param
+
+RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,7 @@ class JointLimit(BoxLimit):
     def box(self, state: ReferenceState, T: float) -> Box:
         boxes = np.empty((2, 2, self.model.n))
         kinds = np.array([self.kind])
-        fill_boxes(state.q, state.dq_prev, T, kinds, self.figures[None], boxes)
+        fill_boxes(state.q, state.dq_prev, state.ddq_prev, T, kinds, self.figures[None], boxes)
         return boxes[0, 0], boxes[0, 1]
 
 
@@ -87,6 +89,75 @@ class AccelerationLimit(AccelerationFigures, JointLimit):
     @property
     def figures(self) -> np.ndarray:
         return np.stack((self.A, self.A / self.scale, self.A))
+
+
+@dataclass(frozen=True, eq=False)
+class JerkLimit(JointLimit):
+    """|ddq - ddq_prev| <= J T. It holds whatever the state.
+
+    With it, the limits on velocity and position leave each joint the way that it needs to brake
+    without exceeding it (kernels/boxes.py).
+
+    Args:
+        jerk: (n,) [rad/s^3]; empty for the arm's table. An arm without one gets RISE times its
+            acceleration limits.
+        lost: A robot that bridges a lost command with constant acceleration sees a jump in the
+            next one. Jerk and acceleration are lowered so that what it sees keeps the limits, if
+            two commands at least come before the next one is lost.
+
+    Raises:
+        ArrayError: Neither it nor the arm's table has a positive value for each joint.
+    """
+
+    order = -1
+    kind = JERK
+
+    jerk: tuple[float, ...] = ()
+    lost: int = param(
+        0,
+        'commands lost in a row that the robot bridges with constant acceleration; jerk and '
+        'acceleration are lowered for them',
+        0,
+        10,
+        live=True,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self._given) != self.model.n or not min(self._given) > 0.0:
+            raise ArrayError(
+                f'jerk limits of {self.model.arm.urdf}: {self._given or "none known"}; '
+                f'expected {self.model.n} positive values [rad/s^3] in jerk=(...)'
+            )
+
+    @property
+    def _given(self) -> tuple[float, ...]:
+        """Of each joint, unscaled [rad/s^3]."""
+        arm = self.model.arm
+        return self.jerk or arm.jerk_limit or tuple(RISE * A for A in arm.acceleration_limit)
+
+    @cached_property
+    def J(self) -> np.ndarray:
+        """The jerk that is allowed, (n,) [rad/s^3]."""
+        of_velocity, of_position = self._differences
+        in_next = self.lost + 1.0 + of_velocity + of_position
+        after_that = 1.0 + of_velocity + 2.0 * of_position
+        return self.scale * np.array(self._given) / max(in_next, after_that)
+
+    @property
+    def _differences(self) -> tuple[float, float]:
+        """Velocity [J T^2] and position [J T^3] by which the robot may be off after lost commands.
+
+        In each cycle that it bridges, the commanded acceleration may differ by one J T more. Where
+        the next command comes, both add to the acceleration that the robot sees.
+        """
+        n = self.lost
+        return n * (n + 1) / 2.0, n * (n + 1) * (n + 2) / 6.0
+
+    @property
+    def figures(self) -> np.ndarray:
+        A = np.array(self.model.arm.acceleration_limit or (np.inf,) * self.model.n)
+        return np.stack((self.J, self.scale * A, np.full(len(A), sum(self._differences))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,12 @@ import numpy as np
 
 from redres_ros.component_scaling import solve_components
 from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
-from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, within
-from redres_ros.limits.joint import AccelerationLimit, JointLimit
+from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, stopping_speed, within
+from redres_ros.limits.joint import AccelerationLimit, JerkLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.resolution import Level, Weight
 
+_AT_REST = 1e-12  # [rad/s]
 UPPER = 1  # the place of the upper bound in a box
 
 
@@ -119,12 +120,15 @@ class Limits:
             if isinstance(limit, JointLimit):
                 figures[:] = limit.figures
         self.acceleration: np.ndarray | None = None  # that no scale lowers, (n,) [rad/s^2]
+        self.jerk: np.ndarray | None = None  # (n,) [rad/s^3]
         self.braking_limit: AccelerationLimit | None = None  # of the end of the reach
         for limit in self.box_limits:
             if isinstance(limit, AccelerationLimit):
                 self.acceleration = limit.A / limit.scale
                 self.braking_limit = limit if limit.reach > 0.0 else None
-        self.bounds_acceleration = self.acceleration is not None
+            if isinstance(limit, JerkLimit):
+                self.jerk = limit.J
+        self.bounds_acceleration = self.acceleration is not None or self.jerk is not None
         self.active_set = np.zeros(n + 1, np.int64)  # of the last tick's search
 
     def __iter__(self) -> Iterator[Limit]:
@@ -143,7 +147,7 @@ class Limits:
         """
         boxes = np.empty((len(self.box_limits) + 1, 2, len(state.q)))
         figures = self._figures_at(state, T)
-        kept = fill_boxes(state.q, state.dq_prev, T, self._kinds, figures, boxes)
+        kept = fill_boxes(state.q, state.dq_prev, state.ddq_prev, T, self._kinds, figures, boxes)
         lower, upper = boxes[-1]
         rows = [limit.rows(state, T) for limit in self.row_limits]
         return Bounds(self, state, T, boxes, (lower, upper), rows, kept)
@@ -160,12 +164,25 @@ class Limits:
             T: Sampling time [s].
         """
         bounds = self.at(state, T)
-        lower, upper = bounds.box
-        slower = _towards_zero(np.clip(dq, lower, upper), state.dq_prev)
+        slower = self._slower(dq, bounds.box, state, T)
         for limit, (C, _, high) in zip(self.row_limits, bounds.rows, strict=True):
             if limit.holds_in_a_stop and not (C.dot(slower) <= high).all():
-                return _towards_zero(np.clip(np.zeros(len(dq)), lower, upper), state.dq_prev)
+                return self._slower(np.zeros(len(dq)), bounds.box, state, T)
         return slower
+
+    def _slower(self, dq: np.ndarray, box: Box, state: ReferenceState, T: float) -> np.ndarray:
+        """dq (n,) [rad/s] in the box, with no joint faster than before, or turning round.
+
+        Under a limit on the jerk it may be, until its acceleration has come to zero.
+        """
+        v = state.dq_prev
+        if self.jerk is None:
+            return _between(np.clip(dq, *box), np.zeros(len(v)), v)
+        slowest = np.array(
+            [dq - T * stopping_speed(dq, J, T) for dq, J in zip(v, self.jerk, strict=True)]
+        )
+        slowest[np.abs(slowest) < _AT_REST] = 0.0
+        return np.clip(_between(dq, slowest, v), *box)
 
     def _figures_at(self, state: ReferenceState, T: float) -> np.ndarray:
         """What the boxes are computed from, (k, 3, n)."""
@@ -182,9 +199,9 @@ class Limits:
         return figures
 
 
-def _towards_zero(dq: np.ndarray, dq_prev: np.ndarray) -> np.ndarray:
-    """dq where it lies between zero and the last velocity, else the nearer of these two, (n,)."""
-    return np.clip(dq, np.minimum(dq_prev, 0.0), np.maximum(dq_prev, 0.0))
+def _between(dq: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """dq where it lies between a and b, else the nearer of these two, (n,)."""
+    return np.clip(dq, np.minimum(a, b), np.maximum(a, b))
 
 
 def _held(components: Sequence[int], correction: np.ndarray | None) -> list[bool]:

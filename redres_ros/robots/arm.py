@@ -15,7 +15,13 @@ from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
 DEFAULT_RADIUS = 0.06  # [m] of a body
-OF_EACH_JOINT = ('rotor_inertia', 'effort_limit', 'acceleration_limit', 'start')  # fields of an arm
+OF_EACH_JOINT = (
+    'rotor_inertia',
+    'effort_limit',
+    'acceleration_limit',
+    'jerk_limit',
+    'start',
+)  # fields of an arm
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,7 @@ class Arm:
         body_radius: Of the capsules around the base and around each link, (n + 1,) [m], 0 for none;
             empty: 0.06 m each.
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
+        jerk_limit: Of each joint, (n,) [rad/s^3]; empty: 100 1/s times the acceleration limit.
         effort_limit: Of each joint, (n,) [Nm], or [N] of a prismatic one; empty: the URDF's own.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
@@ -56,6 +63,7 @@ class Arm:
     rotor_inertia: tuple[float, ...] = ()
     body_radius: tuple[float, ...] = ()
     acceleration_limit: tuple[float, ...] = ()
+    jerk_limit: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
     task: str = ''
     pose_task: str = ''

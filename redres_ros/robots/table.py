@@ -67,6 +67,7 @@ _FR3 = Arm(
     # The joint limits of FR3 in Franka's documentation of its interface; libfranka's rate limiter
     # has the same. The robot ends a motion beyond them.
     acceleration_limit=(10.0,) * 7,
+    jerk_limit=(5000.0,) * 7,
     start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',
     pose_task='fr3_pose',

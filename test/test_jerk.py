@@ -1,0 +1,213 @@
+"""The limit on the jerk: kept in every motion, with acceleration, velocity and position."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from nightly import NIGHTLY
+from scipy.optimize import linprog
+
+from redres_ros import LAWS, Controller, RobotModel
+from redres_ros.errors import ArrayError
+from redres_ros.kernels.boxes import (
+    ACCELERATION,
+    JERK,
+    POSITION,
+    VELOCITY,
+    fill_boxes,
+)
+from redres_ros.limits.joint import JerkLimit
+
+ALL = ('position', 'velocity', 'acceleration', 'jerk')
+ROUNDING = 1e-9
+MOTIONS = pytest.mark.parametrize(
+    ('A', 'J', 'T', 'V', 'width'),
+    [
+        (10.0, 5000.0, 0.001, 2.6, 2.0),  # FR3
+        (10.0, 1000.0, 0.002, 2.0, 1.0),
+        (10.0, 200.0, 0.002, 1.5, 2.0),
+        (2.0, 20.0, 0.01, 1.0, 0.6),
+        (10.0, 5000.0, 0.001, 2.6, 0.02),
+    ],
+)
+
+
+class Joints:
+    """Many joints, each with the same four limits, and all in states of their own."""
+
+    def __init__(self, count: int, A: float, J: float, T: float, V: float, width: float) -> None:
+        self.T = T
+        self.kinds = np.array((JERK, ACCELERATION, VELOCITY, POSITION), np.int64)
+        rows = [(J, np.inf, 0.0), (A, A, A), (V, V, V), (-width / 2.0, width / 2.0, A)]
+        self.figures = np.repeat(np.array(rows)[:, :, None], count, axis=2)
+        self.q = np.zeros(count)
+        self.v = np.zeros(count)
+        self.a = np.zeros(count)
+
+    def box(self) -> tuple[np.ndarray, np.ndarray, bool]:
+        boxes = np.empty((5, 2, len(self.q)))
+        kept = fill_boxes(self.q, self.v, self.a, self.T, self.kinds, self.figures, boxes)
+        return *boxes[-1], kept
+
+    def move(self, v: np.ndarray) -> None:
+        self.a = (v - self.v) / self.T
+        self.v = v
+        self.q = self.q + self.T * v
+
+
+@MOTIONS
+def test_long_random_motions_never_meet_an_empty_box(A, J, T, V, width):
+    """To an end of the box, to a velocity, or anywhere: a million ticks by night."""
+    random = np.random.default_rng(0)
+    count = 500
+    joints = Joints(count, A, J, T, V, width)
+    joints.q = random.uniform(-width / 2.0, width / 2.0, count)
+    kind = random.integers(0, 4, count)
+    target = np.zeros(count)
+    for _ in range(2000 if NIGHTLY else 150):
+        lower, upper, kept = joints.box()
+        assert kept
+        changes = random.random(count) < 0.02
+        kind = np.where(changes, random.integers(0, 4, count), kind)
+        target = np.where(changes, random.uniform(-1.5 * V, 1.5 * V, count), target)
+        between = lower + random.random(count) * (upper - lower)
+        choices = [kind == 0, kind == 1, kind == 2]
+        v = np.select(choices, [upper, lower, between], np.clip(target, lower, upper))
+        before = joints.a
+        joints.move(v)
+        assert np.abs(joints.a - before).max() <= J * T * (1.0 + ROUNDING)
+        assert np.abs(joints.a).max() <= A * (1.0 + ROUNDING)
+        assert np.abs(v).max() <= V * (1.0 + ROUNDING)
+        assert np.abs(joints.q).max() <= width / 2.0 + ROUNDING
+
+
+def largest_velocity(q: float, v: float, a: float, joints: Joints) -> float:
+    """The largest next velocity after which some motion comes to rest, by linear programming.
+
+    The accelerations of 40 ticks are the variables. NaN: there is none.
+    """
+    T = joints.T
+    (J, _, _), (A, _, _), (V, _, _), (_, end, _) = joints.figures[:, :, 0]
+    N = 40
+    velocities = T * np.tril(np.ones((N, N)))
+    positions = T * np.tril(np.ones((N, N))) @ velocities
+    changes = np.eye(N) - np.eye(N, k=-1)
+    first = np.eye(N)[0] * a
+    most = J * T * np.ones(N)
+    times = T * np.arange(1, N + 1)
+    found = linprog(
+        -np.eye(N)[0],
+        A_ub=np.vstack((changes, -changes, velocities, positions)),
+        b_ub=np.concatenate((most + first, most - first, np.full(N, V - v), end - q - v * times)),
+        A_eq=np.vstack((velocities[-1], np.eye(N)[-1])),
+        b_eq=np.array((-v, 0.0)),
+        bounds=[(-A, A)] * N,
+    )
+    return v + T * found.x[0] if found.status == 0 else np.nan
+
+
+def test_the_largest_velocity_is_nearly_that_of_linear_programming():
+    """And never larger. The braking that is looked ahead to is not the shortest one of all."""
+    random = np.random.default_rng(1)
+    acted = 0
+    for _ in range(400 if NIGHTLY else 40):
+        joints = Joints(1, 10.0, 1000.0, 0.01, 0.8, 2.0)
+        joints.q[:] = random.uniform(0.9, 1.0)
+        joints.v[:] = random.uniform(-0.2, 0.6)
+        joints.a[:] = random.uniform(-10.0, 10.0)
+        best = largest_velocity(joints.q[0], joints.v[0], joints.a[0], joints)
+        _, upper, kept = joints.box()
+        if not kept or np.isnan(best):
+            continue
+        assert upper[0] <= best + 1e-7
+        assert upper[0] >= best - 0.02
+        acted += upper[0] < joints.v[0] + 0.1 - ROUNDING
+    assert acted > 10
+
+
+def test_a_joint_that_is_pushed_to_its_end_comes_to_rest_there_and_stays():
+    joints = Joints(1, 10.0, 5000.0, 0.001, 2.6, 2.0)
+    for _ in range(2000):
+        joints.move(joints.box()[1])
+    assert joints.q[0] == pytest.approx(1.0, abs=1e-6)
+    assert abs(joints.v[0]) < 1e-6
+    assert abs(joints.a[0]) < 1e-3
+
+
+def test_a_joint_beyond_its_end_comes_back_within_its_jerk():
+    joints = Joints(1, 10.0, 5000.0, 0.001, 2.6, 2.0)
+    joints.q[:] = 1.1
+    for _ in range(1000):
+        _, upper, _ = joints.box()
+        before = joints.a
+        joints.move(upper)
+        assert np.abs(joints.a - before).max() <= 5.0 * (1.0 + ROUNDING)
+    assert joints.q[0] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_commands_keep_the_jerk_through_switches_and_stops(law):
+    model = RobotModel.named('fr3')
+    T = 0.001
+    controller = Controller(model, law, T, task='pose', limits=ALL, switch_time=0.05)
+    random = np.random.default_rng(0)
+    q = np.array(model.arm.start)
+    ddq = np.zeros(7)
+    for k in range(20_000 if NIGHTLY else 1500):
+        if k % 100 == 0:
+            dx = random.normal(scale=(0.3, 0.3, 0.3, 1.0, 1.0, 1.0))
+        if k % 350 == 300:
+            controller.hold()
+        elif k % 350 == 0:
+            controller.resume()
+            controller.switch_law(random.choice(list(LAWS)) if k else law)
+        command = controller.update(q, dx)
+        q = command.q_ref
+        assert np.abs(command.ddq - ddq).max() <= 5000.0 * T * (1.0 + 1e-6)
+        assert np.abs(command.ddq).max() <= 10.0 * (1.0 + 1e-6)
+        ddq = command.ddq
+
+
+def test_a_stop_ends_at_rest():
+    model = RobotModel.named('fr3')
+    controller = Controller(model, 'minimum_velocity', 0.001, limits=ALL)
+    q = np.array(model.arm.start)
+    for _ in range(300):
+        q = controller.update(q, np.array((0.0, 0.3, 0.0))).q_ref
+    controller.hold()
+    for _ in range(300):
+        q = controller.update(q, np.zeros(3)).q_ref
+    assert controller.at_rest
+
+
+@pytest.mark.parametrize('lost', [1, 2, 3])
+def test_what_a_robot_sees_after_lost_commands_keeps_the_limits(lost):
+    """It bridges them with constant acceleration, while the controller knows of nothing."""
+    T, A, J = 0.001, 10.0, 5000.0
+    model = RobotModel.named('fr3')
+    controller = Controller(
+        model, 'minimum_velocity', T, limits=ALL, limit_gains={'jerk.lost': lost}
+    )
+    random = np.random.default_rng(0)
+    q = np.array(model.arm.start)
+    p, v, a = q, np.zeros(7), np.zeros(7)  # of the robot
+    since = 0  # the last command that came after a lost one; below zero while they get lost
+    for k in range(3000):
+        if k % 60 == 0:
+            dx = random.normal(scale=0.5, size=3)
+        q = controller.update(q, dx).q_ref
+        since = -random.integers(1, lost + 1) if since > 2 and random.random() < 0.2 else since + 1
+        if since < 0:
+            v = v + T * a
+            p = p + T * v
+            continue
+        seen = ((q - p) / T - v) / T
+        assert np.abs(seen).max() <= A * (1.0 + 1e-6)
+        assert np.abs(seen - a).max() <= J * T * (1.0 + 1e-6)
+        p, v, a = q, (q - p) / T, seen
+
+
+def test_an_arm_without_figures_needs_an_argument(model):
+    arm = replace(model.arm, acceleration_limit=())
+    with pytest.raises(ArrayError, match='jerk'):
+        JerkLimit(RobotModel(arm))
