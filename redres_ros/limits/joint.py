@@ -13,6 +13,10 @@ from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fil
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState
 from redres_ros.parameter import param
 
+# What a robot may be shown of its limits. It judges differences of positions, whose 16 digits leave
+# an acceleration 10 and a jerk 9 at 1 kHz.
+_SHOWN = 1.0 - 1e-7
+
 RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
 
 
@@ -142,7 +146,7 @@ class JerkLimit(JointLimit):
         of_velocity, of_position = self._differences
         in_next = self.lost + 1.0 + of_velocity + of_position
         after_that = 1.0 + of_velocity + 2.0 * of_position
-        return self.scale * np.array(self._given) / max(in_next, after_that)
+        return _SHOWN * self.scale * np.array(self._given) / max(in_next, after_that)
 
     @property
     def _differences(self) -> tuple[float, float]:
@@ -157,7 +161,7 @@ class JerkLimit(JointLimit):
     @property
     def figures(self) -> np.ndarray:
         A = np.array(self.model.arm.acceleration_limit or (np.inf,) * self.model.n)
-        return np.stack((self.J, self.scale * A, np.full(len(A), sum(self._differences))))
+        return np.stack((self.J, _SHOWN * self.scale * A, np.full(len(A), sum(self._differences))))
 
 
 @dataclass(frozen=True, eq=False)
