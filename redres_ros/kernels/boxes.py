@@ -132,8 +132,10 @@ def largest_speed(
     if d < -_ENOUGH / T:
         side = -1.0
         d = -d
-        lower, upper = -upper, -lower
         dq_prev = -dq_prev
+        most = -lower
+        lower = -upper
+        upper = most
     beyond = stops(upper, d, dq_prev, A, J, T)
     if not beyond > 0.0:
         return side * np.inf

@@ -130,7 +130,7 @@ def find_arm(name: str, **changes: object) -> Arm:
 
 def _with_another_tip(arm: Arm) -> Arm:
     """An arm of the table without its tasks, and without figures of joints beyond its tip."""
-    bare = replace(arm, rotor_inertia=(), acceleration_limit=(), start=())
+    bare = replace(arm, rotor_inertia=(), acceleration_limit=(), jerk_limit=(), start=())
     n = bare.kinematics().n
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
     body_radius = arm.body_radius[: n + 1]
