@@ -146,6 +146,7 @@ class Habits:
         velocities: Whether the hardware measures them; else they are NaN.
         one_turn: Whether it measures angles between -pi and pi only.
         servo: Time constant with which the arm follows its commands [s]; 0: at once.
+        simulated: Whether its clock begins at zero, as that of a simulation.
     """
 
     others: Sequence[str] = ()
@@ -154,6 +155,7 @@ class Habits:
     velocities: bool = True
     one_turn: bool = False
     servo: float = 0.0
+    simulated: bool = False
 
 
 class Cycle(NamedTuple):
@@ -206,6 +208,7 @@ class StandIn:
         self._judge = judge
         self._random = random.Random(0)
         self._habits = habits or Habits()
+        self._epoch = graph.clock.time_ns() if self._habits.simulated else 0  # [ns]
         self._joints = limits.joint_names
         self._names = sorted((*limits.joint_names, *self._habits.others))
         self._reference: np.ndarray | None = None  # the controller's newest; None: NaN
@@ -306,7 +309,8 @@ class StandIn:
         velocities = np.full(len(values), 0.0 if habits.velocities else np.nan)
         delay = self._random.uniform(-habits.jitter, habits.jitter) * self._period
         # The stamp is of the update's beginning; in a burst one comes right after the other.
-        stamp = max(self._graph.clock.time_ns() + round(1e9 * delay), self._stamp + 1000)
+        now = self._graph.clock.time_ns() - self._epoch
+        stamp = max(now + round(1e9 * delay), self._stamp + 1000)
         self._stamp = stamp
         state: JointState = to_joint_state(stamp, self._names, values, velocities)
         return state

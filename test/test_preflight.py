@@ -89,6 +89,14 @@ def test_where_all_is_well_every_finding_is_ok() -> None:
     assert {verdict.level for verdict in judge(BEHIND, None)} == {Level.OK}
 
 
+def test_a_margin_makes_up_for_a_range_that_is_published_narrower() -> None:
+    narrower = re.sub(r'upper="2\.967\d*"', 'upper="2.95"', ARM.description())
+    seen = replace(GOOD, description=narrower)
+    assert Level.FAULT in {verdict.level for verdict in judge(seen, None)}
+    kept = replace(seen, controller=parameters_with(**{'position.margin': 0.03}))
+    assert Level.FAULT not in {verdict.level for verdict in judge(kept, None)}
+
+
 def test_a_finding_names_its_subject_on_a_line() -> None:
     assert str(beyond('joints', GOOD)) == 'ok     joints      all 7'
 

@@ -47,6 +47,8 @@ ON_A_RAIL = urdf(yaw=RAIL).replace('"tip"', '"tool0"')
 
 
 UR = ur_linear_axis()
+KUKA = find_arm('iiwa7').description().replace('lbr_A', 'joint_')  # their arm is an iiwa 14
+SIMULATED = find_arm('gen3').description()
 UR_ACCELERATION = (1.0, *(5.0,) * 6)  # [m/s^2], [rad/s^2]
 
 
@@ -72,6 +74,12 @@ ROBOTS = {
     'kinova_gen3': Robot(find_arm('gen3'), FrankaRules, ('robotiq_85_left_knuckle_joint',)),
     'ros2_control': Robot(
         arm_from_urdf(ON_A_RAIL, 'tool0'), FrankaRules, ('finger',), description=ON_A_RAIL
+    ),
+    'kuka_drivers': Robot(
+        arm_from_urdf(KUKA, 'tool0', acceleration_limit=(10.0,) * 7), LbrGuard, description=KUKA
+    ),
+    'mujoco_ros2_control': Robot(
+        arm_from_urdf(SIMULATED, 'tool0'), LbrGuard, ('finger',), description=SIMULATED
     ),
     'ur_linear_axis': Robot(
         arm_from_urdf(UR, 'tool0', acceleration_limit=UR_ACCELERATION), LbrGuard, description=UR
@@ -113,7 +121,8 @@ def stand_in(name: str, graph: Graph) -> StandIn:
     limits = JointLimits.of(robot.arm)
     judge = robot.judge(limits, 1.0 / rate)
     start = np.array(robot.arm.start)
-    return StandIn(graph, limits, start, rate, judge, Habits(others=robot.others))
+    habits = Habits(others=robot.others, simulated='use_sim_time' in parameters_of(name))
+    return StandIn(graph, limits, start, rate, judge, habits)
 
 
 # rclcpp's SystemDefaultsQoS, of joint_state_broadcaster, the forwarding controllers and Franka's
@@ -152,7 +161,8 @@ def test_the_robot_moves_and_has_nothing_to_complain_of(name: str) -> None:
         assert move(name, graph, robot) == 'finished'
     assert robot.complaints == []
     steps = np.abs(np.diff(robot.way, axis=0)).max()
-    assert 0.0 < steps <= 0.2 * JointLimits.of(ROBOTS[name].arm).velocity.max() / rate_of(name)
+    fastest = 0.2 * JointLimits.of(ROBOTS[name].arm).velocity.max()  # [rad/s]
+    assert 0.0 < steps <= fastest / rate_of(name) + 1e-9
 
 
 @pytest.mark.parametrize(('bridging', 'warned'), [('hold', False), ('extrapolate', True)])

@@ -132,8 +132,8 @@ def _judge_description(
         i = published.joint_names.index(name)
         theirs = (published.lower[i], published.upper[i], published.velocity[i])
         ours = (limits.lower[j], limits.upper[j], limits.velocity[j])
-        excess = (theirs[0] - ours[0], ours[1] - theirs[1], ours[2] - theirs[2])
-        if max(excess) > _SAME:
+        excess = (theirs[0] - ours[0], ours[1] - theirs[1])
+        if max(*excess, ours[2] - theirs[2] + expected.margin) - expected.margin > _SAME:
             yield Verdict(
                 Level.FAULT,
                 'limits',

@@ -31,7 +31,10 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
     """
     if seen.controller:
         parameters = seen.controller
-        expected = ExpectedArm(parameters['robot'], parameters['tip_frame'], parameters['rate'])
+        margin = parameters.get('position.margin') or 0.0
+        expected = ExpectedArm(
+            parameters['robot'], parameters['tip_frame'], parameters['rate'], margin
+        )
     verdicts = [*judge_states(seen), *judge_session(seen)]
     if expected is None:
         text = 'no controller runs and no --robot is named: joints and limits are not known'

@@ -43,6 +43,7 @@ _ASKED = (  # of the controller
     'bridging',
     'limits',
     'limit_scale',
+    'position.margin',
 )
 _MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 

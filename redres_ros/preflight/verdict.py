@@ -32,8 +32,10 @@ class ExpectedArm:
         robot: Name, path, or topic.
         tip_frame: Empty: the arm's own.
         rate: States a second [Hz].
+        margin: Kept from the ends of the ranges [rad].
     """
 
     robot: str
     tip_frame: str = ''
     rate: float = 500.0
+    margin: float = 0.0
