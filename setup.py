@@ -13,22 +13,22 @@ NAME = 'redres_ros'
 PACKAGE = ElementTree.parse(Path(__file__).parent / 'package.xml').getroot()
 MAINTAINER = PACKAGE.find('maintainer')
 
-# The library asks for little, so that it fits beside a robot's driver. What `redres` needs beyond
-# that: the fake robot and plots.
-TOOLS = [
-    'mujoco>=3.10',  # whose mj_fullM takes the data
-    'matplotlib>=3.6',
-]
+# The library asks for little, so that it fits beside a robot's driver. The fake robot has an extra
+# of its own: a distribution has no package of MuJoCo.
+FAKE = ['mujoco>=3.10']  # whose mj_fullM takes the data
+# What `redres` needs beyond the library: the fake robot and plots.
+TOOLS = [*FAKE, 'matplotlib>=3.6']
 # What `redres view` and films need.
 VIEW = ['viser>=1.1']
 VIDEO = ['imageio-ffmpeg>=0.6', 'pillow>=10.2']
-ROS = [
-    *TOOLS,
+# What the nodes need beside a robot, and then beside the fake one.
+ROBOT = [
     # ros-rclpy alone would bring a newer ROS than Jazzy
     'ros-jazzy-rclpy[fastrtps]',
     'ros-jazzy-common-interfaces',
     'mcap>=1.3',
 ]
+ROS = [*TOOLS, *ROBOT]
 # `redres reproduce` filters and integrates with it.
 PAPER = ['scipy>=1.11']
 # The site asks the nodes what they have.
@@ -55,8 +55,8 @@ setup(
     version=PACKAGE.findtext('version'),
     description=PACKAGE.findtext('description'),
     license=PACKAGE.findtext('license'),
-    author=MAINTAINER.text,
-    author_email=MAINTAINER.get('email'),
+    author=PACKAGE.findtext('author'),
+    url=PACKAGE.findtext('url'),
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     keywords=['ROS', 'robotics', 'redundancy resolution', 'inverse kinematics'],
@@ -82,7 +82,9 @@ setup(
         'rich>=13.0',
     ],
     extras_require={
+        'fake': FAKE,
         'tools': TOOLS,
+        'robot': ROBOT,
         'ros': ROS,
         'view': [*ROS, *VIEW],
         'video': [*ROS, *VIDEO],

@@ -1,5 +1,7 @@
 """Names and parameters of nodes, as files and command lines give them."""
 
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -127,6 +129,26 @@ def test_a_mistyped_law_is_refused_before_its_node_is_loaded(
     monkeypatch.setattr('redres_ros.nodes.entry.import_module', None)
     assert run_node('controller', ['--ros-args', '-p', 'law:=least']) == 1
     assert 'minimum_velocity' in capfd.readouterr().err
+
+
+@pytest.mark.parametrize('name', ['sim', 'composed', 'controller', 'planner'])
+def test_only_the_fake_robot_needs_mujoco_and_says_how_to_get_it(name: str) -> None:
+    program = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        'from redres_ros.nodes import entry\n'
+        f"entry.{name}.__globals__['sys'].argv[1:] = ['--ros-args', '-p', 'rate:=no']\n"
+        f'sys.exit(entry.{name}())'
+    )
+    with own_domain():
+        done = subprocess.run(
+            [sys.executable, '-c', program], capture_output=True, text=True, check=False
+        )
+    assert done.returncode == 1
+    needs_it = name in ('sim', 'composed')
+    expected = (
+        "needs mujoco, which is not installed; install it with: pip install 'redres_ros[fake]'"
+    )
+    assert (expected in done.stderr) is needs_it, done.stderr
 
 
 def test_a_remedy_names_the_bare_package_where_ros_has_installed_this_one(

@@ -39,8 +39,6 @@ _GROUPS = (
     bench,
 )  # in the order of `redres --help`
 
-# Extras that bring a package; all others come with [ros].
-_EXTRAS = {'viser': 'view', 'imageio_ffmpeg': 'video', 'scipy': 'paper'}
 _PLUGIN = '--plugin'
 
 _BEGINNING = """\
@@ -110,11 +108,9 @@ def _line(error: BaseException) -> str:
     if isinstance(error, ModuleNotFoundError):
         if (error.name or '').startswith('redres_ros'):
             raise error
-        extra = _EXTRAS.get(error.name or '', 'ros')
-        from redres_ros.files.remedy import remedy
+        from redres_ros.files.remedy import not_installed
 
-        command = remedy(extra, error.name or '')
-        return f'the package {error.name} is not installed; install it with: {command}'
+        return not_installed(error.name or '')
     if isinstance(error, OSError) and error.strerror:
         place = f': {error.filename}' if error.filename else ''
         return f'{error.strerror}{place}'

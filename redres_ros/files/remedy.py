@@ -6,12 +6,21 @@ import os
 import sys
 from pathlib import Path
 
+# Extras that bring a module; all others come with [ros].
+_EXTRAS = {'imageio_ffmpeg': 'video', 'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
+_FOR = {'mujoco': 'the fake robot needs mujoco, which'}
 _MARKER = 'share/ament_index/resource_index/packages/redres_ros'
 _ON_PYPI = {  # where the name of the package is not that of its module
     'imageio_ffmpeg': 'imageio-ffmpeg',
     'pinocchio': 'pin',
     'yaml': 'PyYAML',
 }
+
+
+def not_installed(module: str) -> str:
+    """One line on a module that is missing, and how to get it."""
+    what = _FOR.get(module, f'the package {module}')
+    return f'{what} is not installed; install it with: {remedy(_EXTRAS.get(module, "ros"), module)}'
 
 
 def remedy(extra: str, *modules: str) -> str:

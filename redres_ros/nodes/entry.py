@@ -9,6 +9,7 @@ from pathlib import Path
 
 from redres_ros.errors import RedresError
 from redres_ros.files.law_names import check_law
+from redres_ros.files.remedy import not_installed
 
 _ROS = '--ros-args'
 _REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
@@ -58,6 +59,9 @@ def run_node(name: str, arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # who read our help, as `| head` does, has gone
+        return 1
+    except ModuleNotFoundError as error:
+        print(f'redres_{name}: {not_installed(error.name or "")}', file=sys.stderr)
         return 1
     except (OSError, ImportError, RedresError) as error:
         print(f'redres_{name}: {" ".join(str(error).split())}', file=sys.stderr)
