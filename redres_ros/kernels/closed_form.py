@@ -196,7 +196,7 @@ def are_regular(R: np.ndarray, first: int, size: float) -> bool:
         size: The singular values of the first task are judged against this, or against the largest
             one if that is larger.
     """
-    begin = np.int64(0)  # numba would compile is_regular for a literal 0 by itself
+    begin = 0 * first  # for a literal 0 numba would compile is_regular once more
     end = first
     while begin < len(R):
         if not is_regular(R, begin, end, size):
