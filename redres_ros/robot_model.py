@@ -154,6 +154,11 @@ class RobotModel:
         return type(self), (self._portable_arm,)
 
     @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links."""
+        return tuple(frame.name for frame in self._model.frames if frame.type == pin.BODY)
+
+    @property
     def elbow_frame(self) -> str:
         """The frame that is the arm's elbow. Raises FileError for an arm that names none."""
         if not self.arm.elbow_frame:
@@ -403,8 +408,7 @@ class RobotModel:
     def _frame(self, name: str) -> int:
         """The frame of a link; a joint may have the same name."""
         if not self._model.existFrame(name, pin.BODY):
-            links = [frame.name for frame in self._model.frames if frame.type == pin.BODY]
-            raise UnknownNameError('frame', name, links)
+            raise UnknownNameError('frame', name, self.links)
         return self._model.getFrameId(name, pin.BODY)
 
 

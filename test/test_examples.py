@@ -51,6 +51,12 @@ def test_the_law_of_ones_own_spares_the_joint_that_it_is_to_spare() -> None:
     assert numbers(own)[0] < 0.6 * numbers(plain)[0]
 
 
+def test_a_sensor_of_ones_own_moves_the_elbow_and_not_the_tip() -> None:
+    clearance, moved = numbers(run('own_sensor'))
+    assert clearance == pytest.approx(100.0, abs=5.0)
+    assert moved < 0.1  # 20 mm/s of the elbow, and a step of T errs by some micrometres
+
+
 def test_within_limits_the_joints_are_asked_for_what_they_have() -> None:
     without, within = run('within_limits').splitlines()
     count, share, *_ = numbers(without)

@@ -87,6 +87,20 @@ def test_an_arm_at_rest_yields_to_a_push_and_then_holds_again() -> None:
     assert arm.loop.error == ''
 
 
+def test_an_arm_is_led_by_hand_like_a_mass_and_comes_to_rest_when_let_go() -> None:
+    mass = 5.0
+    arm = PushedArm(replace(FREE, mass=(mass,) * 3, damping=(10.0,) * 3))
+    arm.run(0.1, NOTHING)
+    x0 = arm.x
+    arm.run(1.1, PUSH)
+    # f/D (t - M/D (1 - exp(-D t / M))) with t = 1 s, after half of the fade of 0.1 s and its twin
+    expected = 1.0 - mass / 10.0 * (1.0 - np.exp(-10.0 / mass))
+    assert (arm.x - x0)[1] == pytest.approx(expected, abs=0.1)
+    arm.run(10.0, NOTHING)
+    assert arm.loop.mode is Mode.HOLDING
+    assert arm.loop.error == ''
+
+
 def test_a_held_arm_does_not_yield() -> None:
     arm = PushedArm(FREE)
     arm.run(0.1, NOTHING)

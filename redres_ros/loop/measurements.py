@@ -42,14 +42,15 @@ class Measurements:
         self._values: dict[str, _Measurement] = {}
         self._time = 0.0  # [s] of the loop
         self._asked = -np.inf  # when motion was last asked for [s]
+        self._usable = 0.0  # when there was a usable wrench last, or none was needed [s]
         self._dx = np.zeros(0)  # task velocity of the last tick without the part of contact
 
     @property
     def problem(self) -> str:
         """Why an arm that should yield does not; '' if it does, or should not."""
-        if not self.contact.is_on:
-            return ''
-        return self.contact.warning or self.contact.sensor.problem
+        if self._time - self._usable <= _PAUSE:  # the first wrench may be on its way
+            return self.contact.warning
+        return self.contact.sensor.problem
 
     def check_age(self, what: str, stamp: int, cycles: CycleCounter) -> None:
         """Raise MeasurementAgeError for a stamp too far from the robot's clock.
@@ -97,6 +98,8 @@ class Measurements:
             at_rest: Nothing moves yet.
         """
         self._time += (missed + 1) * self._controller.T
+        if not (self.contact.is_on and self.contact.sensor.problem):
+            self._usable = self._time
         if not self._values and not self.contact.is_on:
             self.asks = False
             return

@@ -1,7 +1,7 @@
 """Buttons, menus and sliders: each controls one parameter or service, and shows its state."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -51,6 +51,7 @@ class Controls:
         server: Of the page.
         client: Gives the orders.
         values: The parameters of 'controller' and 'sim' at present.
+        links: Of the arm, which can be pushed.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class Controls:
         server: viser.ViserServer,
         client: GraphClient,
         values: Mapping[str, Mapping[str, Any]],
+        links: Sequence[str] = (),
     ) -> None:
         self._server = server
         self._client = client
@@ -68,7 +70,7 @@ class Controls:
         self._add_names('limits', LIMITS, values['controller'])
         self._add_names('preferences', PREFERENCES, values['controller'])
         if values['sim']:
-            self._add_push()
+            self._add_push(values['sim']['push_link'], links)
             self._add_faults(values['sim'])
 
     def show(self, node: str, values: Mapping[str, Any]) -> None:
@@ -130,9 +132,17 @@ class Controls:
             box.on_update(order)
         self._shows['controller'][of] = show
 
-    def _add_push(self) -> None:
+    def _add_push(self, pushed: str, links: Sequence[str]) -> None:
+        """What pushes a link.
+
+        Args:
+            pushed: The link at present; '' is the tip.
+            links: Those that there are.
+        """
         gui = self._server.gui
-        with gui.add_folder('push on the tip'):
+        with gui.add_folder('push the arm'):
+            link = gui.add_dropdown('link (none: the tip)', ('', *links), initial_value=pushed)
+            self._bind(link, 'sim', 'push_link')
             force = gui.add_slider('force [N]', 0.0, _PUSH_MOST, 5.0, initial_value=_PUSH)
             buttons = gui.add_button_group('along', _DIRECTIONS)
         buttons.on_click(lambda event: self._push(event, event.target.value, force.value))

@@ -82,7 +82,8 @@ class Page:
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
                 self._plots = Plots(gui, values['controller']['law'])
         seen.dock_left()
-        self._controls = Controls(self._server, self._monitor.client, values)
+        links = self._arm.model.links
+        self._controls = Controls(self._server, self._monitor.client, values, links)
         gui.main_panel.dock_right()
 
     def _look(self) -> None:
