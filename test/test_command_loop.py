@@ -399,6 +399,15 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
     assert speed(answer) < 1e-3
 
 
+def test_before_an_inactive_controller_is_silent_it_repeats_its_last_reference() -> None:
+    robot = limited()
+    robot.follow(300)
+    robot.following.deactivate()
+    robot.follow(1000)
+    assert robot.following.mode is Mode.INACTIVE
+    np.testing.assert_array_equal(robot.references[-1], robot.references[-2])
+
+
 def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None:
     period = 0.01  # [s]
     model = RobotModel.named('gen3')

@@ -475,7 +475,8 @@ class CommandLoop:
             allowed = True
             asked = asked or self.measurements.asks
         conditions = Conditions(
-            active=self._active,
+            # A robot that extrapolates rests only after the same reference twice.
+            active=self._active or bool(self.gate.dq.any()),
             commandable=self.commanding,
             motion_allowed=allowed,
             motion_asked=asked,
