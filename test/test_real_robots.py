@@ -178,6 +178,26 @@ def test_a_user_who_forwards_commands_is_warned_that_ros2_control_holds(
 
 
 @pytest.mark.slow
+def test_after_a_reflex_no_task_goes_on_by_itself() -> None:
+    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):
+        words: list[str] = []
+        graph.listen('planner/state', 'test', lambda message: words.append(message.data))
+        robot = stand_in('franka_fr3', graph)
+        clock.advance(0.5)
+        assert graph.call('planner/start').success
+        clock.advance(1.0)
+        assert words[-1] == 'moving'
+        robot.fail_read()
+        clock.advance(0.8)
+        robot.recover()
+        clock.advance(0.5)
+        stood = robot.q
+        clock.advance(0.5)
+        assert words[-1] == 'idle'
+        assert np.array_equal(robot.q, stood)
+
+
+@pytest.mark.slow
 def test_after_lost_states_no_step_is_longer_than_one_cycle_allows() -> None:
     count = 0
 

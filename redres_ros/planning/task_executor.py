@@ -254,7 +254,7 @@ class TaskExecutor:
             self._seconds = cycles * self._T
             if cycles == 0:
                 self._task_clock.interrupt()
-            if cycles == 0 and before:
+            if cycles != 1 and before:
                 self._end_after((stamp - before) / NANOSECONDS)
             self._task_clock.advance(cycles)
         if is_new or self._step is None:
