@@ -25,6 +25,8 @@ class Command(NamedTuple):
         unachieved: The part of dx that a singularity blocks, (m,).
         component_scaling: The fraction of each component of dx, translation and rotation, that the
             limits allow, if they are scaled separately; else empty.
+        escape: Joint velocity away from the most active limit, (n,), of any length; None if none
+            is active.
     """
 
     dq: np.ndarray
@@ -37,6 +39,7 @@ class Command(NamedTuple):
     active_limits: str
     unachieved: np.ndarray
     component_scaling: tuple[float, ...] = ()
+    escape: np.ndarray | None = None
 
     @property
     def null(self) -> np.ndarray:

@@ -389,6 +389,7 @@ class Controller:
             solution.active_limits,
             unachieved,
             solution.component_scaling,
+            solution.escape,
         )
 
     def standing(self) -> Command:

@@ -148,6 +148,7 @@ class Policy:
             s=solved.s,
             active_limits=active,
             component_scaling=solved.component_scaling,
+            escape=solved.escape,
         )
 
     def with_initial_targets(self, state: RobotState) -> 'Policy':

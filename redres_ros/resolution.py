@@ -109,6 +109,8 @@ class Solution:
         dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
         component_scaling: The fraction of `executed` along each component, translation and
             rotation, if they are scaled separately; else empty.
+        escape: Joint velocity away from the most active limit, (n,), of any length; None if none
+            is active.
     """
 
     dq: np.ndarray
@@ -121,6 +123,7 @@ class Solution:
     active_limits: str = ''
     dq_old: np.ndarray | None = None
     component_scaling: tuple[float, ...] = ()
+    escape: np.ndarray | None = None
 
 
 def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:

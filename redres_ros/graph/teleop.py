@@ -14,12 +14,14 @@ from contextlib import contextmanager
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
+from std_msgs.msg import String
 
-from redres_ros.errors import RedresError
+from redres_ros.errors import RedresError, one_line
 from redres_ros.files.signals import handled
 from redres_ros.graph.key_map import HELP, KeyMap
+from redres_ros.loop.limit_report import LimitReport, read
 from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.qos import NEWEST, PUBLISH
 
 TOPIC = 'cartesian_velocity'
 
@@ -28,6 +30,7 @@ _LAST_WORDS = 0.3  # [s] for which zeros follow a motion; then others may have t
 _MOST_KEYS = 64  # read at once
 _ENDING = (signal.SIGTERM, signal.SIGHUP)  # these would end the process without clean-up
 _CLEAR = '\r\x1b[K'  # a terminal's line
+_BAR = 10  # characters
 _NOW = 0  # a stamp that means: as soon as it comes
 
 
@@ -49,7 +52,12 @@ class Teleop(Node):
         self._key_map = key_map
         self._frame = frame
         self._moved_at = -np.inf  # [s] when the task velocity was last not zero
+        self.limits = read('')  # what was reported of them last
         self._publisher = self.create_publisher(TwistStamped, TOPIC, PUBLISH)
+        self.create_subscription(String, 'controller/active_limits', self._on_limits, NEWEST)
+
+    def _on_limits(self, message: String) -> None:
+        self.limits = read(one_line(message.data))
 
     def publish(self, now: float) -> np.ndarray:
         """Publish the task velocity of now [s]; it is returned, (6,)."""
@@ -136,15 +144,15 @@ def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
             for key in keys.decode(errors='replace'):
                 key_map.press(key, time.monotonic())
         dx = node.publish(time.monotonic())
-        line = _line(dx, key_map, node.listeners)
+        line = _line(dx, key_map, node.listeners, node.limits)
         if line != shown:
             width = shutil.get_terminal_size().columns - 1
             print(f'{_CLEAR}{line[:width]}', end='', flush=True)
             shown = line
 
 
-def _line(dx: np.ndarray, key_map: KeyMap, listeners: int) -> str:
-    """What is asked for, in words."""
+def _line(dx: np.ndarray, key_map: KeyMap, listeners: int, limits: LimitReport) -> str:
+    """What is asked for, and what limits leave of it, in words."""
     if not listeners:
         return f'nobody listens to {TOPIC}; is the controller running in this ROS domain?'
     speeds = f'{key_map.speed:.3f} m/s, {key_map.turn:.2f} rad/s'
@@ -153,4 +161,13 @@ def _line(dx: np.ndarray, key_map: KeyMap, listeners: int) -> str:
         for axis, value in zip(('x', 'y', 'z', 'rx', 'ry', 'rz'), dx, strict=True)
         if value
     ]
-    return f'{speeds} | {"  ".join(moves) or "standing still"}'
+    asked = f'{speeds} | {"  ".join(moves) or "standing still"}'
+    return f'{asked} | {limit_bar(limits)}' if moves and limits.limit else asked
+
+
+def limit_bar(limits: LimitReport) -> str:
+    """A bar of what is executed, and a word on what limits it."""
+    full = round(_BAR * min(max(limits.least, 0.0), 1.0))
+    bar = '#' * full + '-' * (_BAR - full)
+    away = f', away {limits.away}' if limits.away else ''
+    return f'[{bar}] {limits.limit}{away}'

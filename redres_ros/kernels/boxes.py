@@ -165,7 +165,7 @@ def box_of_joint(
     i: int,
     q: float,
     last: tuple[float, float],
-    jerk: tuple[float, float],
+    jerk: tuple[float, float, float],
     box: tuple[float, float],
     T: float,
 ) -> tuple[float, float]:
@@ -179,12 +179,12 @@ def box_of_joint(
         q: Its position [rad].
         last: Its last velocity [rad/s] and acceleration [rad/s^2].
         jerk: The largest one [rad/s^3], infinite without a limit on it, and the largest
-            acceleration [rad/s^2] that goes with it.
+            acceleration [rad/s^2] that goes with it; by how much that is lowered [rad/s^2].
         box: What the limits before allow [rad/s].
         T: Sampling time [s].
     """
     dq_prev, ddq_prev = last
-    J, A_most = jerk
+    J, A_most, lowered = jerk
     if kind == JERK:  # |ddq - ddq_prev| <= J T
         least = max(ddq_prev - J * T, min(-A_most, ddq_prev + J * T))
         most = min(ddq_prev + J * T, max(A_most, ddq_prev - J * T))
@@ -193,7 +193,7 @@ def box_of_joint(
         reach = T * figures[k, 0, i]
         return dq_prev - reach, dq_prev + reach
     if kind == VELOCITY and J < np.inf:  # the acceleration comes to zero before the velocity to V
-        V = figures[k, 0, i]
+        V = figures[k, 0, i] - T * lowered
         least = dq_prev - T * stopping_speed(V + dq_prev, J, T)
         return least, dq_prev + T * stopping_speed(V - dq_prev, J, T)
     if kind == VELOCITY:  # |dq| <= V
@@ -292,13 +292,17 @@ def fill_boxes(
         last = (dq_prev[i], ddq_prev[i])
         J = np.inf
         A_most = np.inf
+        lowered = 0.0
         for k in range(len(kinds)):
             if kinds[k] == JERK:
                 J = figures[k, 0, i]
                 A = figures[k, 1, i]
-                A_most = max(A - figures[k, 2, i] * J * T, _LEAST_ACCELERATION * A)
+                lowered = figures[k, 2, i] * J * T
+                A_most = max(A - lowered, _LEAST_ACCELERATION * A)
             box = (lower, upper)
-            least, most = box_of_joint(kinds[k], figures, k, i, q[i], last, (J, A_most), box, T)
+            least, most = box_of_joint(
+                kinds[k], figures, k, i, q[i], last, (J, A_most, lowered), box, T
+            )
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
             if kinds[k] == ACCELERATION:

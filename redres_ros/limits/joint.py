@@ -106,8 +106,8 @@ class JerkLimit(JointLimit):
         jerk: (n,) [rad/s^3]; empty for the arm's table. An arm without one gets RISE times its
             acceleration limits.
         lost: A robot that bridges a lost command with constant acceleration sees a jump in the
-            next one. Jerk and acceleration are lowered so that what it sees keeps the limits, if
-            two commands at least come before the next one is lost.
+            next one. Jerk, acceleration and velocity are lowered so that what it sees keeps the
+            limits, if two commands at least come before the next one is lost.
 
     Raises:
         ArrayError: Neither it nor the arm's table has a positive value for each joint.

@@ -74,8 +74,17 @@ class Bounds:
         if acting is None:
             return solved, ''
         limit, index = acting
+        solved = solved._replace(escape=-solved.side * self._row(solved.limiting))
         name = self.limits.names[limit]
         return solved, f'{limit.place(self.state, index, self.T)}: {name}'
+
+    def _row(self, index: int) -> np.ndarray:
+        """The row (n,) of a bound: of the joints first, then of the rows."""
+        n = len(self.state.q)
+        if index < n:
+            return np.eye(n)[index]
+        C: np.ndarray = np.concatenate([C for C, _, _ in self.rows])
+        return C[index - n]
 
     def acting_limit(self, solved: Constrained) -> tuple[Limit, int] | None:
         """The limit that resists hardest, and its joint or row; None where none does."""

@@ -6,9 +6,10 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_msgs.msg import Float64, String
 
-from redres_ros.command import FIGURES, norm
+from redres_ros.command import FIGURES, Command, norm
 from redres_ros.laws import Law, law_name
 from redres_ros.loop.command_loop import Response
+from redres_ros.loop.limit_report import report
 from redres_ros.nodes.controller_snapshot import SnapshotPublisher
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import Telemetry
@@ -19,7 +20,7 @@ _FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING
 # may be lost
 _REMINDER = 0.008
 _LIMITS_PERIOD = 0.1  # [s] at least between two messages of the active limits
-_LIMITS_REMINDER = 0.5  # [s] after which they are published again although they are the same
+_LIMITS_REMINDER = 0.5  # [s] the same, while none acts
 
 
 class MotionTelemetry:
@@ -70,7 +71,7 @@ class MotionTelemetry:
         self._unsaid += 1
         if self._unsaid >= self._unsaid_most:
             self._publish_scaling(response.scaling)
-        self._publish_limits(response.command.active_limits)
+        self._publish_limits(response.command)
         self._snapshots.see(response.stamp, response.command)
         if not self._telemetry.has_subscribers:
             return
@@ -82,14 +83,14 @@ class MotionTelemetry:
         publish('lost_velocity', lambda: norm(command.unachieved))
         publish('law', lambda: law_name(law))
 
-    def _publish_limits(self, active_limits: str) -> None:
-        """Publish which limits act, when they change or now and then."""
+    def _publish_limits(self, command: Command) -> None:
+        """Publish which limits act: often while they do or have just changed, else now and then."""
         self._limits_age += 1
-        least = self._limits_most if active_limits == self._active_limits else self._limits_least
-        if self._limits_age >= least:
-            self._active_limits = active_limits
+        is_quiet = not command.active_limits and not self._active_limits
+        if self._limits_age >= (self._limits_most if is_quiet else self._limits_least):
+            self._active_limits = command.active_limits
             self._limits_age = 0
-            self._limits_telemetry.publish('active_limits', lambda: active_limits)
+            self._limits_telemetry.publish('active_limits', lambda: report(command).text)
 
     def _tip_pose(self, response: Response) -> PoseStamped:
         """The measured pose of the tip."""

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
 from redres_ros.laws import make_law
+from redres_ros.loop.limit_report import read
 from redres_ros.nodes.conversions import JointMapper, from_pose
 from redres_ros.nodes.diagnostics import (
     ERROR,
@@ -268,7 +269,7 @@ class PlannerNode(ManagedNode):
         self._run.set_mode(self._mode)
 
     def _on_limits(self, message: String) -> None:
-        self._run.set_active_limits(one_line(message.data))
+        self._run.set_active_limits(one_line(read(message.data).limit))
 
     def _on_stop_reason(self, message: String) -> None:
         stopped = one_line(message.data)

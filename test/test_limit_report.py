@@ -1,0 +1,52 @@
+"""What is reported of active limits: which one, the way out, and what is left of the velocity."""
+
+import numpy as np
+import pytest
+
+from redres_ros import Controller, RobotModel
+from redres_ros.loop.limit_report import LimitReport, read, report
+
+BOX = ('position', 'velocity', 'acceleration')
+
+
+def at_the_end_of_joint_4(scaling: str):
+    """The command of an FR3 that is drawn in along x until its elbow is folded."""
+    model = RobotModel.named('fr3')
+    limits = {'limits': BOX, 'scaling': scaling}
+    controller = Controller(model, 'minimum_velocity', 0.002, task='pose', **limits)
+    q = np.array(model.arm.start)
+    q[3] = model.q_min[3] + np.radians(0.5)
+    dx = model.jacobian(q, model.arm.tip_frame)[:, 3] * -0.2
+    return controller.update(q, dx)
+
+
+@pytest.mark.parametrize('scaling', ['task', 'components'])
+def test_a_joint_at_its_end_is_named_with_the_axis_that_leads_away(scaling):
+    command = at_the_end_of_joint_4(scaling)
+    said = report(command)
+    assert said.limit == 'fr3_joint4: position'
+    away = command.J[:3, 3]  # of the joint, upward
+    axis = int(np.abs(away).argmax())
+    assert said.away == ('+' if away[axis] > 0.0 else '-') + 'xyz'[axis]
+    assert ('translation' in said.scaling) == (scaling == 'components')
+
+
+def test_a_text_is_read_as_it_was_written():
+    said = LimitReport(
+        'fr3_joint4: position', '-z', {'s': 0.25, 'translation': 0.5, 'rotation': 1.0}
+    )
+    assert said.text == 'fr3_joint4: position; away -z; s 0.25; translation 0.50; rotation 1.00'
+    assert read(said.text) == said
+    assert said.least == 0.5
+
+
+@pytest.mark.parametrize('text', ['', ';', 'a; s x; away', 'a; b; c d e', '; s 0.1'])
+def test_any_text_can_be_read(text):
+    assert 0.0 <= read(text).least <= 1.0
+
+
+def test_without_an_active_limit_nothing_is_said():
+    model = RobotModel.named('fr3')
+    controller = Controller(model, 'minimum_velocity', 0.002, limits=BOX)
+    command = controller.update(np.array(model.arm.start), np.zeros(3))
+    assert report(command).text == ''
