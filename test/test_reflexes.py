@@ -200,14 +200,24 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
-def test_a_task_of_the_arm_keeps_clear_of_every_reflex(law):
+@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_weighted_torque'])
+@pytest.mark.parametrize('lost', [0.0, 0.02], ids=['every command comes', 'one in fifty is lost'])
+def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
     model = RobotModel.named('fr3')
-    limits = ('position', 'velocity', 'acceleration')
-    controller = Controller(model, make_law(law), T, limits=limits, limit_scale=0.8)
+    controller = Controller(
+        model,
+        make_law(law),
+        T,
+        limits=('position', 'velocity', 'acceleration', 'jerk'),
+        limit_gains={'jerk.lost': 2 if lost else 0},
+    )
     recording = closed_loop.run(controller, load_task(find_arm('fr3').task))
     assert recording.finished
     client = commanding()
+    random = np.random.default_rng(0)
     for q in np.column_stack([recording[f'q{joint}'] for joint in range(1, 8)]):
-        client.say(q)
+        if random.random() < lost:
+            client.advance()
+        else:
+            client.say(q)
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
