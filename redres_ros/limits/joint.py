@@ -107,7 +107,7 @@ class JerkLimit(JointLimit):
             acceleration limits.
         lost: A robot that bridges a lost command with constant acceleration sees a jump in the
             next one. Jerk, acceleration and velocity are lowered so that what it sees keeps the
-            limits, if two commands at least come before the next one is lost.
+            limits, if three commands at least come before the next one is lost.
 
     Raises:
         ArrayError: Neither it nor the arm's table has a positive value for each joint.
