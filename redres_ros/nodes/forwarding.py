@@ -32,7 +32,7 @@ class Forwarding:
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
         self.error = ''
-        self._logger = node.get_logger()
+        self._node = node
         self._names = list(names)
         self._publisher = node.create_publisher(
             Float64MultiArray, f'{_CONTROLLER}/commands', PUBLISH
@@ -92,14 +92,17 @@ class Forwarding:
             )
 
     def _go_without(self, now: float) -> None:
-        """Forward to a subscriber that has no parameters.
+        """Forward to a subscriber without parameters. Those of ros2_control's own controller may
+        be discovered later than its subscription.
 
         Args:
             now: [s].
         """
-        if now - self._waits_since > _PATIENCE:
+        ends = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        is_of_ros2_control = any(end.node_name == _CONTROLLER for end in ends)
+        if not is_of_ros2_control and now - self._waits_since > _PATIENCE:
             self._is_confirmed = True
-            self._logger.warning(
+            self._node.get_logger().warning(
                 f'who listens to {_CONTROLLER}/commands has no parameter joints; it must have them '
                 f'in the order {", ".join(self._names)}'
             )
