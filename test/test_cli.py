@@ -128,7 +128,10 @@ REFUSED = [
     (('--robot', 'fr3', '--task', 'rectangle'), 'the tip of fr3 is 794 mm away from the first'),
     (('--robot', 'planar4r', '--task', 'rectangle'), 'the task starts with 7 joints, and planar4r'),
     (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
-    (('--limits', 'speed'), "unknown limit 'speed'; allowed: acceleration, collision, none, "),
+    (
+        ('--limits', 'speed'),
+        "unknown limit 'speed'; allowed: acceleration, collision, jerk, none, ",
+    ),
     (('--limits', 'position,position'), "limit 'position' is named twice; allowed: once"),
     (('--limits', 'none,velocity'), '--limits none,velocity; expected names, or none alone'),
     (('--limits', 'position', '--position.margin', 'nan'), 'position.margin is nan; allowed: 0 to'),
