@@ -26,8 +26,9 @@ TOPICS = {
     'controller/joint_torque_norm': '‖τ‖ that the command needs [Nm]',
     'controller/min_singular_value': 'of the Jacobian: 0 at a singularity',
     'controller/task_scaling': 's: the fraction of the task velocity that the limits leave',
-    'controller/active_limits': 'the joint or pair of bodies, its most active limit, the axis along which '
-    'the tip moves away from that, s, and the fraction of translation and rotation that is executed',
+    'controller/active_limits': 'the joint or pair of bodies, its most active limit, the axis '
+    'along which the tip moves away from that, s, and the fraction of translation and rotation '
+    'that is executed',
     'controller/lost_velocity': 'unachieved task velocity, at a singularity [m/s]',
     'controller/snapshot': 'for pages: q, q̇ and the figures above, at most 20 times a second, with '
     'the largest ‖q̇‖ and ‖q̈‖ since the last one',
