@@ -26,7 +26,7 @@ from redres_ros.nodes.wire import stamp_of
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.recording import Recording, columns
+from redres_ros.simulation.recording import MotionRecorder, Recording, columns
 from redres_ros.simulation.report import print_tables
 
 T = 0.002  # [s]
@@ -232,8 +232,6 @@ def test_a_switch_is_reported_with_both_names_and_when() -> None:
 @pytest.fixture(scope='module')
 def rows_and_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, Path, RobotModel]:
     """The beginning of an ideal loop: its own table, and what nodes would have said of it."""
-    from redres_ros.simulation.recording import row
-
     model = RobotModel.named('lwr4_paper')
     task = load_task('rectangle')
     controller = Controller(model, make_law('dynamically_consistent'), T)
@@ -241,11 +239,11 @@ def rows_and_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, 
     path = tmp_path_factory.mktemp('recording') / 'file'
     recorder = Recorder(path)
     q = task.start
-    rows = []
+    motion = MotionRecorder(model.n, T)
     for k in range(200):
         reference = planner.reference(model.tip(q)[0], k * T)
         command = controller.update(q, reference.dx)
-        rows.append(row(k * T, command, reference))
+        motion.add(k * T, command, reference)
         tick = k + 1000
         recorder.write('/joint_states', joint_state(tick, q))
         recorder.write(
@@ -258,7 +256,7 @@ def rows_and_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, 
             recorder.write('/planner/state', String(data='moving'))
         q = command.q_ref
     recorder.close()
-    return Recording.of(rows, model.n, T, False, ''), path, model
+    return motion.recording(''), path, model
 
 
 def test_the_table_from_a_recording_is_that_of_the_loop(
