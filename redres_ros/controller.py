@@ -15,7 +15,7 @@ from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
-from redres_ros.policy import SPEED_LIMIT, Motion, Policy, advanced, after, make_policy
+from redres_ros.policy import SPEED_LIMIT, Crossfade, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
@@ -107,8 +107,8 @@ class Controller:
         self.bridging = bridging
         self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences
         self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
+        self.moving = True  # whether the policy is followed, or being faded in; not after hold()
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
-        self._moving = True
         policy = make_policy(
             model,
             law,
@@ -122,9 +122,8 @@ class Controller:
             gains=limit_gains,
         )
         self._policy = policy
-        self._targeted = policy  # with all targets
         self._motion: Motion = policy.stop
-        self._dq_prev = np.zeros(model.n)  # the last velocity, (n,) [rad/s]
+        self._targeted = policy  # with all targets
         self._follows_joints = False
         self.restart()
         self.set_policy(policy)
@@ -145,28 +144,20 @@ class Controller:
         return self._policy.preferences
 
     @property
-    def task(self) -> Task:
-        """The requested first task."""
-        return self._policy.task
-
-    @property
     def secondary_tasks(self) -> tuple[Task, ...]:
         """The requested secondary tasks."""
         return self._policy.secondary_tasks
 
     @property
-    def moving(self) -> bool:
-        """Whether the policy is followed (or being faded in); False after hold()."""
-        return self._moving
-
-    @property
     def at_rest(self) -> bool:
-        """Whether the last command had no velocity."""
-        return not self._dq_prev.any()
+        """Whether the last reference has no velocity."""
+        return not self.dq.any()
 
     @property
-    def q_ref(self) -> np.ndarray | None:
-        """The last position reference, (n,) [rad]; None before the first."""
+    def reference(self) -> np.ndarray:
+        """The last position reference, (n,) [rad]. Raises RedresError before the first."""
+        if self._q_ref is None:
+            raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
         return self._q_ref
 
     def set_policy(self, policy: Policy) -> None:
@@ -175,16 +166,12 @@ class Controller:
         Raises RedresError for one that does not fit the arm or T; the one in force then stays.
         """
         policy.check(self.model, self.T)
-        before = self._policy
-        targeted = self._targeted
-        if policy.preferences == before.preferences:
-            policy_targeted = replace(policy, preferences=targeted.preferences)
-        else:
-            policy_targeted = policy
-        if policy.secondary_tasks == before.secondary_tasks:
-            policy_targeted = replace(policy_targeted, secondary_tasks=targeted.secondary_tasks)
+        kept = {}  # what has its targets keeps them
+        for name in ('preferences', 'secondary_tasks'):
+            if getattr(policy, name) == getattr(self._policy, name):
+                kept[name] = getattr(self._targeted, name)
         self._policy = policy
-        self._targeted = policy_targeted  # what has its targets keeps them
+        self._targeted = replace(policy, **kept)
         self._has_open_targets = True
         self.follow_joints(self._follows_joints)
 
@@ -258,11 +245,11 @@ class Controller:
 
     def hold(self) -> None:
         """Decelerate to rest, from now on; the task is dropped."""
-        self._moving = False
+        self.moving = False
 
     def resume(self) -> None:
         """Follow the policy again, from now on."""
-        self._moving = True
+        self.moving = True
 
     def reset(self) -> None:
         """Restart at the measured position, at rest.
@@ -278,47 +265,61 @@ class Controller:
     def restart(self) -> None:
         """Restart at the next measured position: nothing was published."""
         self._q_ref: np.ndarray | None = None
-        self._start: np.ndarray | None = None  # from which it was integrated, and with which
-        self._dq_start = np.zeros(self.model.n)  # velocity before
-        self._near: np.ndarray | None = None  # by which turns are counted
+        self.before = np.zeros(self.model.n), np.zeros(self.model.n)  # from where and with which
+        # velocity it was computed, (n,) [rad], [rad/s]
         self._forget_motion()
 
-    def place(self, q_ref: np.ndarray, dq: np.ndarray | None = None) -> None:
-        """Continue from a reference that is not the last command.
+    def place(self, q_ref: np.ndarray) -> None:
+        """Be at rest with a reference (n,) [rad], where the next motion begins."""
+        self._q_ref = q_ref
+        self._forget_motion()
+        self.before = q_ref, self.dq
+
+    def correct(self, q_ref: np.ndarray, dq: np.ndarray) -> None:
+        """Continue from what was published instead of the last command.
 
         Args:
             q_ref: (n,) [rad].
-            dq: Its velocity, (n,) [rad/s]; None: at rest, where the next motion begins.
+            dq: Its velocity, (n,) [rad/s].
         """
-        before = self._dq_start
         self._q_ref = q_ref
-        self._start = q_ref
-        self._dq_start = self._dq_prev
-        self._near = q_ref
-        if dq is None:
-            self._forget_motion()
-        else:
-            self._ddq_prev = (dq - before) / self.T
-            self._dq_prev = dq
+        self._ddq_prev = (dq - self.before[1]) / self.T
+        self._dq_prev = dq
+        self.dq = dq
 
     def rollback(self) -> None:
         """Have the next update start where the last one did: that reference came too late to be
         executed in a cycle of its own.
         """
-        self._q_ref = self._start
-        self._dq_prev = self._dq_start
+        self._q_ref, self.dq = self.before
+        self._dq_prev = self.dq
         self._ddq_prev = np.zeros(self.model.n)
 
+    def bridged(self, missed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Position (n,) [rad] and velocity (n,) [rad/s] of a robot that has got the last reference,
+        after so many cycles without one. One that extrapolates stops at the ends of its range.
+        """
+        q_ref = self.reference
+        if not missed:
+            return q_ref, self.dq
+        if self.bridging == 'hold':
+            return q_ref, np.zeros(self.model.n)
+        ahead = q_ref + self.T * missed * self.dq
+        lower = np.minimum(self.model.q_min, q_ref)
+        upper = np.maximum(self.model.q_max, q_ref)
+        stopped = np.clip(ahead, lower, upper)
+        return stopped, np.where(stopped == ahead, self.dq, 0.0)
+
     def nearest_turn(self, q: np.ndarray) -> np.ndarray:
-        """q (n,) [rad], with joints of more than a turn at the one nearest to the last position.
+        """q (n,) [rad], with joints of more than a turn at the one nearest to the last reference.
 
         Their drivers may report angles of one turn only. References go on from turn to turn: they
         never jump.
         """
-        if not self._multi_turn.size or self._near is None:
+        if self._q_ref is None:
             return q
         turns = np.zeros(len(q))
-        turns[self._multi_turn] = np.round((self._near - q)[self._multi_turn] / TURN)
+        turns[self._multi_turn] = np.round((self._q_ref - q)[self._multi_turn] / TURN)
         return q + TURN * turns
 
     def update(
@@ -345,35 +346,31 @@ class Controller:
                 anew.
         """
         q, dx = self._checked(q, dx, missed)
-        start, dq_prev = self._bridged(q, missed)
-        at = q if self._policy.limits is None else start
+        before = (q if self._q_ref is None else self._q_ref, self.dq)
+        if missed and self._q_ref is not None:
+            before = self.bridged(missed)
+        start, dq_prev = before
+        if self._integrate_from == 'measurement':
+            start = q
+            dq_prev = self._dq_prev
         ddq_prev = np.zeros(self.model.n) if missed else self._ddq_prev
+        at = q if self._policy.limits is None else start
         state = RobotState(self.model, at, dq_prev, ddq_prev)
-        if self.measurements:
-            state.measurements = self.measurements
-        if self.gap > 1:
-            state.gap = self.gap
+        state.gap = self.gap
+        state.measurements = self.measurements
         state.correction = correction
-        if self._has_open_targets:
-            self._targeted = self._targeted.with_initial_targets(state)
-        policy = self._targeted.for_joints if self._follows_joints else self._targeted
-        desired = policy.stop if self._begins_anew or not self._moving else policy
-        motion: Motion = self._motion
-        if motion is not desired:
-            elapsed = (missed + 1) * self.T
-            motion = advanced(motion, desired, dq_prev, elapsed, self.switch_time)
+        motion = self._motion_at(state, (missed + 1) * self.T)
         solution = motion.solve(state, dx if self._pace == 1.0 else self._pace * dx, self.T)
         dq = solution.dq
         q_ref = np.empty(self.model.n)
         if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
             self._refuse(dq, dx, motion, state)
-        self._start = start
-        self._dq_start = dq_prev
+        self.before = before
         self._q_ref = q_ref
-        self._near = q_ref
         self._dq_prev = dq
         self._ddq_prev = (dq - dq_prev) / self.T
-        self._motion = motion if motion is desired else after(motion, solution)
+        self.dq = dq if start is before[0] else (q_ref - before[0]) / self.T
+        self._motion = motion.after(solution) if isinstance(motion, Crossfade) else motion
         self._has_open_targets = False
         if self._begins_anew and not dq.any():
             self.place(q_ref)
@@ -385,7 +382,7 @@ class Controller:
             self.T,
             solution.J,
             solution.W,
-            self._paced(solution.s),
+            self._paced(solution.s) if self.task_scaling_rate or self._pace < 1.0 else solution.s,
             solution.active_limits,
             unachieved,
             solution.component_scaling,
@@ -398,19 +395,27 @@ class Controller:
         Raises:
             RedresError: There is no reference yet.
         """
-        if self._q_ref is None:
-            raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
+        q_ref = self.reference
         zeros = np.zeros(self.model.n)
-        state = RobotState(self.model, self._q_ref, zeros)
+        state = RobotState(self.model, q_ref, zeros)
         policy = self._policy.for_joints if self._follows_joints else self._policy
         J = policy.task.jacobian(state)
-        return Command(
-            zeros, self._q_ref.copy(), state, self.T, J, None, 1.0, '', self._all_achieved
-        )
+        return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, '', self._all_achieved)
+
+    def _motion_at(self, state: RobotState, elapsed: float) -> Motion:
+        """The motion of this tick, `elapsed` [s] after the last one."""
+        if self._has_open_targets:
+            self._targeted = self._targeted.with_initial_targets(state)
+        policy = self._targeted.for_joints if self._follows_joints else self._targeted
+        desired = policy if self.moving and not self._begins_anew else policy.stop
+        if self._motion is desired:
+            return desired
+        return advanced(self._motion, desired, state.dq_prev, elapsed, self.switch_time)
 
     def _forget_motion(self) -> None:
         """Reset to rest, with unset targets."""
-        self._dq_prev = np.zeros(self.model.n)
+        self.dq = np.zeros(self.model.n)  # the velocity of the last reference, (n,) [rad/s]
+        self._dq_prev = self.dq  # the last command, which is another one from a measurement
         self._ddq_prev = np.zeros(self.model.n)  # its acceleration, (n,) [rad/s^2]
         self._pace = 1.0  # the fraction of the task velocity that is asked for
         self._motion = self._policy.stop
@@ -428,20 +433,10 @@ class Controller:
             check_finite(q, 'q')
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
-        return self.nearest_turn(q), dx
-
-    def _bridged(self, q: np.ndarray, missed: int) -> tuple[np.ndarray, np.ndarray]:
-        """From where the reference goes on, (n,) [rad], and with what velocity, (n,) [rad/s]."""
-        if self._q_ref is None or self._integrate_from == 'measurement':
-            return q, self._dq_prev
-        if missed:
-            return bridged(self._q_ref, self._dq_prev, missed, self)
-        return self._q_ref, self._dq_prev
+        return self.nearest_turn(q) if self._multi_turn.size else q, dx
 
     def _paced(self, s: float) -> float:
         """The fraction of the whole task velocity, if s is that of what was asked for."""
-        if self.task_scaling_rate == 0.0 and self._pace == 1.0:
-            return s
         s *= self._pace
         rise = self.task_scaling_rate * self.T if self.task_scaling_rate > 0.0 else 1.0
         self._pace = min(s + rise, 1.0)
@@ -468,26 +463,3 @@ class Controller:
             reason = 'its own motion'
             self.restart()
         raise DivergedError(speed, SPEED_LIMIT, reason)
-
-
-def bridged(
-    q_ref: np.ndarray, dq: np.ndarray, missed: int, controller: Controller
-) -> tuple[np.ndarray, np.ndarray]:
-    """Reference (n,) [rad] and velocity (n,) [rad/s] of a robot after cycles without a command.
-
-    A robot that extrapolates is stopped by the ends of its range.
-
-    Args:
-        q_ref: The last reference, (n,) [rad].
-        dq: Its velocity, (n,) [rad/s].
-        missed: Cycles without a command.
-        controller: Knows the arm and what the robot does.
-    """
-    if controller.bridging == 'hold':
-        return q_ref, np.zeros(len(q_ref))
-    model = controller.model
-    ahead = q_ref + controller.T * missed * dq
-    lower = np.minimum(model.q_min, q_ref)
-    upper = np.maximum(model.q_max, q_ref)
-    stopped = np.clip(ahead, lower, upper)
-    return stopped, np.where(stopped == ahead, dq, 0.0)

@@ -95,7 +95,7 @@ class Policy:
         J = task.jacobian(state)
         scale = task.row_scale(state.model)
         W = self.law.weight(state)
-        b = self._bias(state, T)
+        b = self._bias(state, T) if self.preferences else self.law.bias(state, T)
         rows = J
         rates = dx
         if scale is not None:
@@ -124,27 +124,23 @@ class Policy:
         """
         if self.limits is None:
             return free
-        bounds = self.limits.at(state, T)
-        if bounds.allow(free.dq):
+        bounds = self.limits.violated(free.dq, state, T)
+        if bounds is None:
             return free
-        braking = self._boundary_braking
-        end = braking and braking.end(free, state)
-        components = self._components(state)
-        if braking and end:
-            free = braking.slowed(free, end)
-        if braking and end and not components:
-            levels = braking.levels(free, end)
-        else:
-            levels = [scaled(free.J, free.executed, self.task.row_scale(state.model))]
-        levels += [(J, J.dot(free.dq)) for J, _ in free.levels[1:]]
+        scale = self.task.row_scale(state.model)
+        level = scaled(free.J, free.executed, scale)
+        components = () if self.scaling == 'task' else self._components(state)
+        if self._boundary_braking:
+            free, level = self._boundary_braking.applied(free, level, state)
+            if components:
+                level = scaled(free.J, free.executed, scale)
+        levels = [level]
+        for J, _ in free.levels[1:]:
+            levels.append((J, J.dot(free.dq)))
         solved, active = bounds.nearest(free.dq, free.W, levels, components)
-        unachieved = free.unachieved
-        if braking and end:
-            unachieved = braking.unachieved(free, solved.dq, end)
         return replace(
             free,
             dq=solved.dq,
-            unachieved=unachieved,
             s=solved.s,
             active_limits=active,
             component_scaling=solved.component_scaling,
@@ -207,14 +203,12 @@ class Policy:
         return BoundaryBraking(self.task, limit.model, limit.A, limit.reach)
 
     def _components(self, state: RobotState) -> tuple[int, ...]:
-        """Number of rows of each component that is scaled separately; empty if none is."""
-        if self.scaling == 'task':
-            return ()
+        """Number of rows of each component that is scaled separately."""
         return self.task.components or (self.task.rows(state.model),)
 
     def _bias(self, state: RobotState, T: float) -> np.ndarray:
         """b, (n,) [rad/s], with the sum of the preferences, Eq. (19), if the law takes them."""
-        if not self.preferences or not self.law.has_memory:
+        if not self.law.has_memory:
             return self.law.bias(state, T)
         accelerations = [preference.acceleration(state) for preference in self.preferences]
         return self.law.bias_with(state, T, np.add.reduce(accelerations))
@@ -236,7 +230,7 @@ class Hold:
     limits: 'Limits | None' = field(default=None, repr=False)
 
     def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
-        """No velocity, or as little as the limits allow."""
+        """No velocity, or as little as the limits allow; arguments as of Motion.solve."""
         return self.constrained(self.unconstrained(state, dx, T), state, T)
 
     def unconstrained(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
@@ -247,8 +241,7 @@ class Hold:
             dx: Ignored, (m,).
             T: Sampling time [s].
         """
-        J = self.task.jacobian(state)
-        return Solution(np.zeros(len(state.q)), J, np.zeros(len(J)))
+        return _moving_on(self.task, state, np.zeros(len(state.q)))
 
     def constrained(self, free: Solution, state: RobotState, T: float) -> Solution:
         """Braking: no joint gets faster, none turns round, each keeps its box.
@@ -267,29 +260,16 @@ class Hold:
 
 
 @dataclass(frozen=True, eq=False)
-class ConstantVelocity:
-    """The joints go on with one velocity dq (n,) [rad/s]: what a stop begins with."""
-
-    task: Task
-    dq: np.ndarray
-
-    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
-        """That velocity."""
-        J = self.task.jacobian(state)
-        return Solution(self.dq, J, J.dot(self.dq))
-
-
-@dataclass(frozen=True, eq=False)
 class Crossfade:
     """Any change of motion: law, preferences, tasks, limits, a start, a stop.
 
-    dq_old: (n,) [rad/s], the last velocity that the *old* motion would have commanded. It must not
-    see the mixed velocity, or its null-space motion would shrink every cycle; it keeps to its own
-    limits. The new motion sees the mixed velocity, which it takes over. share: of the switch time
-    that is over.
+    old: None: the joints go on with dq_old. dq_old: (n,) [rad/s], the last velocity that the *old*
+    motion would have commanded. It must not see the mixed velocity, or its null-space motion would
+    shrink every cycle; it keeps to its own limits. The new motion sees the mixed velocity, which it
+    takes over. share: of the switch time that is over.
     """
 
-    old: Motion
+    old: Motion | None
     new: 'Policy | Hold'
     dq_old: np.ndarray
     share: float = 0.0
@@ -300,31 +280,36 @@ class Crossfade:
         If both execute the task, J dq = dx, so does every mixture. An old motion that has no
         solution, or has diverged, is dropped.
         """
+        old = self._old_solution(state, dx, T)
+        if old is None:
+            return self.new.solve(state, dx, T)
         limits = self.new.limits
         # Limits on the acceleration act at once, on the mixture: nothing can jump under them.
         at_once = limits is not None and limits.bounds_acceleration
         new = (self.new.unconstrained if at_once else self.new.solve)(state, dx, T)
-        old = self._old_solution(state, dx, T)
-        if old is None:
-            return self.new.solve(state, dx, T)
         c, _ = quintic(self.share)
-        mixed = Solution(
-            (1.0 - c) * old.dq + c * new.dq,
-            new.J,
-            (1.0 - c) * old.executed + c * new.executed,
-            _mixed(old.unachieved, new.unachieved, c),
-            new.W,
-            new.levels,
-            (1.0 - c) * old.s + c * new.s,
-            new.active_limits or old.active_limits,
-            component_scaling=new.component_scaling,
+        mixed = replace(
+            new,
+            dq=(1.0 - c) * old.dq + c * new.dq,
+            executed=(1.0 - c) * old.executed + c * new.executed,
+            unachieved=_mixed(old.unachieved, new.unachieved, c),
+            s=(1.0 - c) * old.s + c * new.s,
+            active_limits=new.active_limits or old.active_limits,
         )
         if at_once:
             mixed = self.new.constrained(mixed, state, T)
         mixed.dq_old = old.dq
         return mixed
 
+    def after(self, solution: Solution) -> Motion:
+        """The motion once its solution has been commanded: it keeps its old motion's velocity."""
+        if solution.dq_old is None:
+            return self.new
+        return replace(self, dq_old=solution.dq_old)
+
     def _old_solution(self, state: RobotState, dx: np.ndarray, T: float) -> Solution | None:
+        if self.old is None:
+            return _moving_on(self.new.task, state, self.dq_old)
         try:
             old = self.old.solve(state.with_velocity(self.dq_old), dx, T)
         except RedresError:
@@ -347,34 +332,16 @@ def advanced(
         T: Time since the last tick [s].
         switch_time: Duration of a crossfade [s].
     """
-    if isinstance(motion, Crossfade):
-        fade = motion
-        if desired is not fade.new and _is_sudden(fade.new, desired):
-            fade = Crossfade(ConstantVelocity(desired.task, dq_prev), desired, dq_prev)
-    elif motion is desired or motion == desired:
+    if motion == desired:
         return desired
-    elif _is_sudden(motion, desired):
-        fade = Crossfade(ConstantVelocity(desired.task, dq_prev), desired, dq_prev)
-    else:
-        fade = Crossfade(motion, desired, dq_prev)
+    fade = motion if isinstance(motion, Crossfade) else Crossfade(motion, desired, dq_prev)
+    before = fade.new if fade is motion else fade.old
+    if desired is not before and _is_sudden(before, desired):
+        fade = Crossfade(None, desired, dq_prev)
     step = T / switch_time if switch_time > 0.0 else 1.0
     if fade.share + step >= 1.0:
         return fade.new
     return replace(fade, share=fade.share + step)
-
-
-def after(motion: Motion, solution: Solution) -> Motion:
-    """The motion once its solution has been commanded: a crossfade keeps its old motion's velocity.
-
-    Args:
-        motion: The one in force.
-        solution: Of this tick.
-    """
-    if not isinstance(motion, Crossfade):
-        return motion
-    if solution.dq_old is None:
-        return motion.new
-    return replace(motion, dq_old=solution.dq_old)
 
 
 def make_policy(
@@ -452,24 +419,26 @@ def _limits(
         return None
     from redres_ros.limits import gain_names, make_limits  # compiled: loaded only if in use
 
-    if given:
-        own = {key: gains[key] for key in gains if key in others or key in gain_names()}
-        return make_limits(
-            given, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
-        )
-    make_limits((), model, gains={key: gains[key] for key in others})  # refuses unknown names
-    return None
+    own = {key: gains[key] for key in gains if key in others or key in gain_names()}
+    made = make_limits(
+        given, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
+    )  # refuses gains of nothing
+    return made if given else None
 
 
 def _gain_keys(table: Mapping[str, type]) -> set[str]:
     return {gain_key(name, field.name) for name in table for field in parameters(table[name])}
 
 
-def _is_sudden(old: Motion, new: Motion) -> bool:
+def _moving_on(task: Task, state: RobotState, dq: np.ndarray) -> Solution:
+    """The joint velocity dq (n,) [rad/s], whatever the task."""
+    J = task.jacobian(state)
+    return Solution(dq, J, J.dot(dq))
+
+
+def _is_sudden(old: Motion | None, new: Policy | Hold) -> bool:
     """Whether a change must not wait, or the old motion knows nothing of the new task."""
-    if isinstance(old, Hold) or isinstance(new, Hold):
-        return True
-    return isinstance(old, Policy) and isinstance(new, Policy) and old.task != new.task
+    return not isinstance(old, Policy) or isinstance(new, Hold) or old.task != new.task
 
 
 def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:
@@ -479,19 +448,13 @@ def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.
         return 0.0
     scale = task.row_scale(state.model)
     if scale is None:
-        z = escape_direction(J, dJ, dx, state.dq_prev)
-        return 0.0 if z is None else z / state.model.reach
-    J, dx = scaled(J, dx, scale)
-    z = escape_direction(J, scale[:, None] * dJ, dx, state.dq_prev)
+        scale = np.full(len(dx), 1.0 / state.model.reach)
+    z = escape_direction(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
     return 0.0 if z is None else z
 
 
 def _mixed(old: np.ndarray | None, new: np.ndarray | None, c: float) -> np.ndarray | None:
     """(1 - c) old + c new; None stands for zero."""
-    if old is not None and new is not None:
-        return (1.0 - c) * old + c * new
-    if new is not None:
-        return c * new
-    if old is not None:
-        return (1.0 - c) * old
-    return None
+    if old is None:
+        return None if new is None else c * new
+    return (1.0 - c) * old + (0.0 if new is None else c * new)

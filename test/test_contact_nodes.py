@@ -83,9 +83,9 @@ def test_going_off_stops_the_force_control_and_holds_the_arm() -> None:
         run.run(1.5)
         assert run.set('controller', **OFF)
         run.run(1.5)
-        q = run.nodes['controller']._loop.gate.q_ref
+        q = run.nodes['controller']._loop._controller.reference
         run.run(0.5)
-        assert (run.nodes['controller']._loop.gate.q_ref == q).all()
+        assert (run.nodes['controller']._loop._controller.reference == q).all()
         assert mode(run) is Mode.HOLDING
 
 

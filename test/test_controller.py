@@ -387,7 +387,7 @@ def test_a_self_motion_is_faded_out_over_the_switch_time_whatever_the_period(per
     )
     controller.switch_time = 0.0
     controller.update(np.zeros(7), np.zeros(3))
-    controller._dq_prev = np.ones(7)
+    controller.correct(np.zeros(7), np.ones(7))
     controller.switch_time = 0.5  # underway at 1 rad/s
     controller.switch_law(make_law('minimum_velocity'))
     for k in range(1, round(0.5 / period)):

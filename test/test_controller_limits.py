@@ -1,7 +1,10 @@
 """The controller within limits: what it keeps, what it reports, and that nothing makes it jump."""
 
+import sys
+from collections import Counter
 from dataclasses import replace
 from itertools import combinations
+from types import FrameType
 
 import numpy as np
 import pytest
@@ -395,3 +398,23 @@ def test_a_rate_that_is_switched_off_lets_the_share_rise_at_once(model, task):
     controller.set_limits(())
     controller.update(q, FAST)
     assert controller.update(q, FAST).s == 1.0
+
+
+def test_a_tick_in_which_limits_act_takes_few_python_calls(model):
+    """Each takes some 0.1 us, and a reader's patience."""
+    controller = controller_of(model, 'minimum_acceleration', limits=BOX, limit_scale=0.2)
+    q = np.array(model.arm.start)
+    calls: Counter[str] = Counter()
+
+    def count(frame: FrameType, event: str, argument: object) -> None:
+        if event == 'call' and 'redres_ros' in frame.f_code.co_filename:
+            calls[frame.f_code.co_filename] += 1
+
+    for tick in range(10):
+        sys.setprofile(count if tick == 9 else None)
+        command = controller.update(q, FAST)
+        sys.setprofile(None)
+        q = command.q_ref
+    assert command.active_limits
+    assert calls.total() <= 35
+    assert len(calls) <= 14

@@ -46,7 +46,8 @@ class Joints:
 
     def box(self) -> tuple[np.ndarray, np.ndarray, bool]:
         boxes = np.empty((5, 2, len(self.q)))
-        kept = fill_boxes(self.q, self.v, self.a, self.T, self.kinds, self.figures, boxes)
+        v = self.v
+        kept, _ = fill_boxes(v, self.q, v, self.a, self.T, self.kinds, self.figures, boxes)
         return *boxes[-1], kept
 
     def move(self, v: np.ndarray) -> None:

@@ -24,7 +24,7 @@ LAYERS = (
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},
-    {'controller', 'contact', 'fake_robot', 'null_space_stability'},
+    {'controller', 'contact', 'fake_robot'},
     {'loop'},
     {'planning'},
     {'simulation'},

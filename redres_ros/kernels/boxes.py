@@ -3,7 +3,7 @@
 import numpy as np
 from numba import boolean, float64, int64, types
 
-from redres_ros.kernels.compiled import compiled, direct, inlined, part, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
 
 TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
@@ -257,8 +257,13 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 
 
 @direct
-@compiled(boolean(vector(), vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES))
+@compiled(
+    several(boolean, boolean)(
+        *(vector(), vector(), vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES)
+    )
+)
 def fill_boxes(
+    dq: np.ndarray,
     q: np.ndarray,
     dq_prev: np.ndarray,
     ddq_prev: np.ndarray,
@@ -266,13 +271,14 @@ def fill_boxes(
     kinds: np.ndarray,
     figures: np.ndarray,
     boxes: np.ndarray,
-) -> bool:
+) -> tuple[bool, bool]:
     """Write the box of each limit, and last the one that is in all of them.
 
     A joint for which a box has nothing in common with those before it goes as near to it as they
     allow. Only where it would leave its range it brakes as hard as the arm is able to.
 
     Args:
+        dq: (n,) [rad/s] a velocity.
         q: (n,) [rad].
         dq_prev: (n,) [rad/s] the last command.
         ddq_prev: (n,) [rad/s^2] its acceleration.
@@ -282,9 +288,10 @@ def fill_boxes(
         boxes: (k + 1, 2, n) receives them.
 
     Returns:
-        Whether they have something in common in every joint.
+        Whether they have something in common in every joint; and whether dq is in all of them.
     """
     meet = True
+    inside = True
     for i in range(len(q)):
         lower = -np.inf
         upper = np.inf
@@ -315,7 +322,9 @@ def fill_boxes(
             lower, upper = narrowed(lower, upper, least, most)
         boxes[-1, 0, i] = lower
         boxes[-1, 1, i] = upper
-    return meet
+        if not lower <= dq[i] <= upper:
+            inside = False
+    return meet, inside
 
 
 @direct

@@ -7,14 +7,15 @@ sigma is the singular value of that direction u. With v the joint motion that be
 
 sigma becomes smaller by h a radian, so that the joints have to accelerate by h rho^2 / sigma^3.
 Where that is more than they can, they cannot keep the tip at its speed any further. Nor could they
-stop where the arm is stretched: it would bend to the other side, and back, again and again. So the
-tip goes on with what they can,
+stop where the arm is stretched: it would bend to the other side, and back, again and again. They
+can from
 
     rho <= sqrt(a sigma^3 / h),
 
-from which they brake with a / 2 and come to rest where the arm is stretched; a is the acceleration
-along v at which the first joint is at its limit. The rest of rho is lost, and the other directions
-go on as ever.
+braking with a / 2; a is the acceleration along v at which the first joint is at its limit. This
+speed is faded out, to zero at half of the sigma from which on it counts: there the joints come to
+rest, before they are bent to the other side. The rest of rho is lost, and the other directions go
+on as ever.
 """
 
 from dataclasses import replace
@@ -23,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.kernels.closed_form import SINGULAR_RATIO, is_far
-from redres_ros.resolution import Level, Solution, resolve_one, scaled
+from redres_ros.resolution import Level, Solution, resolve_one
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
 
@@ -65,15 +66,17 @@ def end_of_reach(
     for i in range(len(s)):
         if is_asked[i] and s[i] < near * s[0]:
             H = np.einsum('c,icj->ij', np.copysign(1.0, rho[i]) * U[:, i], dJ)  # (n, n)
-            most[i] = _fastest(i, (H + H.T) / 2.0, s, Vt, ddq_max)
+            most[i] = _fastest(i, (H + H.T) / 2.0, s, Vt, ddq_max, near)
     is_ended = np.abs(rho) > most
     if not is_ended.any():
         return None
     return EndOfReach(U.T[is_ended], U.T[~is_ended], most[is_ended])
 
 
-def _fastest(i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: np.ndarray) -> float:
-    """The speed from which the arm can stop where direction i ends; infinite where it does not.
+def _fastest(
+    i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: np.ndarray, near: float
+) -> float:
+    """The speed from which the arm can stop before direction i ends; infinite where it does not.
 
     Args:
         i: Of the singular directions.
@@ -81,6 +84,7 @@ def _fastest(i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: np.n
         s: (k,) singular values.
         Vt: (n, n) right singular vectors in its rows.
         ddq_max: (n,) [rad/s^2].
+        near: As of end_of_reach.
     """
     v = Vt[i]
     h = -float(v.dot(H).dot(v))
@@ -94,11 +98,12 @@ def _fastest(i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: np.n
     if curvatures[-1] > -_NO_WAY * curvatures[0]:
         return np.inf  # a self-motion leads on
     a = float((ddq_max / np.maximum(np.abs(v), _NOTHING)).min())
-    return float(np.sqrt(a * s[i] ** 3 / h))
+    fade = max(2.0 * s[i] / (near * s[0]) - 1.0, 0.0)
+    return fade * float(np.sqrt(a * s[i] ** 3 / h))
 
 
 class BoundaryBraking:
-    """Slows down an answer that goes too fast towards the end of the reach.
+    """Brakes the arm before the end of its reach: what leads there too fast is lost.
 
     Args:
         task: The first one.
@@ -114,65 +119,43 @@ class BoundaryBraking:
         self._ddq_max = ddq_max
         self._near = near
 
-    def end(self, answer: Solution, start: RobotState) -> EndOfReach | None:
-        """Where the answer goes too fast; None where it does not.
+    def applied(self, free: Solution, level: Level, state: RobotState) -> tuple[Solution, Level]:
+        """The solution without what is too fast, and the level of the directions that go on.
+
+        If an ending direction were a level, joints that hardly move the tip along it would
+        accelerate as hard as they may for its sake, and swing.
 
         Args:
-            answer: What a motion would do.
-            start: State at the reference that is integrated.
+            free: Without limits.
+            level: J (m, n) and the executed dx (m,) of the first task, with comparable rows.
+            state: Of the arm at this tick.
         """
-        J, dx = scaled(answer.J, _wanted(answer), self._scale)
-        if is_far(J, self._near):
-            return None
-        dJ = self._task.derivatives(start)
-        if dJ is None:
-            return None
-        if self._scale is not None:
-            dJ = self._scale[:, None] * dJ
-        return end_of_reach(J, dJ, dx, self._ddq_max, self._near)
-
-    def slowed(self, answer: Solution, end: EndOfReach) -> Solution:
-        """The answer with the speed from which the arm can stop.
-
-        Args:
-            answer: What a motion would do.
-            end: Where it goes too fast.
-        """
-        J, executed = scaled(answer.J, answer.executed, self._scale)
+        end = self._end(free, level, state)
+        if end is None:
+            return free, level
+        J, executed = level
         rho = end.ended.dot(executed)
         excess = end.ended.T.dot(rho - np.clip(rho, -end.most, end.most))  # (m,)
-        less, _ = resolve_one(J, excess, np.zeros(len(answer.dq)), answer.W)
-        dq = answer.dq - less
-        executed = answer.J.dot(dq)
-        return replace(answer, dq=dq, executed=executed, unachieved=_wanted(answer) - executed)
+        less, _ = resolve_one(J, excess, np.zeros(len(free.dq)), free.W)
+        dq = free.dq - less
+        unachieved = _wanted(free) - free.J.dot(dq)
+        stopped = replace(free, dq=dq, executed=free.J.dot(dq), unachieved=unachieved)
+        return stopped, (end.others.dot(J), end.others.dot(J.dot(dq)))
 
-    def levels(self, answer: Solution, end: EndOfReach) -> list[Level]:
-        """The first task as two: what goes on as ever, and below it where the reach ends.
-
-        Args:
-            answer: What a motion would do.
-            end: Where the reach ends.
-        """
-        J, executed = scaled(answer.J, answer.executed, self._scale)
-        ways = (end.others, end.ended)
-        return [(rows.dot(J), rows.dot(executed)) for rows in ways if len(rows)]
-
-    def unachieved(self, answer: Solution, dq: np.ndarray, end: EndOfReach) -> np.ndarray:
-        """The part of dx that is not executed, (m,), where a velocity differs from the answer's.
-
-        Args:
-            answer: The slowed one.
-            dq: (n,) [rad/s] the velocity.
-            end: Where the reach ends.
-        """
-        _, left = scaled(answer.J, answer.executed - answer.J.dot(dq), self._scale)
-        left = end.ended.T.dot(end.ended.dot(left))
+    def _end(self, free: Solution, level: Level, state: RobotState) -> EndOfReach | None:
+        J, _ = level
+        if is_far(J, self._near):
+            return None
+        dJ = self._task.derivatives(state)
+        if dJ is None:
+            return None
+        dx = _wanted(free)
         if self._scale is not None:
-            left = left / self._scale
-        unachieved: np.ndarray = left if answer.unachieved is None else left + answer.unachieved
-        return unachieved
+            dJ = self._scale[:, None] * dJ
+            dx = self._scale * dx
+        return end_of_reach(J, dJ, dx, self._ddq_max, self._near)
 
 
-def _wanted(answer: Solution) -> np.ndarray:
+def _wanted(free: Solution) -> np.ndarray:
     """dx, (m,)."""
-    return answer.executed if answer.unachieved is None else answer.executed + answer.unachieved
+    return free.executed if free.unachieved is None else free.executed + free.unachieved

@@ -34,7 +34,8 @@ class JointLimit(BoxLimit):
     def box(self, state: ReferenceState, T: float) -> Box:
         boxes = np.empty((2, 2, self.model.n))
         kinds = np.array([self.kind])
-        fill_boxes(state.q, state.dq_prev, state.ddq_prev, T, kinds, self.figures[None], boxes)
+        dq = state.dq_prev
+        fill_boxes(dq, state.q, dq, state.ddq_prev, T, kinds, self.figures[None], boxes)
         return boxes[0, 0], boxes[0, 1]
 
 

@@ -75,8 +75,11 @@ class Bounds:
             return solved, ''
         limit, index = acting
         solved = solved._replace(escape=-solved.side * self._row(solved.limiting))
-        name = self.limits.names[limit]
-        return solved, f'{limit.place(self.state, index, self.T)}: {name}'
+        if isinstance(limit, BoxLimit):
+            place = limit.model.joint_names[index]
+        else:
+            place = limit.place(self.state, index, self.T)
+        return solved, f'{place}: {self.limits.names[limit]}'
 
     def _row(self, index: int) -> np.ndarray:
         """The row (n,) of a bound: of the joints first, then of the rows."""
@@ -123,8 +126,10 @@ class Limits:
         self.row_limits = tuple(limit for limit in in_order if isinstance(limit, RowLimit))
         self.names = {limit: limit_name(limit) for limit in in_order}
         self._kinds = np.array([_kind(limit) for limit in self.box_limits], np.int64)
+        self._given = np.flatnonzero(self._kinds == GIVEN).tolist()
         n = in_order[0].model.n if in_order else 0
         self._figures = np.zeros((len(self.box_limits), 3, n))
+        self._boxes = np.empty((len(self.box_limits) + 1, 2, n))  # of the last state
         for figures, limit in zip(self._figures, self.box_limits, strict=True):
             if isinstance(limit, JointLimit):
                 figures[:] = limit.figures
@@ -154,12 +159,22 @@ class Limits:
             state: The reference and the last command.
             T: Sampling time [s].
         """
-        boxes = np.empty((len(self.box_limits) + 1, 2, len(state.q)))
-        figures = self._figures_at(state, T)
-        kept = fill_boxes(state.q, state.dq_prev, state.ddq_prev, T, self._kinds, figures, boxes)
-        lower, upper = boxes[-1]
-        rows = [limit.rows(state, T) for limit in self.row_limits]
-        return Bounds(self, state, T, boxes, (lower, upper), rows, kept)
+        kept, _ = self._fill_boxes(state.dq_prev, state, T)
+        return self._bounds(state, T, kept)
+
+    def violated(self, dq: np.ndarray, state: ReferenceState, T: float) -> Bounds | None:
+        """Their bounds at a state, if a velocity does not keep them all; None if it does.
+
+        Args:
+            dq: (n,) [rad/s].
+            state: The reference and the last command.
+            T: Sampling time [s].
+        """
+        kept, is_inside = self._fill_boxes(dq, state, T)
+        if is_inside and not self.row_limits:
+            return None
+        bounds = self._bounds(state, T, kept)
+        return None if is_inside and bounds.allow(dq) else bounds
 
     def braked(self, dq: np.ndarray, state: ReferenceState, T: float) -> np.ndarray:
         """A velocity of an arm that is being stopped, (n,) [rad/s].
@@ -193,19 +208,30 @@ class Limits:
         slowest[np.abs(slowest) < _AT_REST] = 0.0
         return np.clip(_between(dq, slowest, v), *box)
 
-    def _figures_at(self, state: ReferenceState, T: float) -> np.ndarray:
-        """What the boxes are computed from, (k, 3, n)."""
+    def _bounds(self, state: ReferenceState, T: float, kept: bool) -> Bounds:
+        boxes = self._boxes.copy()
+        rows = [limit.rows(state, T) for limit in self.row_limits]
+        return Bounds(self, state, T, boxes, (boxes[-1, 0], boxes[-1, 1]), rows, kept)
+
+    def _fill_boxes(self, dq: np.ndarray, state: ReferenceState, T: float) -> tuple[bool, bool]:
+        """Write the box of each limit, and last the one in all of them, into _boxes; whether every
+        joint can keep all of them, and whether dq does.
+        """
+        if not self.names:  # of no arm, so with any number of joints
+            self._boxes = np.empty((1, 2, len(dq)))
         figures = self._figures
-        for k in np.flatnonzero(self._kinds == GIVEN).tolist():
+        for k in self._given:
             figures[k, :2] = self.box_limits[k].box(state, T)
-        if state.gap == 1:
-            return figures
-        # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops
-        # within d from the speed from which it otherwise stops within d / gap.
-        figures = figures.copy()
-        for k in np.flatnonzero(self._kinds == POSITION).tolist():
-            figures[k, :2] = state.q + (figures[k, :2] - state.q) / state.gap
-        return figures
+        if state.gap > 1:
+            # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops
+            # within d from the speed from which it otherwise stops within d / gap.
+            figures = figures.copy()
+            for k in np.flatnonzero(self._kinds == POSITION).tolist():
+                figures[k, :2] = state.q + (figures[k, :2] - state.q) / state.gap
+        found: tuple[bool, bool] = fill_boxes(
+            dq, state.q, state.dq_prev, state.ddq_prev, T, self._kinds, figures, self._boxes
+        )
+        return found
 
 
 def _between(dq: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""Motions of all joints that precede any other: an approach to the reference, and a probe whether
-the robot executes commands.
+"""What an arm does before it follows the input: it goes to where it was measured, or takes a small
+step that shows whether the robot executes commands.
 """
 
 import numpy as np

@@ -2,7 +2,6 @@
 velocities, faults, and the gate.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +10,14 @@ from redres_ros.command import Command
 from redres_ros.contact.contact_control import ContactControl
 from redres_ros.contact.force_sensor import TareError
 from redres_ros.contact.settings import AdmittanceSettings
-from redres_ros.controller import Controller, bridged
+from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.approach import Approach, Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.gate import Gate
 from redres_ros.loop.measurements import Measurements
+from redres_ros.loop.missed_cycles import MissedCycles
 from redres_ros.loop.modes import Conditions, Mode, next_mode
 from redres_ros.loop.pose_hold import PoseHold
 from redres_ros.loop.session import RobotSession
@@ -27,14 +27,9 @@ from redres_ros.loop.velocity_input import VelocityInput
 
 _LITTLE = 0.05  # scaling factor below which a task hardly goes on
 _LONG = 1.0  # [s] after which that is reported
-# A response that was sent so shortly before the robot published the next state came after that.
-_TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
-_TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
 _AT_REST = 1e-4  # [rad/s]
 _NO_TASK = 1e-3  # [m/s], [rad/s] of a velocity that hardly asks for anything
-_GAP_TIME = 2.0  # [s] after which a gap between states counts for less
 _CLOCK_STEP = 0.1  # [s] at which a robot has another clock than before
-_MORE = 2  # cycles by which the next gap may be longer
 
 
 class Response(NamedTuple):
@@ -85,38 +80,35 @@ class CommandLoop:
         twists: TwistBufferSettings | None = None,
         contact: ContactControl | None = None,
     ) -> None:
-        self.settings = settings or LoopSettings()
+        settings = settings or LoopSettings()
         contact = contact or ContactControl(AdmittanceSettings.of_rows(3), controller.T)
         self.measurements = Measurements(controller, contact)
         self.responses = 0  # to states
         self.skipped = 0  # cycles whose state did not come
-        self.input = VelocityInput(controller, self.settings, twists or TwistBufferSettings())
-        controller.bridging = self.settings.bridging
+        self.input = VelocityInput(controller, settings, twists or TwistBufferSettings())
+        controller.bridging = settings.bridging
         self._pose_hold = PoseHold(controller.T, twists or TwistBufferSettings())
         self.mode = Mode.HOLDING
         self.gate = Gate(controller)
         self.faults = FaultMonitor(controller.model, controller.T)
-        self.gate_action = ''  # what the gate did at the last state
         self.silence = ''  # after which the arm began anew at the last state
         self._active = True
         self._held = False  # by request
         self._yields = False  # moves because a measurement asked for it, not a task velocity
         self._controller = controller
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
-        self._slowdown = _Slowdown()
-        self._session = RobotSession(self.settings.lockstep)
+        self._missed = MissedCycles(controller)
+        self._session = RobotSession(settings.lockstep)
         self._approach: Approach | None = None
-        self._expecting = self.settings.lockstep  # that velocities go on to come
+        self._expecting = settings.lockstep  # that velocities go on to come
         self._waiting: _State | None = None
         self.q: np.ndarray | None = None  # of the newest state, (n,) [rad]
+        self._published = False  # a reference: the next one has to follow from it
         self._response: Response | None = None  # to the newest state
         self._response_cycle = 0  # of the newest state with a response
         self._state_cycle = 0  # of the newest state that was believed
         self._state_arrived = 0.0  # when that came [s]
-        self._sent = -math.inf  # when the newest response was on its way [s]
-        self._together = min(_TOGETHER, _TOGETHER_FRACTION * controller.T)  # [s]
-        self._gap = 1  # cycles between two responses, at most, of late
-        self._gap_cycle = 0  # when that was
+        self._slow_since = 0  # cycle from which on limits have all but stopped the task; 0: none
 
     # --- what others ask for ----------------------------------------------------------------------
 
@@ -131,14 +123,22 @@ class CommandLoop:
         return self._response
 
     @property
-    def held(self) -> bool:
-        """Whether a hold was asked for."""
-        return self._held
+    def settings(self) -> LoopSettings:
+        """In force; can be replaced at any time."""
+        return self.input.settings
+
+    @settings.setter
+    def settings(self, settings: LoopSettings) -> None:
+        self.input.settings = settings
 
     @property
     def limit_warning(self) -> str:
         """What has slowed the task down for a second or more; empty if nothing has."""
-        return self._slowdown.warning(self._controller.T)
+        slow = self._slow_since and (self._response_cycle - self._slow_since) * self._controller.T
+        if not self._response or slow < _LONG:
+            return ''
+        _, command, scaling, _ = self._response
+        return f'the limits leave {scaling:.1%} of the task velocity ({command.active_limits})'
 
     @property
     def error(self) -> str:
@@ -152,27 +152,25 @@ class CommandLoop:
     @property
     def warning(self) -> str:
         """The irregularity at the last state; empty if there was none."""
-        if self.gate_action:
-            return f'the gate acts: {self.gate_action}'
+        if self.gate.reason:
+            return f'the gate acts: {self.gate.reason}'
         return self.silence or self.measurements.problem
 
     def _position_error(self) -> str:
         """Why the arm cannot stay at its held position."""
-        limits = self._controller.policy.limits
-        if self.mode is not Mode.HOLDING or self.gate.is_open or self.q is None:
+        if self.mode is not Mode.HOLDING or not self._published or self.q is None:
             return ''
-        lag, joint = self.faults.lag(self.q, self.gate.q_ref)
+        standing = self._controller.standing()
+        lag, joint = self.faults.lag(self.q, standing.q_ref)
         if lag > self.settings.following_tolerance:
             name = self._controller.model.joint_names[joint]
             return (
                 f'held, and {name} is measured {lag:.3g} rad from its reference: the next motion '
                 'begins with an approach to where the arm is'
             )
-        if limits is None:
-            return ''
-        standing = self._controller.standing()
-        bounds = limits.at(standing.state, standing.T)
-        if bounds.allow(standing.dq):
+        limits = self._controller.policy.limits
+        bounds = limits and limits.at(standing.state, standing.T)
+        if not bounds or bounds.allow(standing.dq):
             return ''
         _, active = bounds.nearest(standing.dq, None, [])
         return (
@@ -198,7 +196,7 @@ class CommandLoop:
         self._active = False
         if self.mode not in (Mode.MOVING, Mode.STOPPING):
             self.mode = Mode.INACTIVE
-            self.gate.clear()
+            self._published = False
 
     def forget(self) -> None:
         """Reset all but the settings."""
@@ -243,7 +241,7 @@ class CommandLoop:
             LeapError: A joint has moved further than it can.
             RedresError: Positions that are not finite.
         """
-        self.input.note_input(now, self.settings)
+        self.input.note_input(now)
         if stamp and stamp == self._cycles.newest:
             return self._same_again(q, now)
         before = self._cycles.newest
@@ -252,10 +250,12 @@ class CommandLoop:
         if cycles == 0:
             if before:
                 self._session.begin(stamp)
-            stays = self._has_stayed(q, (stamp - before) / NANOSECONDS - now + self._state_arrived)
+            clock_step = (stamp - before) / NANOSECONDS - now + self._state_arrived
+            stays = self._has_stayed(q, clock_step)
+            q_ref = self._controller.reference if stays else None
             self._begin_anew()
-            if stays:
-                self._stand_at(self.gate.q_ref)
+            if q_ref is not None:
+                self._stand_at(q_ref)
         elif self.q is not None and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
             seconds = (self._cycles.number - self._state_cycle) * self._controller.T
             self.faults.check_leap(q, self.q, seconds, self.settings.following_tolerance)
@@ -275,14 +275,14 @@ class CommandLoop:
             clock_step: Of the robot's clock against this computer's; large for another robot [s].
         """
         holds = self.mode is Mode.HOLDING or self.settings.bridging == 'hold'
-        if not holds or self.gate.is_open or self.mode is Mode.MIRRORING:
+        if not holds or not self._published or self.mode is Mode.MIRRORING:
             return False
-        lag, _ = self.faults.lag(q, self.gate.q_ref)
+        lag, _ = self.faults.lag(q, self._controller.reference)
         return abs(clock_step) < _CLOCK_STEP and lag <= self.settings.following_tolerance
 
     def note_sent(self, now: float) -> None:
         """The newest response is on its way at this time [s]."""
-        self._sent = now
+        self._missed.sent = now
 
     def enter_twist(
         self, stamp: int, dx: np.ndarray, now: float, time_of_day: int = 0
@@ -300,8 +300,8 @@ class CommandLoop:
             TwistSpeedError: It is too fast.
             TwistAgeError: It is too old, or stamped too far ahead.
         """
-        self.input.check_twist(dx, self.settings)
-        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day, self.settings)
+        self.input.check_twist(dx)
+        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day)
         return self._enter(self.input.of_task, stamp, dx, now)
 
     def enter_joint_velocity(
@@ -319,16 +319,16 @@ class CommandLoop:
             TwistSpeedError: A joint is faster than its limit.
         """
         self.input.check_joint_velocity(dq)
-        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day, self.settings)
+        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day)
         return self._enter(self.input.of_joints, stamp, dq, now)
 
     def _enter(
         self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, now: float
     ) -> Response | None:
-        self.input.note_input(now, self.settings)
+        self.input.note_input(now)
         if not self._cycles.newest:
             return None  # no state has come that it could belong to
-        if not self.input.check_age(stamp, self._cycles, self._state_arrived, self.settings):
+        if not self.input.check_age(stamp, self._cycles, self._state_arrived):
             return None
         if buffer is not self.input.buffer:
             self._approach = None
@@ -406,10 +406,8 @@ class CommandLoop:
     # --- a tick -----------------------------------------------------------------------------------
 
     def _respond(self, state: _State, now: float) -> Response | None:
-        missed = max(state.cycle - self._response_cycle - 1, 0) if self._response_cycle else 0
-        self.skipped += missed
-        missed = self._bridge(state, missed)
-        stale = self.input.is_stale(state.cycle, now, self.settings)
+        missed = self._bridge(state)
+        stale = self.input.is_stale(state.cycle, now)
         dx = self.input.buffer.play(state.cycle)
         self._measure(state, missed)
         self._watch(state, dx, stale, missed)
@@ -425,8 +423,44 @@ class CommandLoop:
             and self._approach is None
             and self._session.commanding_at(state.stamp)
         )
-        self._slowdown.enter(command, follows)
+        if not follows or command.s >= _LITTLE:
+            self._slow_since = 0
+        elif not self._slow_since:
+            self._slow_since = state.cycle
         return Response(state.stamp, command, command.s if follows else 0.0, state.q)
+
+    def _bridge(self, state: _State) -> int:
+        """The cycles without a command that count; after a long silence the arm is at rest."""
+        controller = self._controller
+        self.silence = ''
+        missed = max(state.cycle - self._response_cycle - 1, 0) if self._response_cycle else 0
+        self.skipped += missed
+        moves = self.mode in (Mode.MOVING, Mode.STOPPING)
+        holds = self.settings.bridging == 'hold'
+        if holds and moves:
+            self._missed.rollback_if_late(min(state.arrived, self._cycles.earliest_arrival))
+        allowed = self.settings.restart_after
+        if missed <= allowed:
+            if not holds:
+                self._missed.count(missed, state.cycle)
+            return missed
+        if not self._published:
+            return missed
+        if (
+            not holds
+            and self._response
+            and self._missed.explain(state.q - self._response.q, missed)
+        ):
+            return missed
+        if moves:
+            place = 'the last reference' if holds else 'the measured position'
+            self.silence = (
+                f'no state came in {missed} cycles, allowed {allowed}: the arm goes on from '
+                f'{place}, at rest'
+            )
+            self._stand_at(controller.reference if holds else state.q)
+            self.mode = Mode.HOLDING
+        return 0
 
     def _measure(self, state: _State, missed: int) -> None:
         """See what is measured beside positions, unless something is against any motion."""
@@ -436,16 +470,16 @@ class CommandLoop:
 
     def _watch(self, state: _State, dx: np.ndarray, stale: bool, missed: int) -> None:
         """Notice faults, and that one is over."""
+        controller = self._controller
         asks = not stale and float(np.abs(dx).max()) > _NO_TASK
         asks = asks or (self._yields and self.measurements.asks)
-        self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
+        self.faults.note_request(asks, stale, (missed + 1) * controller.T)
         if isinstance(self._approach, Probe):
             if self._approach.has_failed:
                 self.faults.set_not_executing()
         elif self.mode in (Mode.MOVING, Mode.STOPPING) and not self.faults.reason:
-            gate = self.gate
             allowed = self.settings.following_tolerance
-            self.faults.watch(state.q, gate.q_ref, gate.dq, missed + 1, allowed)
+            self.faults.watch(state.q, controller.reference, controller.dq, missed + 1, allowed)
 
     def _is_motion_allowed(self, stale: bool) -> bool:
         """Whether motion is allowed; a fault does not count once its motion was given up."""
@@ -476,11 +510,11 @@ class CommandLoop:
             asked = asked or self.measurements.asks
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
-            active=self._active or bool(self.gate.dq.any()),
+            active=self._active or not self._controller.at_rest,
             commandable=self.commanding,
             motion_allowed=allowed,
             motion_asked=asked,
-            at_rest=not asked and float(np.abs(self.gate.dq).max()) <= _AT_REST,
+            at_rest=not asked and float(np.abs(self._controller.dq).max()) <= _AT_REST,
         )
         mode = next_mode(self.mode, conditions)
         self._yields = mode is Mode.MOVING and stale
@@ -493,11 +527,12 @@ class CommandLoop:
         self.faults.begin()
         self._pose_hold.clear()
         if self.mode is Mode.MOVING:
-            if self.gate.is_open:
+            if not self._published:
                 self._stand_at(state.q)
+            lag, _ = self.faults.lag(state.q, controller.reference)
             if self.faults.is_probing:
                 self._approach = Probe(controller, state.q)
-            elif self.faults.lag(state.q, self.gate.q_ref)[0] > self.settings.following_tolerance:
+            elif lag > self.settings.following_tolerance:
                 self._approach = Approach(controller, state.q)
             controller.resume()
             return
@@ -505,43 +540,47 @@ class CommandLoop:
         if self.mode is not Mode.HOLDING:
             self.measurements.restart()
         if self.mode is Mode.INACTIVE:
-            self.gate.clear()
+            self._published = False
         elif self.mode is Mode.STOPPING:
             controller.hold()
         elif self.mode is Mode.HOLDING:
-            self._stand_at(state.q if self.gate.is_open else self.gate.q_ref)
+            self._stand_at(controller.reference if self._published else state.q)
 
     def _command(self, state: _State, dx: np.ndarray, missed: int) -> Command:
         """The command of the mode in force."""
-        if self.mode is Mode.MIRRORING or self.gate.is_open:
+        controller = self._controller
+        self.gate.reason = ''
+        if self.mode is Mode.MIRRORING or not self._published:
             self._stand_at(state.q)
         if self.mode in (Mode.MIRRORING, Mode.HOLDING):
-            return self._controller.standing()
+            return controller.standing()
         correction = None
         if self._approach is not None:
-            dx = self._approach.velocity(self.gate.q_ref)
+            dx = self._approach.velocity(controller.reference)
         elif not self.input.is_of_joints:
             # what yields is not held
             is_open_loop = self.input.is_open_loop and not self.measurements.contact.is_on
             dx, correction = self._pose_hold.hold(
-                self._controller, dx, self.gate.q_ref, is_open_loop
+                controller, dx, controller.reference, is_open_loop
             )
         is_of_task = self._approach is None and not self.input.is_of_joints
         yields = is_of_task and self.mode is Mode.MOVING
-        self._controller.set_scaling(self._scaling())
+        controller.set_scaling(self._scaling())
+        published = controller.reference, controller.dq
         try:
             velocity = self.measurements.velocity(dx, state.q, missed) if yields else dx
-            command = self._controller.update(state.q, velocity, missed, correction)
+            command = controller.update(state.q, velocity, missed, correction)
         except RedresError as error:
-            command = self._stop_for(str(error), state, missed)
-        admitted = self.gate.admit(command.q_ref, missed)
-        self.gate_action = admitted.reason
-        if admitted.reason:
-            self._controller.place(admitted.q_ref, admitted.dq)
-            command = command._replace(q_ref=admitted.q_ref.copy(), dq=admitted.dq.copy())
+            self.faults.set(str(error))
+            self.mode = Mode.STOPPING
+            self.measurements.restart()
+            controller.correct(*published)
+            controller.hold()
+            command = controller.update(state.q, np.zeros(controller.m), missed=missed)
+        command = self.gate.admit(command)
         if yields:
             self.measurements.record(command)
-        if self._approach is not None and self._approach.is_over(admitted.q_ref, state.q):
+        if self._approach is not None and self._approach.is_over(command.q_ref, state.q):
             self._end_approach()
             self.faults.is_probing = False
         return command
@@ -561,107 +600,15 @@ class CommandLoop:
     def _stand_at(self, q: np.ndarray) -> None:
         """Be at rest with the reference q (n,) [rad]."""
         self._controller.place(q)
-        self.gate.record(q)
-
-    def _stop_for(self, reason: str, state: _State, missed: int) -> Command:
-        """The first command of a stop, from what was published last, by an arm without a policy."""
-        self.faults.set(reason)
-        self.mode = Mode.STOPPING
-        self.measurements.restart()
-        self._controller.place(self.gate.q_ref, self.gate.dq)
-        self._controller.hold()
-        return self._controller.update(state.q, np.zeros(self._controller.m), missed=missed)
-
-    def _bridge(self, state: _State, missed: int) -> int:
-        """The cycles without a command that count; after a long silence the arm is at rest."""
-        holds = self.settings.bridging == 'hold'
-        if holds:
-            self._rollback_if_late(state)
-        elif missed <= self.settings.restart_after:
-            self._count_gap(missed + 1, state.cycle)
-        self.silence = ''
-        if missed <= self.settings.restart_after or self.gate.is_open:
-            return missed
-        if not holds and self._has_extrapolated(state.q, missed):
-            return missed
-        if self.mode in (Mode.MOVING, Mode.STOPPING):
-            place = 'the last reference' if holds else 'the measured position'
-            self.silence = (
-                f'no state came in {missed} cycles, allowed {self.settings.restart_after}: the arm '
-                f'goes on from {place}, at rest'
-            )
-            self._stand_at(self.gate.q_ref if holds else state.q)
-            self.mode = Mode.HOLDING
-        return 0
-
-    def _has_extrapolated(self, q: np.ndarray, missed: int) -> bool:
-        """Whether the robot has gone on by itself all the time: then it still moves.
-
-        Args:
-            q: Measured, (n,) [rad]; a servo's lag is in the position before, too.
-            missed: Cycles without a command.
-        """
-        if self._response is None:
-            return False
-        p, _ = bridged(self.gate.q_ref, self.gate.dq, missed, self._controller)
-        expected = p - self.gate.q_ref
-        moved = q - self._response.q
-        return float(np.abs(moved - expected).max()) <= 0.5 * float(np.abs(expected).max())
-
-    def _count_gap(self, gap: int, cycle: int) -> None:
-        """A joint has to stop in time also if the next states get lost as the last ones did."""
-        if gap >= self._gap:
-            self._gap = gap
-            self._gap_cycle = cycle
-        elif (cycle - self._gap_cycle) * self._controller.T > _GAP_TIME:
-            self._gap -= 1
-            self._gap_cycle = cycle
-        self._controller.gap = self._gap + _MORE if self._gap > 1 else 1
-
-    def _rollback_if_late(self, state: _State) -> None:
-        """Of two responses in one cycle, a robot that holds executes the second alone: the first
-        must not count, or that would be a step of two cycles.
-
-        Args:
-            state: To be answered. The last response has come too late if this state was on its way
-                already.
-        """
-        if self.mode not in (Mode.MOVING, Mode.STOPPING):
-            return
-        published = min(state.arrived, self._cycles.earliest_arrival)
-        if published - self._sent < self._together:
-            self._controller.rollback()
-            self.gate.rollback()
+        self._published = True
 
     def _begin_anew(self) -> None:
         """Reset the published references: the robot is another one, or was restarted."""
         self.faults.clear()
         self.input.clear()
-        self.gate.clear()
         self.faults.begin()
+        self._published = False
         self._controller.restart()
         self._response_cycle = 0
         if self.mode is not Mode.INACTIVE:
             self.mode = Mode.HOLDING
-
-
-class _Slowdown:
-    """Whether limits have stopped the task for long."""
-
-    def __init__(self) -> None:
-        self._ticks = 0
-        self._share = 1.0
-        self._active_limits = ''
-
-    def enter(self, command: Command, follows: bool) -> None:
-        if not follows or command.s >= _LITTLE:
-            self._ticks = 0
-            return
-        self._ticks += 1
-        self._share = command.s
-        self._active_limits = command.active_limits
-
-    def warning(self, T: float) -> str:
-        if self._ticks * T < _LONG:
-            return ''
-        return f'the limits leave {self._share:.1%} of the task velocity ({self._active_limits})'

@@ -30,7 +30,7 @@ class VelocityInput:
 
     Args:
         controller: Goes over to the kind that is in use.
-        settings: Ages and speeds that are allowed.
+        settings: Ages and speeds that are allowed; they can be replaced at any time.
         twists: How velocities are buffered; in lock-step without lag.
     """
 
@@ -40,6 +40,7 @@ class VelocityInput:
         if settings.lockstep:
             twists = replace(twists, twist_lag=0)
         model = controller.model
+        self.settings = settings
         A = np.array(model.arm.acceleration_limit or (math.inf,) * model.n)
         self.of_task = TwistBuffer(controller.m, controller.T, twists)
         self.of_joints = TwistBuffer(model.n, controller.T, twists, A)
@@ -65,24 +66,17 @@ class VelocityInput:
         """Clear all velocities: the next one is approached from rest."""
         self.buffer.clear()
 
-    def note_input(self, now: float, settings: LoopSettings) -> None:
-        """Note the time [s] of any input; after a gap of all input the process may have slept.
-
-        Args:
-            now: By a monotonic clock [s].
-            settings: In force.
+    def note_input(self, now: float) -> None:
+        """Note the monotonic time [s] of any input; after a gap of all input the process
+        may have slept.
         """
-        if self._last_input and now - self._last_input > settings.command_timeout:
+        if self._last_input and now - self._last_input > self.settings.command_timeout:
             self._woke = now
         self._last_input = now
 
-    def check_twist(self, dx: np.ndarray, settings: LoopSettings) -> None:
-        """Raise TwistSpeedError for a task velocity that is too fast.
-
-        Args:
-            dx: Task velocity, (m,) [m/s] and [rad/s].
-            settings: In force.
-        """
+    def check_twist(self, dx: np.ndarray) -> None:
+        """Raise TwistSpeedError for a task velocity (m,) [m/s], [rad/s] that is too fast."""
+        settings = self.settings
         linear = math.hypot(*dx[:3].tolist())
         angular = math.hypot(*dx[3:].tolist())
         if not linear <= settings.max_linear:
@@ -126,9 +120,7 @@ class VelocityInput:
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
         return of_a_state
 
-    def robot_stamp(
-        self, stamp: int, cycles: CycleCounter, time_of_day: int, settings: LoopSettings
-    ) -> int:
+    def robot_stamp(self, stamp: int, cycles: CycleCounter, time_of_day: int) -> int:
         """A stamp by the robot's clock [ns]; 0, for now, in place of one by another clock.
 
         A stamp that is far from the robot's clock, and that this computer's clock showed a moment
@@ -138,16 +130,13 @@ class VelocityInput:
             stamp: Of a velocity [ns]; 0 for now.
             cycles: The robot's clock.
             time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
-            settings: In force.
         """
-        timeout = settings.command_timeout
+        timeout = self.settings.command_timeout
         age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
         is_of_this_computer = abs(time_of_day - stamp) <= timeout * NANOSECONDS
         return 0 if abs(age) > timeout and is_of_this_computer else stamp
 
-    def check_age(
-        self, stamp: int, cycles: CycleCounter, state_arrived: float, settings: LoopSettings
-    ) -> bool:
+    def check_age(self, stamp: int, cycles: CycleCounter, state_arrived: float) -> bool:
         """Whether a velocity can be judged by the robot's clock: after a silence another robot may
         have begun, and its planner was the first to know.
 
@@ -155,7 +144,6 @@ class VelocityInput:
             stamp: Of the velocity [ns]; 0 for now.
             cycles: The robot's clock.
             state_arrived: When the newest state came [s].
-            settings: In force.
 
         Raises:
             TwistAgeError: It is too old or stamped too far ahead while states come.
@@ -168,7 +156,7 @@ class VelocityInput:
                 )
             return True
         age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
-        timeout = settings.command_timeout
+        timeout = self.settings.command_timeout
         if abs(age) <= timeout:
             return True
         if self._last_input - state_arrived > timeout:
@@ -179,15 +167,14 @@ class VelocityInput:
             '(parameter command_timeout); stamp it as the newest joint_states, or 0 for now'
         )
 
-    def is_stale(self, cycle: int, now: float, settings: LoopSettings) -> bool:
+    def is_stale(self, cycle: int, now: float) -> bool:
         """Whether the newest velocity is too old, by its stamp, and by its arrival on the robot's
         clock; on ours if it is of no state.
 
         Args:
             cycle: Of the state that is responded to.
             now: By a monotonic clock [s].
-            settings: In force.
         """
-        timeout = settings.command_timeout
+        timeout = self.settings.command_timeout
         cycles = max(self.buffer.age(cycle), cycle - self._cycle)
         return cycles * self._controller.T > timeout or now - self._time > timeout
