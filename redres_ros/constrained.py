@@ -40,7 +40,7 @@ class Constrained(NamedTuple):
     side: int = 0  # of that limit: +1 its upper bound, -1 its lower one
     solved: bool = True  # False where a level stopped before its optimum
     escape: np.ndarray | None = None  # (n,) joint velocity away from that limit, any length
-    component_scaling: tuple[float, ...] = ()  # executed of each component (component_scaling.py)
+    component_scaling: tuple[float, ...] = ()  # executed of each component
 
 
 def solve_constrained(

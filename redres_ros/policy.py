@@ -63,7 +63,7 @@ class Policy:
     minimise 1/2 |dq - b|^2_W   subject to   J dq = s dx,   l <= C dq <= u
 
     With scaling 'components', translation and rotation have scaling factors of their own
-    (component_scaling.py).
+    (limits/component_scaling.py).
     """
 
     law: Law

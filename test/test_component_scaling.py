@@ -7,9 +7,9 @@ from scipy.optimize import linprog
 from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, weight
 
 from redres_ros import Controller, RobotModel
-from redres_ros.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.constrained import Constrained, solve_constrained
 from redres_ros.errors import UnknownNameError
+from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.resolution import resolve
 
 MANY = 20_000 if NIGHTLY else 150

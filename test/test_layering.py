@@ -20,7 +20,6 @@ LAYERS = (
     {'vectors'},
     {'resolution', 'robot_model'},
     {'constrained', 'singularity'},
-    {'component_scaling'},
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},

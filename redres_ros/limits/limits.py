@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.component_scaling import solve_components
 from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
 from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, stopping_speed, within
+from redres_ros.limits.component_scaling import solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.resolution import Level, Weight
