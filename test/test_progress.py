@@ -1,6 +1,8 @@
 """ProgressMonitor: what counts as progress, and for how long there is none."""
 
-from redres_ros.planning.progress import ProgressMonitor
+import numpy as np
+
+from redres_ros.planning.progress import ProgressMonitor, Standstill
 
 
 def monitor() -> ProgressMonitor:
@@ -49,3 +51,21 @@ def test_the_next_segment_is_progress() -> None:
     enter(watched, 6.0, left=0.0)
     watched.enter(0.1, 2, 3.0, 0.1)
     assert not watched.is_stuck
+
+
+def test_a_tip_that_is_asked_to_move_and_does_not_is_at_a_standstill() -> None:
+    standstill = Standstill()
+    found = []
+    for k in range(400):
+        moves = k < 200
+        x = np.array((0.1 * 0.002 * min(k, 200), 0.0, 0.0))  # at 0.1 m/s, then at rest
+        found.append((moves, standstill.enter(k * 2_000_000, x, 0.1)))
+    assert not any(rests for moves, rests in found if moves)
+    assert all(rests for _, rests in found[300:])
+
+
+def test_a_pause_of_the_states_is_no_standstill() -> None:
+    standstill = Standstill()
+    x = np.zeros(3)
+    assert not standstill.enter(10**9, x, 0.1)
+    assert not standstill.enter(5 * 10**9, x, 0.1)

@@ -149,7 +149,7 @@ def overruled(nodes: Sequence[Node], arguments: Sequence[str]) -> dict[str, str]
     for node in nodes:
         for name in asked.keys() & node._parameter_overrides.keys():
             value = node._parameter_overrides[name].value
-            if value != asked[name]:
+            if value is not None and value != asked[name]:  # ROS takes [] for no value
                 counts[name] = f'-p has {asked[name]!r}, but a file has {value!r}, which counts'
     return counts
 

@@ -14,6 +14,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
+from redres_ros.kernels.closed_form import is_far
 from redres_ros.laws import make_law
 from redres_ros.loop.limit_report import read
 from redres_ros.nodes.conversions import JointMapper, from_pose
@@ -29,6 +30,7 @@ from redres_ros.nodes.diagnostics import (
 from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.parameters import ListenerParameters, declare
+from redres_ros.nodes.policy_parameters import END_OF_REACH
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
@@ -38,7 +40,7 @@ from redres_ros.nodes.task_topics import TaskTopics
 from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, TwistWriter
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
-from redres_ros.planning.progress import ProgressMonitor
+from redres_ros.planning.progress import ProgressMonitor, Standstill
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
@@ -100,6 +102,7 @@ class PlannerNode(ManagedNode):
             ProgressMonitor(settings.stuck_after, settings.give_up_after),
             self._robot.task_space,
         )
+        self._standstill = Standstill()
         self._any_law = Policy(make_law('minimum_velocity'), make_task(self._robot.task_space))
         self._asked: np.ndarray | None = None  # dx of the newest step
         self._stamp = 0  # of the newest state [ns]
@@ -150,19 +153,30 @@ class PlannerNode(ManagedNode):
         self._q = q
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-        unachieved = self._unachieved(q) if self._run.is_due else None
+        unachieved = self._unachieved(stamp, q, x) if self._run.is_due else None
         step = self._run.enter_state(stamp, q, x, R, time.monotonic(), unachieved)
         self._stamp = stamp
         self._asked = None if step is None else step.dx
         if step is not None:
             self._publish(step, q, R)
 
-    def _unachieved(self, q: np.ndarray) -> np.ndarray | None:
-        """The part of the last dx that a singularity does not let through at q, as any law."""
-        if self._asked is None:
+    def _unachieved(self, stamp: int, q: np.ndarray, x: np.ndarray) -> np.ndarray | None:
+        """The part of the last dx that a singularity does not let through at q, as any law; all of
+        it for an arm that has come to rest beside the end of its reach.
+
+        Args:
+            stamp: Of the state [ns].
+            q: (n,) [rad].
+            x: Of the tip, (3,) [m].
+        """
+        asked = self._asked
+        if asked is None:
             return None
         state = self._model.unchecked_state(q, np.zeros(self._model.n))
-        return self._any_law.unconstrained(state, self._asked, self._T).unachieved
+        rests = self._standstill.enter(stamp, x, float(np.linalg.norm(asked[:3])))
+        if rests and not is_far(state.J[:3], END_OF_REACH):
+            return asked
+        return self._any_law.unconstrained(state, asked, self._T).unachieved
 
     def _publish(self, step: Step, q: np.ndarray, R: np.ndarray) -> None:
         if step.dq is not None:

@@ -27,7 +27,8 @@ from redres_ros.tasks import TASKS
 
 _SCALES = {'scale'}  # of a limit, given by limit_scale and torque_scale
 # Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
-_NODES_OWN = {'acceleration.reach': 0.02}
+END_OF_REACH = 0.02  # of the largest singular value of the task
+_NODES_OWN = {'acceleration.reach': END_OF_REACH}
 
 
 class NoneError(RedresError):

@@ -1,7 +1,11 @@
 """Detects a motion without progress, by the remaining time of its segment and by its error."""
 
+import numpy as np
+
 _STEP = 0.05  # [s] of the segment's time that count as progress
 _SHARE = 0.9  # of the error at the end of a segment's time, below which it has become smaller
+_MOMENT = 100_000_000  # [ns] in which a tip that is asked to move does so
+_STILL = 0.05  # of the asked distance, below which it has not
 
 
 class ProgressMonitor:
@@ -55,3 +59,29 @@ class ProgressMonitor:
     def is_hopeless(self) -> bool:
         """Whether there was no progress for give_up_after."""
         return self.idle >= self.give_up_after
+
+
+class Standstill:
+    """Notices that the tip has come to rest although a velocity is asked for."""
+
+    def __init__(self) -> None:
+        self._since = 0  # [ns]
+        self._x = np.zeros(3)  # of the tip then [m]
+        self._rests = False
+
+    def enter(self, stamp: int, x: np.ndarray, asked: float) -> bool:
+        """Whether the tip was at rest in the last tenth of a second that is over.
+
+        Args:
+            stamp: Of the state [ns].
+            x: Of the tip, (3,) [m].
+            asked: Speed that is asked for [m/s].
+        """
+        elapsed = stamp - self._since
+        if not 0 <= elapsed < _MOMENT:
+            moved = float(np.linalg.norm(x - self._x))
+            is_recent = 0 <= elapsed < 2 * _MOMENT
+            self._rests = is_recent and moved < _STILL * asked * elapsed / 1e9
+            self._since = stamp
+            self._x = x
+        return self._rests

@@ -61,6 +61,7 @@ def processes(
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
     others = set(multiprocessing.active_children())
+    gc.freeze()  # garbage of this process is its own to clear away, as nodes of ROS
     with ProcessPoolExecutor(workers, context, _begin, (begin, args)) as pool:
         try:
             yield pool
@@ -68,6 +69,8 @@ def processes(
             for process in set(multiprocessing.active_children()) - others:
                 process.kill()
             raise
+        finally:
+            gc.unfreeze()
 
 
 def _part(progress: Progress, place: int, items: Sequence[Any]) -> Progress:
@@ -86,7 +89,6 @@ def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Pr
 
 
 def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
-    gc.freeze()  # garbage of the process that was copied is its own to clear away, as nodes of ROS
     handle(signal.SIG_DFL, signal.SIGINT)  # Ctrl-C reaches all processes: end without words
     if begin:
         begin(*args)
