@@ -205,6 +205,7 @@ def test_the_task_is_finished_in_real_time(real_time: tuple[Path, str]) -> None:
     assert figures['session'] == ['MON', 'CMD']
     assert figures['motion']['final_error'] < 0.001
     assert (out / 'motion.png').read_bytes().startswith(b'\x89PNG')
+    assert not (out / 'contact.png').exists()  # nothing was touched
 
 
 @pytest.mark.realtime

@@ -94,7 +94,7 @@ def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
 def _draw_forces(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     """A picture of the forces, where any were measured."""
     path.unlink(missing_ok=True)  # that of a run before
-    if not outcome.forces.any():
+    if not outcome.forces[:, 1:].any():  # behind the times
         return
     from redres_ros.simulation.contact_plot import draw_contact
     from redres_ros.simulation.plots import in_symbols
