@@ -273,6 +273,7 @@ def test_a_law_switched_on_the_way_is_blended_and_marked(real_time: tuple[Path, 
     assert column(on_the_side, 'joint_acceleration_norm').max() < 1.5 * max(alone)
 
 
+@pytest.mark.nightly
 def test_a_task_is_repeated_for_as_long_as_asked_and_memory_stays(
     tmp_path: Path, short_task: str
 ) -> None:

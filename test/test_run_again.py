@@ -77,6 +77,7 @@ def test_with_the_default_law_a_task_is_run_again_after_a_law_switch_and_a_hold(
         run_once(run)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ('robot', 'law'), [('iiwa7', 'minimum_velocity'), ('gen3', 'dynamically_consistent')]
 )

@@ -91,7 +91,7 @@ def test_no_point_passes_a_wall_whatever_is_asked(name, T):
     )
     random = np.random.default_rng(2)
     nearest = np.inf
-    for k in range(2500):
+    for k in range(1500):
         if k % round(1.0 / T) == 0:
             dx = random.uniform(-1.0, 1.0, 3)
         q = controller.update(q, dx).q_ref
