@@ -1,6 +1,7 @@
 """Batches: the same figures wherever they run, and nothing is lost when a worker dies."""
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 
 from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch, run
 from redres_ros.cli import main
-from redres_ros.errors import UnknownNameError
+from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.simulation import batch as module
 from redres_ros.simulation.batch import grid
 from redres_ros.simulation.random_tasks import (
@@ -204,6 +205,23 @@ def test_a_csv_file_whose_last_line_was_cut_off_lacks_that_case_alone(tmp_path):
         file.add(results[1])
     with ResultsFile(path) as file:
         assert results[1].case in file
+
+
+@pytest.mark.parametrize('text', ['my,own\n1,2\n3,4', 'a single line', '\n'])
+def test_a_file_that_holds_something_else_is_refused_and_stays_as_it_is(text, tmp_path):
+    path = tmp_path / 'mine.csv'
+    path.write_text(text)
+    with pytest.raises(FileError, match='name another file'):
+        ResultsFile(path)
+    assert path.read_text() == text
+
+
+def test_a_missing_library_for_parquet_is_reported_before_anything_is_computed(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, 'pyarrow', None)
+    with pytest.raises(FileError, match='pip install pyarrow'):
+        ResultsFile(tmp_path / 'results.parquet')
 
 
 def test_the_command_goes_on_where_it_was_ended(tmp_path, capsys):

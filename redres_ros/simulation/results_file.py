@@ -58,9 +58,9 @@ class ResultsFile:
             raise UnknownNameError('kind of file', path.suffix, ENDINGS)
         self._path = path
         self._is_csv = path.suffix == '.csv'
+        if not self._is_csv:
+            _parquet()  # now, and not when all is computed
         try:
-            if self._is_csv:
-                _cut_off(path)
             self._rows = self._read() if path.exists() and path.stat().st_size else []
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open('a', newline='') if self._is_csv else None
@@ -118,21 +118,16 @@ class ResultsFile:
             except pyarrow.ArrowInvalid as error:
                 raise FileError(f'{self._path} is no Parquet file: {error}') from None
             return rows
-        with self._path.open(newline='') as file:
-            reader = csv.DictReader(file)
-            if tuple(reader.fieldnames or ()) != COLUMNS:
-                raise FileError(
-                    f'{self._path} has other columns than the results of a batch of this version; '
-                    'name another file'
-                )
-            return list(reader)
-
-
-def _cut_off(path: Path) -> None:
-    """Take away a last line that was not written to its end."""
-    if path.exists():
-        whole = path.read_bytes()
-        os.truncate(path, whole.rfind(b'\n') + 1)
+        text = self._path.read_bytes()
+        whole = text[: text.rfind(b'\n') + 1]  # without a last line that was not written to its end
+        reader = csv.DictReader(whole.decode(errors='replace').splitlines())
+        if tuple(reader.fieldnames or ()) != COLUMNS:
+            raise FileError(
+                f'{self._path} has other columns than the results of a batch of this version; '
+                'name another file'
+            )
+        os.truncate(self._path, len(whole))
+        return list(reader)
 
 
 def _key(row: dict[str, Any]) -> str:
