@@ -199,3 +199,16 @@ def test_the_elbow_yields_to_torques_of_the_robot(source: str) -> None:
     assert (elbows[1] - elbows[0])[1] > 0.03
     # at 100 Hz and 100 rad/s the servos give way by some tenths of a millimetre
     assert MODEL.tip(after)[0] == pytest.approx(MODEL.tip(before)[0], abs=2e-3)
+
+
+def test_a_robot_without_efforts_is_refused_in_words() -> None:
+    def without_efforts(message: Any) -> None:
+        message.effort = []
+
+    own = {'external_torques_from': 'effort', 'preferences': ['compliance']}
+    with table_below(100.0, **own) as run:
+        run.graph.faults['joint_states', 'controller'] = changed(without_efforts)
+        run.run(0.3)
+        said = [line for node, line in run.graph.log if node == 'controller']
+        assert run.commanding
+    assert any('external_torques refused' in line and 'efforts' in line for line in said)

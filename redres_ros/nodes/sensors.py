@@ -1,6 +1,7 @@
 """What the controller receives beside states and velocities: wrenches, and what preferences use."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
@@ -129,10 +130,11 @@ class Sensors:
         response = self._loop.newest_response
         if not self._from_effort or response is None:
             return
-        if isinstance(message, bytes):
-            message = deserialised(message, JointState)
-        efforts = self._joints.in_order(message.name, message.effort, 'efforts')
-        self._enter(TORQUES, 0, response.command.tau - efforts)
+        with self._judged(TORQUES):
+            if isinstance(message, bytes):
+                message = deserialised(message, JointState)
+            efforts = self._joints.in_order(message.name, message.effort, 'efforts')
+            self._loop.enter_measurement(TORQUES, 0, response.command.tau - efforts)
 
     def _subscribe(self, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
         if topic not in self._subscribed:
@@ -143,13 +145,9 @@ class Sensors:
         force = message.wrench.force
         torque = message.wrench.torque
         wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
-        try:
+        with self._judged('wrench'):
             frame = self._link(message.header.frame_id)
             self._loop.enter_wrench(to_nanoseconds(message.header.stamp), wrench, frame)
-        except RedresError as error:
-            self._inputs.refuse('wrench', error)
-            return
-        self._inputs.accept('wrench')
 
     def _link(self, frame: str) -> str:
         """The link of that name. Raises UnknownNameError."""
@@ -159,13 +157,10 @@ class Sensors:
         return self._links[frame]
 
     def _on_torques(self, message: JointState) -> None:
-        stamp = to_nanoseconds(message.header.stamp)
-        try:
+        with self._judged(TORQUES):
             torques = self._joints.in_order(message.name, message.effort, 'efforts')
-        except RedresError as error:
-            self._inputs.refuse(TORQUES, error)
-            return
-        self._enter(TORQUES, stamp, torques)
+            stamp = to_nanoseconds(message.header.stamp)
+            self._loop.enter_measurement(TORQUES, stamp, torques)
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
         """Take in what a preference uses.
@@ -174,15 +169,22 @@ class Sensors:
             name: As the preference calls it, and the topic.
             message: Of any length.
         """
-        self._enter(name, 0, np.array(message.data))
+        with self._judged(name):
+            self._loop.enter_measurement(name, 0, np.array(message.data))
 
-    def _enter(self, name: str, stamp: int, value: np.ndarray) -> None:
+    @contextmanager
+    def _judged(self, name: str) -> Iterator[None]:
+        """Note whether what is measured was accepted or refused, for the log and /diagnostics.
+
+        Args:
+            name: What is measured.
+        """
         try:
-            self._loop.enter_measurement(name, stamp, value)
+            yield
         except RedresError as error:
             self._inputs.refuse(name, error)
-            return
-        self._inputs.accept(name)
+        else:
+            self._inputs.accept(name)
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._subscribe('wrench', WrenchStamped, self._on_wrench)
