@@ -37,7 +37,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.controller import Controller
-from redres_ros.demo.processes import own_domain
+from redres_ros.demo.processes import NodeProcess, own_domain
 from redres_ros.graph.client import CallError
 from redres_ros.laws import LAWS, make_law
 from redres_ros.loop.command_loop import CommandLoop
@@ -749,3 +749,15 @@ def test_a_second_publisher_of_commands_is_refused_and_named(tmp_path: Path) -> 
             assert not reported(one)
         await_that(lambda: reported(one, two), 'the refusal')
         assert all(list(state.position) == START.tolist() for state in states)
+
+
+def test_node_processes_run_the_package_that_started_them_in_a_folder_with_another_one(
+    tmp_path, monkeypatch
+):
+    other = tmp_path / 'redres_ros'
+    other.mkdir()
+    (other / '__init__.py').write_text("raise SystemExit('the other one')")
+    monkeypatch.chdir(tmp_path)
+    process = NodeProcess('nodes.absent', tmp_path / 'log', {})
+    assert process.wait(60.0) == 1
+    assert process.last_line().endswith('No module named redres_ros.nodes.absent')

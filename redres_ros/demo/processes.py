@@ -10,7 +10,6 @@ import random
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from redres_ros.errors import RedresError
+from redres_ros.files.modules import module_command, module_environment
 from redres_ros.nodes.discovery import joined_domain
 from redres_ros.nodes.runtime import PARENT
 
@@ -108,20 +108,22 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self._log = log
-        module = [f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}']
+        module = f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}'
+        own: list[str] = []
         if recording:
-            module = ['redres_ros.demo.recorded', name, str(recording), ','.join(topics)]
+            module = 'redres_ros.demo.recorded'
+            own = [name, str(recording), ','.join(topics)]
         arguments = []
         for key, value in parameters.items():
             arguments += ['-p', f'{key}:={_yaml(value)}']
         with log.open('wb') as output:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', *module, '--ros-args', *arguments],
+                [*module_command(module), *own, '--ros-args', *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                env={**os.environ, PARENT: str(os.getpid())},
+                env={**module_environment(), PARENT: str(os.getpid())},
             )
 
     @property

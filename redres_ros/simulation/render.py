@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from redres_ros.errors import RedresError
+from redres_ros.files.modules import module_command, module_environment
 from redres_ros.robots import Arm
 
 # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
@@ -97,15 +98,11 @@ def render(arm: Arm, film: Film) -> np.ndarray:
 
 def _draw_elsewhere(backend: str, job: Path, pictures: Path, limit: float) -> str:
     """Draw in another process within a time [s]; why that failed, empty if it did not."""
-    environment = {
-        **os.environ,
-        'MUJOCO_GL': backend,
-        'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
-    }
+    environment = {**module_environment(), 'MUJOCO_GL': backend}
     environment.pop('PYOPENGL_PLATFORM', None)  # MuJoCo sets it to go with MUJOCO_GL
     try:
         done = subprocess.run(
-            [sys.executable, '-m', __spec__.name, job, pictures],
+            [*module_command(__spec__.name), job, pictures],
             env=environment,
             check=False,
             stdin=subprocess.DEVNULL,
