@@ -13,7 +13,7 @@ from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch,
 from redres_ros.cli import main
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.simulation import batch as module
-from redres_ros.simulation.batch import grid
+from redres_ros.simulation.batch import Result, grid
 from redres_ros.simulation.random_tasks import (
     RANDOM_TASKS,
     long_task,
@@ -22,6 +22,7 @@ from redres_ros.simulation.random_tasks import (
     random_task,
 )
 from redres_ros.simulation.results_file import COLUMNS, ResultsFile
+from redres_ros.simulation.summary import summaries
 
 T = 0.02  # [s]
 CASES = [
@@ -222,6 +223,22 @@ def test_a_missing_library_for_parquet_is_reported_before_anything_is_computed(
     monkeypatch.setitem(sys.modules, 'pyarrow', None)
     with pytest.raises(FileError, match='pip install pyarrow'):
         ResultsFile(tmp_path / 'results.parquet')
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'preferences': [[], ['posture']]}, 'preferences: posture'),
+        ({'gains': [{'damping': 5.0}, {'posture.gain': 9.0}]}, 'gains: posture.gain = 9.0'),
+        ({'dynamics': ['identified', 'cylinders']}, 'dynamics: cylinders'),
+        ({'limit_scale': [1.0, 0.5]}, 'limit scale: 0.5'),
+    ],
+)
+def test_motions_under_other_conditions_are_not_taken_for_those_of_another_law(values, words):
+    groups = summaries(Result(case) for case in grid({'seeds': 3, **values}))
+    assert [len(summary.results) for laws in groups.values() for summary in laws.values()] == [3, 3]
+    plain, other = groups
+    assert other == f'{plain}, {words}'
 
 
 def test_the_command_goes_on_where_it_was_ended(tmp_path, capsys):

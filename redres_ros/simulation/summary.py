@@ -1,17 +1,19 @@
 """What many motions say together: each law beside the first one, on the same tasks."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
-from redres_ros.simulation.batch import Result
+from redres_ros.simulation.batch import Case, Result
 from redres_ros.simulation.comparison import plain
 from redres_ros.simulation.report import table
 
 _BAND = (0.1, 0.9)  # quantiles that a table shows beside the median
 _ALIKE = 1.05  # ratio of two medians that hardly differ
+_TOLD = ('robot', 'law', 'T', 'limits', 'task', 'seed')  # in the title, or in rows
 
 _RATIOS: dict[str, Callable[[Result], float]] = {  # by their heads
     'peak |ddq|': lambda result: _effort(result, 'acceleration'),
@@ -62,21 +64,36 @@ class Summary:
 
 
 def summaries(results: Iterable[Result]) -> dict[str, dict[str, Summary]]:
-    """Results by arm and kind of task, and below it by law.
+    """Results by all that their cases have in common but law, damping and seed; below it by law.
 
     Args:
         results: In any order.
     """
     groups: dict[str, dict[str, Summary]] = {}
     for result in sorted(results, key=lambda result: result.case.law != 'minimum_velocity'):
-        case = result.case
-        limits = ', '.join(case.limits) or 'none'
-        group = f'{case.robot}, {case.task}, T = {1e3 * case.T:g} ms, limits: {limits}'
-        if case.limit_scale != 1.0:
-            group += f' at {case.limit_scale:g}'
-        laws = groups.setdefault(group, {})
-        laws.setdefault(_label(result), Summary()).results[f'{case.seed}'] = result
+        laws = groups.setdefault(_title(result.case), {})
+        laws.setdefault(_label(result), Summary()).results[f'{result.case.seed}'] = result
     return groups
+
+
+def _title(case: Case) -> str:
+    """Arm, kind of task, sampling time and limits, and whatever is not as it is by default."""
+    limits = ', '.join(case.limits) or 'none'
+    parts = [case.robot, case.task, f'T = {1e3 * case.T:g} ms', f'limits: {limits}']
+    gains = {name: value for name, value in case.gains.items() if name != 'damping'}
+    other = replace(case, gains=gains)
+    for each in fields(Case):
+        value = getattr(other, each.name)
+        if each.name not in _TOLD and value and value != each.default:
+            parts.append(f'{each.name.replace("_", " ")}: {_plain(value)}')
+    return ', '.join(parts)
+
+
+def _plain(value: Any) -> str:
+    """A field of a case, to be read."""
+    if isinstance(value, Mapping):
+        return ' '.join(f'{name} = {value[name]}' for name in sorted(value))
+    return ' '.join(value) if isinstance(value, tuple) else f'{value}'
 
 
 def summary_tables(groups: Mapping[str, Mapping[str, Summary]]) -> list[Table]:
