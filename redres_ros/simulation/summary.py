@@ -13,7 +13,7 @@ from redres_ros.simulation.report import table
 
 _BAND = (0.1, 0.9)  # quantiles that a table shows beside the median
 _ALIKE = 1.05  # ratio of two medians that hardly differ
-_TOLD = ('robot', 'law', 'T', 'limits', 'task', 'seed')  # in the title, or in rows
+_SHOWN = ('robot', 'law', 'T', 'limits', 'task', 'seed')  # in the title, or in rows
 
 _RATIOS: dict[str, Callable[[Result], float]] = {  # by their heads
     'peak |ddq|': lambda result: _effort(result, 'acceleration'),
@@ -84,7 +84,7 @@ def _title(case: Case) -> str:
     other = replace(case, gains=gains)
     for each in fields(Case):
         value = getattr(other, each.name)
-        if each.name not in _TOLD and value and value != each.default:
+        if each.name not in _SHOWN and value and value != each.default:
             parts.append(f'{each.name.replace("_", " ")}: {_plain(value)}')
     return ', '.join(parts)
 
