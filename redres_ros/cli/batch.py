@@ -31,6 +31,7 @@ def add(commands: Any) -> None:
 
 
 def _batch(options: argparse.Namespace) -> int:
+    from redres_ros.cli.files import check_writable
     from redres_ros.errors import FileError
     from redres_ros.files.yaml import read_yaml
     from redres_ros.simulation.batch import grid
@@ -43,6 +44,7 @@ def _batch(options: argparse.Namespace) -> int:
         raise FileError(f'{options.file} holds no fields of a case, such as law: minimum_velocity')
     cases = grid(values)
     out = options.out or options.file.with_suffix('.csv')
+    check_writable(out)
     with ResultsFile(out) as file:
         left = [case for case in cases if case not in file]
         if len(left) < len(cases):

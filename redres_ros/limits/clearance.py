@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -63,10 +63,10 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
                 f'expected less than the influence, {self.influence:g} m'
             )
 
-    @property
-    @abstractmethod
+    @cached_property
     def lever(self) -> float:
-        """How far a radian of any joint moves anything, at most [m]."""
+        """How far a radian of any joint moves any point of the arm, at most [m]."""
+        return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
 
     @abstractmethod
     def approaches(self, q: np.ndarray, reach: float) -> Near:

@@ -86,10 +86,6 @@ class CollisionLimit(ClearanceLimit):
         balls = np.reshape(np.array(self.spheres, np.float64), (-1, 4))
         return balls[balls[:, 3] > 0.0]
 
-    @cached_property
-    def lever(self) -> float:
-        return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
-
     def approaches(self, q: np.ndarray, reach: float) -> Near:
         found: Near = _distances().approaches(q, *self._scene, reach)
         return found

@@ -138,17 +138,15 @@ class WorkspaceLimit(ClearanceLimit):
         for frame in self._frames:
             self.model.jacobian(np.zeros(self.model.n), frame)
 
-    @cached_property
-    def lever(self) -> float:
-        return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
-
     def approaches(self, q: np.ndarray, reach: float) -> Near:
         x = np.array([self.model.position(q, frame) for frame in self._frames])  # (points, 3)
         distance, approach = self._walls.seen_from(x)
         who = np.argwhere(distance < reach)  # (r, 2)
-        J = np.array([self.model.jacobian(q, frame)[:3] for frame in self._frames])
         points, walls = who.T
-        C = np.einsum('ra,ran->rn', approach[points, walls], J[points])
+        J = {k: self.model.jacobian(q, self._frames[k])[:3] for k in set(points.tolist())}
+        C = np.zeros((len(who), len(q)))
+        for row, (point, wall) in enumerate(who.tolist()):
+            C[row] = approach[point, wall].dot(J[point])
         return C, distance[points, walls], who
 
     def name_of_pair(self, one: int, other: int) -> str:

@@ -215,38 +215,23 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
         if not isinstance(count, int) or not 1 <= count <= MOST_SEEDS:
             raise RangeError('seeds', count, 1, MOST_SEEDS)
         given['seed'] = list(range(count))
-    choices = [_choices(value, name) for name, value in given.items()]
+    lists = {each.name for each in fields(Case) if each.type == _NAMES}
+    choices = [_choices(value, name in lists) for name, value in given.items()]
     return [Case.of(dict(zip(given, chosen, strict=True))) for chosen in product(*choices)]
 
 
-def _choices(value: Any, name: str) -> list[Any]:
-    """The values of a field, one after the other."""
-    is_several = {each.name: each.type == _NAMES for each in fields(Case)}.get(name, False)
-    if not isinstance(value, list):
-        return [value]
-    if is_several and not any(isinstance(each, list) for each in value):
-        return [value]
-    return value
-
-
-def run_case(
-    case: Case, arm: Arm | None = None, task: WaypointTask | None = None
-) -> tuple[Result, Recording | None]:
-    """The result of a case, and its motion; None if it could not be computed.
+def _choices(value: Any, is_list: bool) -> list[Any]:
+    """The values of a field, one after the other.
 
     Args:
-        case: The motion.
-        arm: The case's; None: found by its name.
-        task: The case's; None: found by its name, or a random one.
+        value: As given.
+        is_list: Whether a single value of this field is a list itself.
     """
-    load_plugins(case.plugins)
-    try:
-        model = _model(arm or _arm(case))
-        task = task or _task(case.task) or make_random_task(case.task, model, case.robot, case.seed)
-        recording = run(_controller(case, model, task), task)
-        return _result(case, recording, model, task), recording
-    except RedresError as error:
-        return Result(case, error=str(error), versions=versions()), None
+    if not isinstance(value, list):
+        return [value]
+    if is_list and not any(isinstance(each, list) for each in value):
+        return [value]
+    return value
 
 
 @cache
@@ -315,7 +300,25 @@ def _results(jobs: deque[_Job], executor: Executor, most: int) -> Iterator[Resul
 
 def _work(job: _Job) -> Result:
     """The result of a job; runs in a worker."""
-    return run_case(job.case, job.arm, job.task)[0]
+    return run_case(job.case, job.arm, job.task)
+
+
+def run_case(case: Case, arm: Arm, task: WaypointTask | None) -> Result:
+    """The result of a case.
+
+    Args:
+        case: The motion.
+        arm: The case's.
+        task: The case's; None: a random one.
+    """
+    load_plugins(case.plugins)
+    try:
+        model = _model(arm)
+        task = task or make_random_task(case.task, model, case.robot, case.seed)
+        recording = run(_controller(case, model, task), task)
+        return _result(case, recording, model, task)
+    except RedresError as error:
+        return Result(case, error=str(error), versions=versions())
 
 
 def _arm(case: Case) -> Arm:

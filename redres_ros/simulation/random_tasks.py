@@ -34,9 +34,7 @@ def random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
         robot: Its name, for the task.
         seed: The same one gives the same task.
     """
-    random = np.random.default_rng(seed)
-    start = _random_posture(model, random)
-    points = _walk(model, start, _POINTS, random)
+    start, points = _random_walk(model, _POINTS, seed)
     return WaypointTask(robot, start, points, segment_time=_SEGMENT)
 
 
@@ -48,9 +46,7 @@ def long_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
         robot: Its name, for the task.
         seed: The same one gives the same task.
     """
-    random = np.random.default_rng(seed)
-    start = _random_posture(model, random)
-    points = _walk(model, start, _LONG_POINTS, random)
+    start, points = _random_walk(model, _LONG_POINTS, seed)
     there_and_back = np.concatenate((points, points[-2::-1]))
     return WaypointTask(robot, start, there_and_back, segment_time=_LONG_SEGMENT)
 
@@ -124,16 +120,18 @@ def _random_posture(model: RobotModel, random: np.random.Generator) -> np.ndarra
     return middle + half * random.uniform(-1.0, 1.0, model.n)
 
 
-def _walk(
-    model: RobotModel, start: np.ndarray, steps: int, random: np.random.Generator
-) -> np.ndarray:
-    """Points (steps + 1, 3) [m] of a random walk in joint space, the first at the start."""
+def _random_walk(model: RobotModel, steps: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A random walk in joint space: its start (n,) [rad], and the points (steps + 1, 3) [m] where
+    the tip is, the first at the start.
+    """
+    random = np.random.default_rng(seed)
+    start = _random_posture(model, random)
     q = start
     points = [model.tip(q)[0]]
     for _ in range(steps):
         q = q + random.uniform(-_STEP, _STEP, model.n)
         points.append(model.tip(_inside(model, q))[0])
-    return np.array(points)
+    return start, np.array(points)
 
 
 def _descended(model: RobotModel, q: np.ndarray) -> np.ndarray:
