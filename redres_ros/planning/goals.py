@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
 from redres_ros.planning.planner import LEVER, Planner
+from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 
@@ -19,6 +21,27 @@ _SHORTEST = 0.5  # [s] that a way takes at least
 
 class GoalError(RedresError):
     """A goal that cannot be taken at present."""
+
+
+class Target(NamedTuple):
+    """A pose of the tip, and how a tip in motion is led there.
+
+    Attributes:
+        x: Position, (3,) [m].
+        R: Orientation, (3, 3); None for a position alone.
+        make_follower: For a tip at (3,) with orientation (3, 3) and task velocity (m,), at a time
+            of the task [s].
+    """
+
+    x: np.ndarray
+    R: np.ndarray | None
+    make_follower: Callable[[np.ndarray, np.ndarray, np.ndarray, float], TargetFollower]
+
+    def is_that_of(self, other: 'Target') -> bool:
+        """Whether both are the same pose."""
+        if self.R is not None and other.R is not None and not np.array_equal(self.R, other.R):
+            return False
+        return np.array_equal(self.x, other.x)
 
 
 @dataclass(frozen=True)
@@ -32,6 +55,7 @@ class Goal:
         duration: How long that path takes [s].
         goes_on: Whether it goes on after a hold or a stop; if not, it ends with the first
             interruption.
+        target: What a tip that moves already is led to, without a stop; None: it begins from rest.
         patience: How long it waits, to begin or to go on [s]; None: for ever.
     """
 
@@ -39,6 +63,7 @@ class Goal:
     make_planner: Callable[[np.ndarray, np.ndarray], Planner] | None = None
     duration: float = 0.0
     goes_on: bool = False
+    target: Target | None = None
     patience: float | None = 2.0
 
 
@@ -59,6 +84,9 @@ class GoalSettings:
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
     target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
+    target_acceleration: float = param(
+        1.0, 'largest acceleration towards a target_pose that replaces another [m/s^2]', 1e-3, 100.0
+    )
     target_timeout: float = param(
         1.0, "largest age of a target_pose by the robot's clock [s]", 0.001, 1e6
     )
@@ -137,8 +165,23 @@ class Goals:
             way = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns)
             return Planner(way, x, R, feedback_limit=settings.feedback_limit)
 
+        def make_follower(x: np.ndarray, R: np.ndarray, dx: np.ndarray, t: float) -> TargetFollower:
+            follower = TargetFollower(
+                self._task,
+                x,
+                R if self._turns else None,
+                dx,
+                t,
+                speed=settings.target_speed,
+                acceleration=settings.target_acceleration,
+                feedback_limit=settings.feedback_limit,
+            )
+            follower.set_target(target.x, target.R)
+            return follower
+
         make_planner(*self._model.tip(q))
-        return Goal(make_planner=make_planner, patience=settings.resume_within)
+        target = Target(x_end, R_end if self._turns else None, make_follower)
+        return Goal(make_planner=make_planner, target=target, patience=settings.resume_within)
 
     def check_age(self, stamp: int, now: int) -> None:
         """Refuse a goal of long ago.

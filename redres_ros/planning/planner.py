@@ -2,6 +2,7 @@
 position of the tip alone or together with its orientation.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,21 @@ def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
     """
     e: np.ndarray = rotation_error(R, R_d)
     return e
+
+
+def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
+    """The feedback k_P e of Eq. (37), (3,), no longer than the limit.
+
+    Args:
+        gain: k_P [1/s].
+        limit: Of its norm, in the unit of the feedback; may be infinite.
+        error: e, (3,).
+    """
+    feedback: np.ndarray = gain * error
+    if limit == np.inf:
+        return feedback
+    excess = float(np.linalg.norm(feedback)) / limit
+    return feedback / max(excess, 1.0)
 
 
 class Reference(NamedTuple):
@@ -76,7 +92,7 @@ class Planner:
         """
         self._task = task
         self._approach_time = task.segment_time  # [s]
-        self._feedback_limit = feedback_limit
+        self._feedback = partial(limited, task.feedback_gain, feedback_limit)
         self._points = task.waypoints.copy()  # (N, 3)
         self._turns = task.orientations  # (N, 3, 3), None until one is known
         self._first_segment = 1
@@ -180,14 +196,6 @@ class Planner:
         turn = rotation_error(A, B)
         R_d = rotation_matrix(s * turn).dot(A) if s < 1.0 else B.copy()
         return R_d, turn
-
-    def _feedback(self, error: np.ndarray) -> np.ndarray:
-        """k_P e, (3,), within the limit."""
-        feedback: np.ndarray = self._task.feedback_gain * error
-        if self._feedback_limit == np.inf:
-            return feedback
-        excess = float(np.linalg.norm(feedback)) / self._feedback_limit
-        return feedback / max(excess, 1.0)
 
     def _is_over(
         self, x: np.ndarray, t: float, R: np.ndarray | None, unachieved: np.ndarray | None

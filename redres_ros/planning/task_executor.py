@@ -12,6 +12,7 @@ from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import LEVER, Planner, Reference
 from redres_ros.planning.progress import ProgressMonitor
+from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.task_clock import TaskClock
 
 _AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
@@ -79,7 +80,7 @@ class _Pursuit:
 
     goal: Goal
     path: JointPath | None = None
-    planner: Planner | None = None
+    planner: Planner | TargetFollower | None = None
     has_begun: bool = False
     at_home: bool = False
     x_d: np.ndarray | None = None
@@ -150,13 +151,17 @@ class TaskExecutor:
         self._remark = ''  # why the goal gets nowhere, or was over before its end
         self._pursuit: _Pursuit | None = None
         self._step: Step | None = None
+        self._arm: _ArmState | None = None  # at the newest state
         self._seconds = 0.0  # from the last state to the newest
 
     def begin(self, goal: Goal) -> None:
         """Begin as soon as the controller follows, from where the arm is; in place of another goal.
 
-        A joint path under way goes on: it leads to the same place.
+        A joint path under way goes on: it leads to the same place. A tip in motion goes on to
+        another target without a stop.
         """
+        if self._redirect(goal):
+            return
         before = self._pursuit
         goes_on = self.state is TaskState.HOMING and goal.make_path is not None
         self.stop()
@@ -166,6 +171,31 @@ class TaskExecutor:
             self._pursuit.path = before.path
             self._pursuit.has_begun = True
             self.state = TaskState.HOMING
+
+    def _redirect(self, goal: Goal) -> bool:
+        """Lead a tip in motion to the target of a goal; whether that could be done."""
+        pursuit = self._pursuit
+        target = goal.target
+        is_moving = self.state is TaskState.MOVING
+        if target is None or pursuit is None or self._arm is None:
+            return False
+        before = pursuit.goal.target
+        if is_moving and before is not None and target.is_that_of(before):
+            return True
+        planner = pursuit.planner
+        if isinstance(planner, TargetFollower) and (is_moving or self.state is TaskState.FINISHED):
+            planner.set_target(target.x, target.R)
+        elif is_moving and self._step is not None and self._step.dx is not None:
+            arm = self._arm
+            pursuit.planner = target.make_follower(arm.x, arm.R, self._step.dx, self._task_clock.t)
+        else:
+            return False
+        pursuit.goal = goal
+        pursuit.path = None
+        self.state = TaskState.MOVING
+        self._remark = ''
+        self._monitor.begin()
+        return True
 
     def stop(self) -> None:
         """Drop the goal."""
@@ -258,7 +288,8 @@ class TaskExecutor:
                 self._end_after((stamp - before) / NANOSECONDS)
             self._task_clock.advance(cycles)
         if is_new or self._step is None:
-            self._step = self._respond(_ArmState(stamp, q, x, R, unachieved))
+            self._arm = _ArmState(stamp, q, x, R, unachieved)
+            self._step = self._respond(self._arm)
         return self._step
 
     def _respond(self, state: _ArmState) -> Step | None:
