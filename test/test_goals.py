@@ -1,5 +1,6 @@
 """What the planner takes for a goal, and what ends one: the real nodes, in virtual time."""
 
+import time
 from collections.abc import Iterator
 from copy import deepcopy
 from typing import Any
@@ -100,6 +101,18 @@ def test_a_target_of_another_time_is_refused_with_its_age(run: VirtualRun, age: 
 @pytest.mark.parametrize('age', [0.0, 0.5])
 def test_a_target_of_now_is_taken(run: VirtualRun, age: float) -> None:
     send_target(run, stamp=now(run) - round(age * SECOND))
+    run.run(0.5)
+    assert state(run) is TaskState.MOVING
+
+
+def test_a_target_stamped_by_this_computer_is_taken_by_a_robot_whose_clock_is_seconds_behind(
+    run: VirtualRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = run.graph.clock
+    monkeypatch.setattr(time, 'time_ns', lambda: clock.time_ns() + 3 * SECOND)
+    send_target(run, stamp=time.time_ns() - round(1.5 * SECOND))  # old by either clock
+    assert_nothing_moves(run)
+    send_target(run, stamp=time.time_ns())
     run.run(0.5)
     assert state(run) is TaskState.MOVING
 

@@ -123,11 +123,14 @@ def test_lockstep_alone_runs_a_task_and_nothing_is_wrong() -> None:
     assert not [line for _, line in run.graph.log if 'does not move' in line]
 
 
+@pytest.mark.parametrize('way', ['-p', '--params-file'])
 def test_a_mistyped_law_is_refused_before_its_node_is_loaded(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    way: str, file: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    file.write_text('/**:\n  ros__parameters:\n    law: least\n')
     monkeypatch.setattr('redres_ros.nodes.entry.import_module', None)
-    assert run_node('controller', ['--ros-args', '-p', 'law:=least']) == 1
+    word = 'law:=least' if way == '-p' else str(file)
+    assert run_node('controller', ['--ros-args', way, word]) == 1
     assert 'minimum_velocity' in capfd.readouterr().err
 
 

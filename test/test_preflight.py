@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,14 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from graph_helpers import PATIENCE, await_that, nodes
+from std_msgs.msg import String
 
 from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.runtime import spun
+from redres_ros.preflight import graph_snapshot
 from redres_ros.preflight.graph import judge
 from redres_ros.preflight.graph_snapshot import (
+    ACTIVITY,
     COMMANDS,
     FORWARD,
     STATES,
@@ -232,6 +236,18 @@ NOTES = {
         replace(BEHIND, forward_states=frozenset()),
         ('forwarding', 'no controller_manager reports'),
     ),
+    'an activity that cannot be read': (
+        replace(
+            BEHIND,
+            forward_states=frozenset(),
+            publishers={**BEHIND.publishers, ACTIVITY: ('/controller_manager',)},
+        ),
+        ('forwarding', 'Install controller_manager_msgs'),
+    ),
+    'hardware that is not active': (
+        replace(BEHIND, hardware={'arm': 'active', 'FrankaHardwareInterface': 'unconfigured'}),
+        ('hardware', 'set_hardware_component_state FrankaHardwareInterface active'),
+    ),
     'a clock of its own': (
         replace(GOOD, states=states(stamp=lambda k: 10**12 + k * T)),
         ('clock', "from this computer's"),
@@ -294,6 +310,10 @@ def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None
         KeyValue(key='forward_position_controller.state', value='inactive'),
     ]
     activity = DiagnosticStatus(name='controller_manager: Controllers Activity', values=values)
+    of_hardware = DiagnosticStatus(
+        name='controller_manager: Hardware Components Activity',
+        values=[KeyValue(key='arm.state', value='active')],
+    )
     with own_domain(), spun(SnapshotNode) as observer:
         manager = rclpy.create_node('controller_manager')
         publisher = manager.create_publisher(DiagnosticArray, '/diagnostics', 1)
@@ -301,7 +321,7 @@ def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None
 
         def report() -> None:
             while not timer.wait(0.1):
-                publisher.publish(DiagnosticArray(status=[activity]))
+                publisher.publish(DiagnosticArray(status=[activity, of_hardware]))
 
         thread = threading.Thread(target=report)
         thread.start()
@@ -310,6 +330,34 @@ def test_what_a_controller_manager_reports_of_its_controllers_is_found() -> None
         thread.join()
         manager.destroy_node()
     assert seen.forward_states == {'inactive'}
+    assert seen.hardware == {'arm': 'active'}
+
+
+@pytest.mark.slow
+def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnostics(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The message's own type is not on any package index: an object of its form takes its place."""
+
+    def named(name: str, label: str) -> SimpleNamespace:
+        return SimpleNamespace(name=name, state=SimpleNamespace(label=label))
+
+    message = SimpleNamespace(
+        controllers=[named('forward_position_controller', 'inactive')],
+        hardware_components=[named('arm', 'unconfigured')],
+    )
+    monkeypatch.setattr(graph_snapshot, '_find_activity_type', lambda: String)
+    with own_domain(), spun(SnapshotNode) as observer:
+        observer._forward_states = {'of another arm': 'active'}
+        newest = observer.samples.newest
+        monkeypatch.setattr(
+            observer.samples,
+            'newest',
+            lambda topic: message if topic == ACTIVITY else newest(topic),
+        )
+        seen = observer.look(0.6)
+    assert seen.forward_states == {'inactive'}
+    assert seen.hardware == {'arm': 'unconfigured'}
 
 
 @pytest.mark.slow

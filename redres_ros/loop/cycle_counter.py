@@ -27,6 +27,17 @@ class ClockError(RedresError):
     """A state whose stamp is not that of a new cycle."""
 
 
+def is_of_this_moment(stamp: int, time_of_day: int, tolerance: float) -> bool:
+    """Whether a stamp was made on this computer a moment ago, whatever the robot's clock shows.
+
+    Args:
+        stamp: Of a message [ns].
+        time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
+        tolerance: How long a moment is [s].
+    """
+    return abs(time_of_day - stamp) <= tolerance * NANOSECONDS
+
+
 class CycleCounter:
     """Counts the robot's cycles by the stamps of its states.
 

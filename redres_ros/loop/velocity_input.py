@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
+from redres_ros.loop.cycle_counter import CycleCounter, is_of_this_moment
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 
@@ -133,8 +133,8 @@ class VelocityInput:
         """
         timeout = self.settings.command_timeout
         age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
-        is_of_this_computer = abs(time_of_day - stamp) <= timeout * NANOSECONDS
-        return 0 if abs(age) > timeout and is_of_this_computer else stamp
+        is_of_another_clock = abs(age) > timeout and is_of_this_moment(stamp, time_of_day, timeout)
+        return 0 if is_of_another_clock else stamp
 
     def check_age(self, stamp: int, cycles: CycleCounter, state_arrived: float) -> bool:
         """Whether a velocity can be judged by the robot's clock: after a silence another robot may

@@ -4,8 +4,11 @@ ends quietly.
 
 import ast
 import sys
+from collections.abc import Iterator
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from redres_ros.errors import RedresError
 from redres_ros.files.law_names import check_law
@@ -76,12 +79,26 @@ def _check_law(arguments: list[str]) -> None:
     Args:
         arguments: What follows the name of the executable.
     """
-    if any('plugins:=' in word or word == '--params-file' for word in arguments):
+    given = [word.partition(':=')[::2] for word in arguments]
+    for option, file in pairwise(arguments):
+        if option == '--params-file':
+            given += _parameters_in(Path(file))
+    if any(name == 'plugins' for name, _ in given):
         return
-    for word in arguments:
-        name, _, law = word.partition(':=')
+    for name, law in given:
         if name == 'law' and law:
-            check_law(law)
+            check_law(str(law))
+
+
+def _parameters_in(file: Path) -> Iterator[tuple[str, Any]]:
+    """Names and values that a file of parameters has for the controller. Raises FileError."""
+    from redres_ros.files.yaml import read_yaml
+
+    sections = read_yaml(file)
+    for key, section in sections.items() if isinstance(sections, dict) else ():
+        if str(key).endswith(('/**', 'controller')) and isinstance(section, dict):
+            values = section.get('ros__parameters')
+            yield from values.items() if isinstance(values, dict) else ()
 
 
 def _help(name: str) -> str:

@@ -198,7 +198,8 @@ class PlannerNode(ManagedNode):
             x, R = from_pose(message, (self._frame, ''))
             q = self._check_ready()
             self._check_not_homing()
-            self._goals.check_age(to_nanoseconds(message.header.stamp), self._stamp)
+            stamp = to_nanoseconds(message.header.stamp)
+            self._goals.check_age(stamp, self._stamp, time.time_ns())
             goal = self._goals.target(x, R, q)
         except RedresError as error:
             self._refusals.refuse('target_pose', error)

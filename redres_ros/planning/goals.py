@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.errors import RedresError
 from redres_ros.kernels.rotation_error import rotation_error
-from redres_ros.loop.cycle_counter import NANOSECONDS
+from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
 from redres_ros.planning.planner import LEVER, Planner
@@ -88,7 +88,10 @@ class GoalSettings:
         1.0, 'largest acceleration towards a target_pose that replaces another [m/s^2]', 1e-3, 100.0
     )
     target_timeout: float = param(
-        1.0, "largest age of a target_pose by the robot's clock [s]", 0.001, 1e6
+        1.0,
+        "largest age of a target_pose by the robot's clock, or by this computer's [s]",
+        0.001,
+        1e6,
     )
     home_speed: float = param(
         0.25, "fraction of the arm's limits for the motion to the start of the task", 0.01, 1.0
@@ -183,19 +186,20 @@ class Goals:
         target = Target(x_end, R_end if self._turns else None, make_follower)
         return Goal(make_planner=make_planner, target=target, patience=settings.resume_within)
 
-    def check_age(self, stamp: int, now: int) -> None:
-        """Refuse a goal of long ago.
+    def check_age(self, stamp: int, now: int, time_of_day: int) -> None:
+        """Refuse a goal of long ago; one stamped by this computer's clock counts by its arrival.
 
         Args:
             stamp: Of the goal [ns]; 0 means now.
             now: By the robot's clock [ns].
+            time_of_day: By this computer's clock [ns].
 
         Raises:
-            GoalError: The stamp is further than target_timeout from now.
+            GoalError: The stamp is further than target_timeout from now, by either clock.
         """
         age = (now - stamp) / NANOSECONDS
         timeout = self._settings.target_timeout
-        if stamp and not abs(age) <= timeout:
+        if stamp and abs(age) > timeout and not is_of_this_moment(stamp, time_of_day, timeout):
             side = 'behind' if age > 0.0 else 'ahead of'
             raise GoalError(
                 f"stamped {abs(age):.4g} s {side} the robot's clock; allowed: {timeout:g} "

@@ -11,6 +11,7 @@ from redres_ros.loop.settings import why_it_would_leap
 from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.preflight.arm import judge_arm
 from redres_ros.preflight.graph_snapshot import (
+    ACTIVITY,
     COMMANDS,
     CONTROLLER,
     FORWARD,
@@ -202,9 +203,15 @@ def _judge_forwarding(seen: GraphSnapshot) -> Iterator[Verdict]:
             'no controller_manager reports on /diagnostics whether the forward_position_controller '
             'is active; one that is not shows in the first motion, within 50 ms'
         )
+        if seen.publishers.get(ACTIVITY):
+            text += f'. Install controller_manager_msgs here: then {ACTIVITY} can be read, too'
         yield Verdict(Level.NOTE, 'forwarding', text)
     else:
         yield Verdict(Level.OK, 'forwarding', 'the forward_position_controller is active')
+    for name, state in sorted(seen.hardware.items()):
+        if state != 'active':
+            command = f'ros2 control set_hardware_component_state {name} active'
+            yield Verdict(Level.NOTE, 'hardware', f'{name} is {state}: {command}')
 
 
 def _is_controller(name: str) -> bool:

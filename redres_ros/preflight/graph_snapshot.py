@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -29,7 +29,9 @@ FORWARD = 'forward_position_controller/commands'
 CONTROLLER = 'controller'
 
 _FORWARDING = 'forward_position_controller'
+ACTIVITY = 'controller_manager/activity'
 _DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
+_HARDWARE = 'Hardware Components'  # in the name of their status there
 _MODE = 'controller/mode'
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
@@ -46,6 +48,15 @@ _ASKED = (  # of the controller
     'position.margin',
 )
 _MANY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def _find_activity_type() -> Any:
+    """The type of ros2_control's topic of activity; None if its messages are not installed here."""
+    try:
+        from controller_manager_msgs.msg import ControllerManagerActivity
+    except ImportError:
+        return None
+    return ControllerManagerActivity
 
 
 class StateSeen(NamedTuple):
@@ -71,6 +82,7 @@ class GraphSnapshot:
         controllers: How many nodes have its name.
         forward_joints: In the order of the forward_position_controller; empty: not known.
         forward_states: Of its life cycle, as controller_managers report them; none: not known.
+        hardware: States of ros2_control's hardware components by their names.
         mode: Of our controller; empty: not known.
     """
 
@@ -84,6 +96,7 @@ class GraphSnapshot:
     controllers: int = 0
     forward_joints: tuple[str, ...] = ()
     forward_states: frozenset[str] = frozenset()
+    hardware: Mapping[str, str] = field(default_factory=dict)
     mode: str = ''
 
 
@@ -105,9 +118,13 @@ class SnapshotNode(GraphMonitor):
         self.samples.add(TWISTS, TwistStamped, _MANY)
         self._mode = ''
         self._forward_states: dict[str, str] = {}  # by controller_manager
+        self._hardware: dict[str, str] = {}  # by component
+        self._activity_type = _find_activity_type()
         self.samples.add(DESCRIPTION, String, LATCHED)
         self.samples.add(_MODE, String, LATCHED)
         self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
+        if self._activity_type is not None:
+            self.samples.add(ACTIVITY, self._activity_type, LATCHED)
 
     def look(self, seconds: float) -> GraphSnapshot:
         """A snapshot over that time, longer while states or a controller are missing.
@@ -118,7 +135,7 @@ class SnapshotNode(GraphMonitor):
         self._collect(seconds)
         if not (self._states and self._count(CONTROLLER)):
             self._collect(max(_DISCOVERY - seconds, 0.0))
-        topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD)}
+        topics = {topic: topic for topic in (TWISTS, COMMANDS, FORWARD, ACTIVITY)}
         topics[STATES] = self._states_topic
         return GraphSnapshot(
             states=tuple(self._states),
@@ -131,6 +148,7 @@ class SnapshotNode(GraphMonitor):
             controllers=self._count(CONTROLLER),
             forward_joints=self._forward_joints(),
             forward_states=frozenset(self._forward_states.values()),
+            hardware=dict(self._hardware),
             mode=self._mode,
         )
 
@@ -154,19 +172,36 @@ class SnapshotNode(GraphMonitor):
                 self._description = description.data
 
     def _take_health(self) -> None:
-        """Take in the mode of the controller, and what controller_managers report.
-
-        Their own message types need not be installed here; diagnostics have the same.
-        """
+        """Take in the mode of the controller, and what controller_managers report."""
         mode = self.samples.newest(_MODE)
         if mode is not None:
             self._mode = one_line(mode.data)
         for sample in self.samples.take(_DIAGNOSTICS):
             with suppress(EncodingError):
                 for status in deserialised(sample.data, DiagnosticArray).status:
-                    for pair in status.values:
-                        if pair.key == f'{_FORWARDING}.state':
-                            self._forward_states[status.name] = one_line(pair.value)
+                    self._take_status(status)
+        activity = None if self._activity_type is None else self.samples.newest(ACTIVITY)
+        if activity is not None:
+            self._take_activity(activity)
+
+    def _take_status(self, status: DiagnosticStatus) -> None:
+        """Take in the states of controllers or hardware, which any manager may report."""
+        for pair in status.values:
+            name, _, rest = pair.key.rpartition('.')
+            if rest != 'state':
+                continue
+            if name == _FORWARDING:
+                self._forward_states[status.name] = one_line(pair.value)
+            elif _HARDWARE in status.name:
+                self._hardware[one_line(name)] = one_line(pair.value)
+
+    def _take_activity(self, message: Any) -> None:
+        """Take in the states that the manager of this namespace reports, as soon as they change."""
+        for controller in message.controllers:
+            if controller.name == _FORWARDING:
+                self._forward_states = {ACTIVITY: one_line(controller.state.label)}
+        for component in message.hardware_components:
+            self._hardware[one_line(component.name)] = one_line(component.state.label)
 
     def _nodes(
         self, topics: Mapping[str, str], infos: Callable[[str], Sequence[TopicEndpointInfo]]
