@@ -94,6 +94,7 @@ class CommandLoop:
         self.silence = ''  # after which the arm began anew at the last state
         self._active = True
         self._held = False  # by request
+        self._blocked = False  # something is against any motion
         self._yields = False  # moves because a measurement asked for it, not a task velocity
         self._controller = controller
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
@@ -258,7 +259,7 @@ class CommandLoop:
                 self._stand_at(q_ref)
         elif self.q is not None and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
             seconds = (self._cycles.number - self._state_cycle) * self._controller.T
-            self.faults.check_leap(q, self.q, seconds, self.settings.following_tolerance)
+            self.faults.check_leap(q, self.q, seconds, self.input.settings.following_tolerance)
         if self._waiting:
             self._expecting = False  # the robot did not wait, so nobody else need
         self.q = q
@@ -274,11 +275,11 @@ class CommandLoop:
             q: Measured, (n,) [rad].
             clock_step: Of the robot's clock against this computer's; large for another robot [s].
         """
-        holds = self.mode is Mode.HOLDING or self.settings.bridging == 'hold'
+        holds = self.mode is Mode.HOLDING or self.input.settings.bridging == 'hold'
         if not holds or not self._published or self.mode is Mode.MIRRORING:
             return False
         lag, _ = self.faults.lag(q, self._controller.reference)
-        return abs(clock_step) < _CLOCK_STEP and lag <= self.settings.following_tolerance
+        return abs(clock_step) < _CLOCK_STEP and lag <= self.input.settings.following_tolerance
 
     def note_sent(self, now: float) -> None:
         """The newest response is on its way at this time [s]."""
@@ -377,10 +378,13 @@ class CommandLoop:
     def respond_if_due(self, now: float) -> Response | None:
         """The response to the state that waits, once it need not wait any longer."""
         state = self._waiting
-        if state is None or self._must_wait(state, now):
+        if state is None:
+            return None
+        known = self.input.buffer.has(state.cycle)
+        if not known and self._must_wait(state, now):
             return None
         self._waiting = None
-        self._expecting = self._expecting and self.input.buffer.has(state.cycle)
+        self._expecting = self._expecting and known
         self._response = self._respond(state, now)
         if self._response is not None:
             self._response_cycle = state.cycle
@@ -396,33 +400,30 @@ class CommandLoop:
         return self.respond_if_due(now) if self._waiting else self._response
 
     def _must_wait(self, state: _State, now: float) -> bool:
-        if self.input.buffer.has(state.cycle):
-            return False
-        if self.settings.lockstep:
+        """Whether a task velocity that is not there may yet come in time."""
+        if self.input.settings.lockstep:
             return True
-        patience = self.settings.twist_patience
+        patience = self.input.settings.twist_patience
         return self._expecting and not self._held and now - state.arrived < patience
 
     # --- a tick -----------------------------------------------------------------------------------
 
     def _respond(self, state: _State, now: float) -> Response | None:
         missed = self._bridge(state)
+        self._blocked = bool(not self._active or self._held or self._cycles.rate_error)
+        commandable = self._session.commanding_at(state.stamp)
         stale = self.input.is_stale(state.cycle, now)
         dx = self.input.buffer.play(state.cycle)
         self._measure(state, missed)
         self._watch(state, dx, stale, missed)
-        self._change_mode(state, dx, stale)
+        self._change_mode(state, dx, stale, commandable)
         if self.mode is Mode.INACTIVE:
             return None
         if stale and (self.mode is Mode.HOLDING or self._yields):
             self.input.clear()
             dx = np.zeros(len(dx))
         command = self._command(state, dx, missed)
-        follows = (
-            self._is_motion_allowed(stale)
-            and self._approach is None
-            and self._session.commanding_at(state.stamp)
-        )
+        follows = commandable and self._approach is None and self._is_motion_allowed(stale)
         if not follows or command.s >= _LITTLE:
             self._slow_since = 0
         elif not self._slow_since:
@@ -436,10 +437,10 @@ class CommandLoop:
         missed = max(state.cycle - self._response_cycle - 1, 0) if self._response_cycle else 0
         self.skipped += missed
         moves = self.mode in (Mode.MOVING, Mode.STOPPING)
-        holds = self.settings.bridging == 'hold'
+        holds = self.input.settings.bridging == 'hold'
         if holds and moves:
             self._missed.rollback_if_late(min(state.arrived, self._cycles.earliest_arrival))
-        allowed = self.settings.restart_after
+        allowed = self.input.settings.restart_after
         if missed <= allowed:
             if not holds:
                 self._missed.count(missed, state.cycle)
@@ -464,7 +465,7 @@ class CommandLoop:
 
     def _measure(self, state: _State, missed: int) -> None:
         """See what is measured beside positions, unless something is against any motion."""
-        if self._is_motion_blocked or self.faults.reason or self._approach is not None:
+        if self._blocked or self.faults.reason or self._approach is not None:
             self.measurements.restart()
         self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
 
@@ -478,22 +479,18 @@ class CommandLoop:
             if self._approach.has_failed:
                 self.faults.set_not_executing()
         elif self.mode in (Mode.MOVING, Mode.STOPPING) and not self.faults.reason:
-            allowed = self.settings.following_tolerance
+            allowed = self.input.settings.following_tolerance
             self.faults.watch(state.q, controller.reference, controller.dq, missed + 1, allowed)
 
     def _is_motion_allowed(self, stale: bool) -> bool:
         """Whether motion is allowed; a fault does not count once its motion was given up."""
-        if self._is_motion_blocked or stale:
+        if self._blocked or stale:
             return False
         return not self.faults.reason or self.faults.released
 
-    @property
-    def _is_motion_blocked(self) -> bool:
-        return bool(not self._active or self._held or self._cycles.rate_error)
-
     def _is_yielding_allowed(self, stale: bool) -> bool:
         """Whether an arm follows what is measured, and comes to rest after it by itself."""
-        if self._is_motion_blocked or self.faults.reason:
+        if self._blocked or self.faults.reason:
             return False
         if self._yields:
             return True
@@ -501,17 +498,17 @@ class CommandLoop:
         retreats = self.measurements.contact.retreats
         return self.measurements.asks and (retreats or not interrupted)
 
-    def _change_mode(self, state: _State, dx: np.ndarray, stale: bool) -> None:
+    def _change_mode(self, state: _State, dx: np.ndarray, stale: bool, commandable: bool) -> None:
         """Switch to the mode of this state."""
         allowed = self._is_motion_allowed(stale)
         asked = allowed and bool(dx.any() or self.faults.is_probing)
-        if self._is_yielding_allowed(stale):
+        if (self._yields or self.measurements.asks) and self._is_yielding_allowed(stale):
             allowed = True
             asked = asked or self.measurements.asks
         conditions = Conditions(
             # A robot that extrapolates rests only after the same reference twice.
             active=self._active or not self._controller.at_rest,
-            commandable=self.commanding,
+            commandable=self.faults.executes and commandable,
             motion_allowed=allowed,
             motion_asked=asked,
             at_rest=not asked and float(np.abs(self._controller.dq).max()) <= _AT_REST,
@@ -532,7 +529,7 @@ class CommandLoop:
             lag, _ = self.faults.lag(state.q, controller.reference)
             if self.faults.is_probing:
                 self._approach = Probe(controller, state.q)
-            elif lag > self.settings.following_tolerance:
+            elif lag > self.input.settings.following_tolerance:
                 self._approach = Approach(controller, state.q)
             controller.resume()
             return
@@ -554,19 +551,20 @@ class CommandLoop:
             self._stand_at(state.q)
         if self.mode in (Mode.MIRRORING, Mode.HOLDING):
             return controller.standing()
+        published = controller.reference, controller.dq
         correction = None
         if self._approach is not None:
-            dx = self._approach.velocity(controller.reference)
+            dx = self._approach.velocity(published[0])
         elif not self.input.is_of_joints:
             # what yields is not held
-            is_open_loop = self.input.is_open_loop and not self.measurements.contact.is_on
-            dx, correction = self._pose_hold.hold(
-                controller, dx, controller.reference, is_open_loop
-            )
+            is_open_loop = self.input.is_open_loop and not self.measurements.yields
+            dx, correction = self._pose_hold.hold(controller, dx, published[0], is_open_loop)
         is_of_task = self._approach is None and not self.input.is_of_joints
         yields = is_of_task and self.mode is Mode.MOVING
-        controller.set_scaling(self._scaling())
-        published = controller.reference, controller.dq
+        scaling = self.input.settings.scaling
+        if scaling == AUTO:
+            scaling = 'components' if self.input.is_open_loop else 'task'
+        controller.set_scaling(scaling)
         try:
             velocity = self.measurements.velocity(dx, state.q, missed) if yields else dx
             command = controller.update(state.q, velocity, missed, correction)
@@ -584,12 +582,6 @@ class CommandLoop:
             self._end_approach()
             self.faults.is_probing = False
         return command
-
-    def _scaling(self) -> str:
-        """What limits scale."""
-        if self.settings.scaling != AUTO:
-            return self.settings.scaling
-        return 'components' if self.input.is_open_loop else 'task'
 
     def _end_approach(self) -> None:
         """Follow the input velocity again."""

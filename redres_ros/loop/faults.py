@@ -55,9 +55,9 @@ class FaultMonitor:
     def begin(self) -> None:
         """The arm is at rest, at its reference."""
         self._references.clear()
-        self._commanded = _Range()
-        self._delayed = _Range()  # the same, as late as an arm may be
-        self._moved = _Range()
+        # The ranges of positions: commanded, the same as late as an arm may be, and measured.
+        self._lower = np.full((3, self._model.n), np.inf)
+        self._upper = -self._lower
         self._elapsed = 0.0  # [s] of these
         self._settling = 0.0
         self._fast = np.zeros(self._model.n)
@@ -171,27 +171,15 @@ class FaultMonitor:
         delayed = self._references[0] if self._references else q_ref
         self._references.append(q_ref)
         self._elapsed += seconds
-        commanded = np.minimum(self._commanded.extended(q_ref), self._delayed.extended(delayed))
-        moved = self._moved.extended(q)
+        now = np.array((q_ref, delayed, q))
+        self._lower = np.minimum(self._lower, now)
+        self._upper = np.maximum(self._upper, now)
+        in_time, later, moved = self._upper - self._lower
+        commanded = np.minimum(in_time, later)
         is_little = float(commanded.max()) < _COMMANDED
         if self._elapsed < _SHORTEST or (is_little and self._elapsed < _LONGEST):
             return True
-        self._commanded = _Range(q_ref)
-        self._delayed = _Range(delayed)
-        self._moved = _Range(q)
+        self._lower = now
+        self._upper = now
         self._elapsed = 0.0
         return is_little or bool((moved > _MOVED * commanded + _NOISE).any())
-
-
-class _Range:
-    """The range of positions that joints have passed through."""
-
-    def __init__(self, q: np.ndarray | None = None) -> None:
-        self._lower = q
-        self._upper = q
-
-    def extended(self, q: np.ndarray) -> np.ndarray:
-        """Its width, (n,) [rad], with another position q (n,) [rad]."""
-        self._lower = q if self._lower is None else np.minimum(self._lower, q)
-        self._upper = q if self._upper is None else np.maximum(self._upper, q)
-        return self._upper - self._lower

@@ -38,6 +38,7 @@ class Measurements:
     def __init__(self, controller: Controller, contact: ContactControl) -> None:
         self.contact = contact
         self.asks = False  # for motion, now or shortly before
+        self.yields = False  # contact may change the task velocity
         self._controller = controller
         self._values: dict[str, _Measurement] = {}
         self._time = 0.0  # [s] of the loop
@@ -98,9 +99,10 @@ class Measurements:
             at_rest: Nothing moves yet.
         """
         self._time += (missed + 1) * self._controller.T
-        if not (self.contact.is_on and self.contact.sensor.problem):
+        self.yields = self.contact.is_on
+        if not (self.yields and self.contact.sensor.problem):
             self._usable = self._time
-        if not self._values and not self.contact.is_on:
+        if not self._values and not self.yields:
             self.asks = False
             return
         timeout = self.contact.settings.wrench_timeout
@@ -128,11 +130,15 @@ class Measurements:
             ContactError: The arm is to hold.
         """
         self._dx = dx
+        if not self.yields:
+            self.contact.sensor.advance(missed + 1)
+            return dx
         return self.contact.velocity(dx, self._state(q), missed)
 
     def record(self, command: Command) -> None:
         """Take in what was executed of the last velocity()."""
-        self.contact.record(command, self._dx)
+        if self.yields:
+            self.contact.record(command, self._dx)
 
     def restart(self) -> None:
         """From rest: nothing asks for motion."""

@@ -148,7 +148,11 @@ class TwistBuffer:
         self._line = line
         self._target = target
         self._played = cycle
-        return self._with_detour(target)
+        if not self._left:
+            return target
+        self._left -= 1
+        self._detour = self._detour * (self._left / (self._left + 1))
+        return target + self._detour
 
     def _find(self, wanted: int) -> _Line:
         """The line through what is known before and after a cycle, else through the last two."""
@@ -206,13 +210,6 @@ class TwistBuffer:
         if old.dense:
             return _WAY_BACK * self._guesses
         return new.start.cycle - old.start.cycle
-
-    def _with_detour(self, target: np.ndarray) -> np.ndarray:
-        if not self._left:
-            return target
-        self._left -= 1
-        self._detour = self._detour * (self._left / (self._left + 1))
-        return target + self._detour
 
     def _cycles_needed(self, change: np.ndarray) -> int:
         """Over so many cycles a change (m,) keeps to the largest accelerations."""

@@ -45,22 +45,14 @@ class VelocityInput:
         self.of_task = TwistBuffer(controller.m, controller.T, twists)
         self.of_joints = TwistBuffer(model.n, controller.T, twists, A)
         self.buffer = self.of_task  # the one in use
+        self.is_of_joints = False  # velocities of all joints are in use
+        # The newest one is of the task and was not computed from a state: teleoperation.
+        self.is_open_loop = False
         self._controller = controller
         self._cycle = 0  # in which the newest velocity came
         self._time = math.inf  # when that was [s]; infinite if its stamp is that of a state
-        self._is_of_a_state = True  # which the newest velocity was computed from
         self._last_input = 0.0  # when any input came last [s]
         self._woke = -math.inf  # when input came again after a gap [s]
-
-    @property
-    def is_of_joints(self) -> bool:
-        """Whether velocities of all joints are in use."""
-        return self.buffer is self.of_joints
-
-    @property
-    def is_open_loop(self) -> bool:
-        """Whether it is a task velocity that is not computed from a state: teleoperation."""
-        return not self.is_of_joints and not self._is_of_a_state
 
     def clear(self) -> None:
         """Clear all velocities: the next one is approached from rest."""
@@ -112,11 +104,12 @@ class VelocityInput:
         if buffer is not self.buffer:
             buffer.clear()
             self.buffer = buffer
+            self.is_of_joints = buffer is self.of_joints
             self._controller.follow_joints(self.is_of_joints)
         of_a_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self._cycle = cycles.number
         self._time = math.inf if of_a_state else self._last_input
-        self._is_of_a_state = of_a_state
+        self.is_open_loop = not (self.is_of_joints or of_a_state)
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
         return of_a_state
 

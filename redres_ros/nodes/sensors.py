@@ -127,8 +127,10 @@ class Sensors:
         Args:
             message: The JointState, serialised or not.
         """
+        if not self._from_effort:
+            return
         response = self._loop.newest_response
-        if not self._from_effort or response is None:
+        if response is None:
             return
         with self._judged(TORQUES):
             if isinstance(message, bytes):

@@ -47,17 +47,13 @@ class Telemetry:
         if value is not None:
             self._publishers[name].publish(_to_message(value))
 
-    @property
-    def has_subscribers(self) -> bool:
-        """Whether any topic has a subscriber."""
-        return bool(self._subscribed)
-
     def _look(self) -> None:
         self._subscribed: list[str] = [
             name
             for name, publisher in self._publishers.items()
             if publisher.get_subscription_count()
         ]
+        self.has_subscribers = bool(self._subscribed)
 
 
 def _looks_of(node: Node) -> list[Callable[[], None]]:
