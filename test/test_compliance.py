@@ -169,6 +169,17 @@ def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
     assert arm.loop.gate.count == 0
 
 
+def test_torques_of_another_length_stop_the_arm_and_every_state_is_answered() -> None:
+    arm = TorqueLoop()
+    arm.run(0.5, np.full(7, 5.0))
+    assert arm.loop.mode is Mode.MOVING
+    arm.run(1.0, np.zeros(3))
+    assert 'expected 7 values' in arm.loop.error
+    before = arm.q
+    assert (arm.run(0.2, np.zeros(3)) == before).all()
+    assert arm.loop.gate.count == 0
+
+
 def test_torques_that_are_no_longer_measured_move_nothing() -> None:
     arm = TorqueLoop()
     arm.run(0.1, np.full(7, 5.0))

@@ -9,6 +9,8 @@ from test_command_loop import GENTLE, START, T
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.contact import AdmittanceSettings, ContactControl
+from redres_ros.contact.force_sensor import TareError
+from redres_ros.errors import UnknownNameError
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 
@@ -172,6 +174,26 @@ def test_a_wrench_that_fails_stops_the_arm_until_somebody_lets_it_go_on(
     arm.run(0.5, PUSH)
     assert arm.loop.mode is Mode.MOVING
     assert arm.loop.gate.count == 0
+
+
+def test_an_arm_that_presses_is_not_tared() -> None:
+    arm = PushedArm(replace(FREE, force=(0.0, 10.0, 0.0)))
+    arm.run(2.0, PUSH)
+    assert arm.loop.mode is Mode.HOLDING
+    with pytest.raises(TareError, match='the arm yields to the force'):
+        arm.loop.tare()
+    arm.loop.hold(True)
+    arm.run(0.1, PUSH)
+    arm.loop.tare()
+
+
+def test_a_wrench_in_a_frame_that_does_not_exist_is_refused_and_moves_nothing() -> None:
+    arm = PushedArm(FREE)
+    arm.run(0.1, NOTHING)
+    with pytest.raises(UnknownNameError, match="unknown frame 'nose'"):
+        arm.loop.enter_wrench(0, np.ones(6), 'nose')
+    before = arm.q
+    assert (arm.run(0.2, NOTHING) == before).all()
 
 
 def test_too_high_a_force_makes_the_tip_retreat_and_then_hold() -> None:

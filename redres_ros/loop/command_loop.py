@@ -343,13 +343,15 @@ class CommandLoop:
         Args:
             stamp: A time on the robot's clock [ns]; 0 for now.
             wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
-            frame: The link along whose axes and about whose origin they are; '' is the tip.
+            frame: The link along whose axes and about whose origin they are; '' is the tip, 'base'
+                the base.
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
+            UnknownNameError: The arm has no such link.
         """
         self.measurements.check_age('wrench', stamp, self._cycles)
-        self.measurements.contact.sensor.enter(wrench, frame)
+        self.measurements.enter_wrench(wrench, frame)
 
     def enter_measurement(self, name: str, stamp: int, value: np.ndarray) -> None:
         """Take in what a preference uses.
@@ -369,10 +371,15 @@ class CommandLoop:
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.
 
-        Raises TareError while the arm moves, or for a wrench that cannot be used.
+        Raises TareError while the arm moves or yields, or for a wrench that cannot be used.
         """
         if self.q is None or self.mode in (Mode.MOVING, Mode.STOPPING):
             raise TareError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
+        if self.measurements.contact.is_on and not self._held:
+            raise TareError(
+                'the arm yields to the force that a tare would change at once: hold it, or set '
+                'admittance.enabled to false first'
+            )
         self.measurements.tare(self.q)
 
     def respond_if_due(self, now: float) -> Response | None:
@@ -467,7 +474,11 @@ class CommandLoop:
         """See what is measured beside positions, unless something is against any motion."""
         if self._blocked or self.faults.reason or self._approach is not None:
             self.measurements.restart()
-        self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
+        try:
+            self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
+        except RedresError as error:
+            self.faults.set(str(error))
+            self.measurements.restart()
 
     def _watch(self, state: _State, dx: np.ndarray, stale: bool, missed: int) -> None:
         """Notice faults, and that one is over."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.contact.contact_control import ContactControl
+from redres_ros.contact.settings import BASE
 from redres_ros.controller import Controller
 from redres_ros.errors import ArrayError, RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
@@ -41,6 +42,7 @@ class Measurements:
         self.yields = False  # contact may change the task velocity
         self._controller = controller
         self._values: dict[str, _Measurement] = {}
+        self._links = {'': '', BASE: controller.model.base_frame}  # by the name of a frame
         self._time = 0.0  # [s] of the loop
         self._asked = -np.inf  # when motion was last asked for [s]
         self._usable = 0.0  # when there was a usable wrench last, or none was needed [s]
@@ -75,6 +77,22 @@ class Measurements:
     def tare(self, q: np.ndarray) -> None:
         """Take the measured wrench for the sensor's bias, at q (n,) [rad]. Raises TareError."""
         self.contact.sensor.tare(self._state(q))
+
+    def enter_wrench(self, wrench: np.ndarray, frame: str) -> None:
+        """Take in a measured wrench.
+
+        Args:
+            wrench: As of ForceSensor.enter().
+            frame: The link; '' is the tip, 'base' the base.
+
+        Raises:
+            UnknownNameError: The arm has no such link.
+        """
+        if frame not in self._links:
+            model = self._controller.model
+            model.position(np.zeros(model.n), frame)
+            self._links[frame] = '' if frame == model.arm.tip_frame else frame
+        self.contact.sensor.enter(wrench, self._links[frame])
 
     def enter(self, name: str, value: np.ndarray) -> None:
         """Take in a measurement that a preference uses.

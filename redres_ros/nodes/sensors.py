@@ -66,7 +66,6 @@ class Sensors:
         settings.check(rows, T)
         self.contact = ContactControl(settings, T, switch_time=switch_time)
         self.check({})
-        self._links = {'': '', BASE: model.base_frame}
         self._joints = JointMapper(model.joint_names)
         self._subscribed: set[str] = set()
 
@@ -148,15 +147,8 @@ class Sensors:
         torque = message.wrench.torque
         wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
         with self._judged('wrench'):
-            frame = self._link(message.header.frame_id)
-            self._loop.enter_wrench(to_nanoseconds(message.header.stamp), wrench, frame)
-
-    def _link(self, frame: str) -> str:
-        """The link of that name. Raises UnknownNameError."""
-        if frame not in self._links:
-            self._model.position(np.zeros(self._model.n), frame)
-            self._links[frame] = '' if frame == self._model.arm.tip_frame else frame
-        return self._links[frame]
+            stamp = to_nanoseconds(message.header.stamp)
+            self._loop.enter_wrench(stamp, wrench, message.header.frame_id)
 
     def _on_torques(self, message: JointState) -> None:
         with self._judged(TORQUES):
