@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.resolution import Weight, project
+from redres_ros.resolution import Weight, resolve_one
 from redres_ros.robot_model import RobotState
 
 
@@ -47,7 +47,8 @@ class Command(NamedTuple):
 
         It is P dq, which is P b: P J_W^# = 0.
         """
-        return project(self.J, self.dq, self.W)
+        null, _ = resolve_one(self.J, np.zeros(len(self.J)), self.dq, self.W)
+        return null
 
     @property
     def ddq(self) -> np.ndarray:

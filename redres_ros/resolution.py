@@ -225,6 +225,10 @@ def resolve_one(
     if outcome == SOLVED:
         return dq, False
     _check_outcome(outcome, dq, J, dx, b, W)
+    rows = J.any(axis=1)
+    if rows.any() and not rows.all():  # as of a planar arm, in every tick: the others are regular
+        dq, _ = resolve_one(J[rows], dx[rows], b, W, size, fastest)
+        return dq, True
     dq, damped = _resolve_carefully(J, dx, b, W, size, fastest)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))

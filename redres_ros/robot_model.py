@@ -137,7 +137,8 @@ class RobotModel:
         self._tip = self._frame(arm.tip_frame)
         self._tip_x = self._data.oMf[self._tip].translation  # in the data: changes with them
         self._tip_R = self._data.oMf[self._tip].rotation
-        self._placed: np.ndarray | None = None  # the q that these two belong to, if any
+        # The q that these two belong to, if any. What computes M, n or a torque leaves them.
+        self._placed: np.ndarray | None = None
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.n = self._model.nv
         self.joint_names = tuple(self._model.names[1:])
@@ -256,6 +257,16 @@ class RobotModel:
         tau = finite_vector(tau, self.n, 'tau')
         self._placed = None
         return pin.aba(self._model, self._data, q, dq, tau)  # a copy
+
+    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """M(q) ddq + n(q, dq), (n,) [Nm], Eq. (6), without M or n and without check.
+
+        Args:
+            q: (n,) [rad].
+            dq: (n,) [rad/s].
+            ddq: (n,) [rad/s^2].
+        """
+        return pin.rnea(self._model, self._data, q, dq, ddq)  # a copy
 
     def velocity_product(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """dJ dq, (6,): the tip's acceleration at (q, dq) with ddq = 0, Eq. (4); rows as in J.
@@ -388,11 +399,9 @@ class RobotModel:
         )
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
-        self._placed = None
         return pin.crba(self._model, self._data, q)  # a copy
 
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        self._placed = None
         return pin.nonLinearEffects(self._model, self._data, q, dq)  # a copy
 
     def _reach(self) -> float:

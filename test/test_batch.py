@@ -1,9 +1,12 @@
 """Batches: the same figures wherever they run, and nothing is lost when a worker dies."""
 
 import os
+import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,6 +108,25 @@ def test_a_case_that_kills_every_worker_is_reported_and_the_others_go_on(dying):
     assert all(results[seed].finished for seed in (0, 2, 3))
 
 
+_PARENT = """
+import os, signal
+from redres_ros.simulation.parallel import processes
+
+with processes(1) as pool:
+    print(pool.submit(os.getpid).result(), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_workers_end_with_a_parent_that_is_killed():
+    parent = subprocess.run([sys.executable, '-c', _PARENT], capture_output=True, text=True)
+    worker = Path(f'/proc/{int(parent.stdout)}/stat')
+    end = time.monotonic() + 60.0
+    while worker.exists() and worker.read_text().split()[2] != 'Z' and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not worker.exists() or worker.read_text().split()[2] == 'Z'
+
+
 def test_an_executor_that_is_broken_is_an_error_in_one_line():
     def fail() -> None:
         raise BrokenExecutor
@@ -145,6 +167,7 @@ def test_lists_are_combined_and_a_list_of_names_is_one_value():
     )
     assert len(cases) == 6
     assert {case.limits for case in cases} == {('velocity',)}
+    assert [case.seed for case in cases] == [0, 0, 1, 1, 2, 2]  # one seed after the other
     assert len(grid({'limits': [[], ['velocity']]})) == 2
     with pytest.raises(UnknownNameError, match='laws'):
         grid({'laws': ['minimum_velocity']})

@@ -130,6 +130,15 @@ def test_a_bias_that_executes_the_task_is_the_result():
         assert resolve(J, J @ b, b, W) == pytest.approx(b, abs=ROUNDING)
 
 
+@WEIGHTS
+def test_a_row_of_zeros_as_of_a_planar_arm_changes_nothing(weighted):
+    for J, dx, b, W in problems(weighted):
+        if len(J) == len(b):
+            continue
+        dq = resolve(np.insert(J, 1, 0.0, axis=0), np.insert(dx, 1, 0.5), b, W)
+        assert dq == pytest.approx(resolve(J, dx, b, W), abs=ROUNDING)
+
+
 def test_arguments_are_left_as_they_are():
     for problem in PROBLEMS:
         before = [array.copy() for array in problem]

@@ -94,6 +94,7 @@ class Planner:
         self._approach_time = task.segment_time  # [s]
         self._feedback = partial(limited, task.feedback_gain, feedback_limit)
         self._points = task.waypoints.copy()  # (N, 3)
+        self._lines = np.diff(self._points, axis=0)  # (N - 1, 3), from each point to the next
         self._turns = task.orientations  # (N, 3, 3), None until one is known
         self._first_segment = 1
         if self._is_away(x_start, R_start, start_tolerance):
@@ -183,10 +184,8 @@ class Planner:
 
     def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
         """x_d, (3,), at the fraction s of the line to the next point, and that line, (3,)."""
-        A = self._points[start]
-        B = self._points[start + 1]
-        line = B - A
-        x_d = A + line * s if s < 1.0 else B.copy()
+        line = self._lines[start]
+        x_d = self._points[start] + line * s if s < 1.0 else self._points[start + 1].copy()
         return x_d, line
 
     def _on_the_arc(self, turns: np.ndarray, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -241,6 +240,7 @@ class Planner:
         """Add a segment to x_0 before the task."""
         x = self._points[0] if x_start is None else x_start
         self._points = np.vstack((x, self._points))
+        self._lines = np.diff(self._points, axis=0)
         self._first_segment = 0
         if self._turns is not None:
             R = self._turns[0] if R_start is None else R_start

@@ -204,7 +204,8 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
 
     Args:
         values: By the fields of a case; a list stands for one value after the other, of a field
-            that is a list itself a list of lists. 'seeds': 3 is short for 'seed': [0, 1, 2].
+            that is a list itself a list of lists. 'seeds': 3 is short for 'seed': [0, 1, 2], and
+            changes last: a batch that is stopped has as many tasks of each kind.
 
     Raises:
         RedresError: A field that does not exist, or a value that is none.
@@ -214,7 +215,7 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
         count = given.pop('seeds')
         if not isinstance(count, int) or not 1 <= count <= MOST_SEEDS:
             raise RangeError('seeds', count, 1, MOST_SEEDS)
-        given['seed'] = list(range(count))
+        given = {'seed': list(range(count))} | given
     lists = {each.name for each in fields(Case) if each.type == _NAMES}
     choices = [_choices(value, name in lists) for name, value in given.items()]
     return [Case.of(dict(zip(given, chosen, strict=True))) for chosen in product(*choices)]

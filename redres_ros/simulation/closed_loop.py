@@ -125,7 +125,7 @@ class _Loop:
 
         Raises DivergedError.
         """
-        state = RobotState(self._controller.model, self._q, self._rest)
+        state = RobotState(self._controller.model, self._q, self._rest, self._rest)
         reference = self._planner.reference(
             state.x,
             t - self._late,

@@ -1,5 +1,6 @@
 """The same work on many items, on all processors, with one progress for the whole."""
 
+import ctypes
 import gc
 import multiprocessing
 import os
@@ -16,6 +17,7 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 Progress = Callable[[float], None]
 
+_PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _LOOK = 0.1  # [s] between looks at how far the others are
 
 # in a worker: what to do, with what, and an array, shared by all, of how far each piece is
@@ -90,6 +92,7 @@ def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Pr
 
 def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
     handle(signal.SIG_DFL, signal.SIGINT)  # Ctrl-C reaches all processes: end without words
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # else it would wait for ever
     if begin:
         begin(*args)
 

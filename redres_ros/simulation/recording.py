@@ -65,6 +65,7 @@ class MotionRecorder:
             command: Of this tick.
             reference: Where the task is.
         """
+        command.state.x  # noqa: B018 (while the model has the arm there, it costs half as much)
         self._ticks.append((t, command, reference))
         if len(self._ticks) == _BLOCK:
             self._compute()
@@ -93,8 +94,8 @@ def _block(ticks: Sequence[tuple[float, Command, Reference]], pose: bool) -> np.
     T = np.array([[command.T] for command in commands])  # (ticks, 1) [s]
     dq = np.array([command.dq for command in commands])  # (ticks, n)
     ddq = (dq - np.array([state.dq_prev for state in states])) / T  # Eq. (13)
-    M = np.array([state.M for state in states])  # (ticks, n, n)
-    tau = np.einsum('kij,kj->ki', M, ddq) + np.array([state.n for state in states])  # Eq. (6)
+    moves = zip(states, ddq, strict=True)
+    tau = [state.model.torque(state.q, state.dq_prev, each) for state, each in moves]  # Eq. (6)
     J = np.array([command.J for command in commands])  # (ticks, m, n)
     figures = {
         'joint_velocity_norm': _norms(dq),
