@@ -121,7 +121,7 @@ NARROW = re.sub(r'upper="2\.967\d*"', 'upper="1.5"', ARM.description())
 FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     'nobody publishes states': (
         replace(GOOD, publishers={}, states=()),
-        ('states', 'nobody publishes joint_states'),
+        ('states', 'joint_states has no publisher'),
     ),
     'no state comes': (replace(GOOD, states=()), ('states', 'none came')),
     'another rate': (
@@ -155,7 +155,7 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     'an unknown arm': (replace(GOOD, controller=parameters_with(robot='r2d2')), ('arm', "'r2d2'")),
     'no description': (
         replace(GOOD, controller=parameters_with(robot='topic')),
-        ('arm', 'robot_description, which nobody publishes'),
+        ('arm', 'robot_description, which has no publisher'),
     ),
     'an unknown frame': (
         replace(GOOD, twist_frames=frozenset({'camera'})),
@@ -177,7 +177,7 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     'nobody listens': (replace(GOOD, subscribers={}), ('commands', 'needs forward_commands')),
     'nobody listens behind ros2_control': (
         replace(GOOD, controller=parameters_with(forward_commands=True)),
-        ('commands', f'nobody listens to {FORWARD}; is that controller loaded'),
+        ('commands', f'{FORWARD} has no subscriber; is that controller loaded'),
     ),
     'an inactive forwarding controller': (
         replace(BEHIND, forward_states=frozenset({'inactive'})),
@@ -189,7 +189,7 @@ FAULTS = {  # name: (what is seen, subject of the fault, words in it)
     ),
     'another order of joints': (
         replace(GOOD, forward_joints=NAMES[::-1]),
-        ('order', f'goes by {NAMES[6]}'),
+        ('order', f'has the joints {NAMES[6]}'),
     ),
     'a rival': (
         replace(GOOD, publishers={**GOOD.publishers, FORWARD: ('/gui',)}),

@@ -68,7 +68,7 @@ def test_a_stamp_that_no_answer_could_carry_is_refused(nanoseconds: int):
         message.header.stamp.nanosec = nanoseconds
         read = reader.read if message is state else read_twist
         for given in (message, serialize_message(message)):
-            with pytest.raises(EncodingError, match=f'{nanoseconds} ns beside its seconds'):
+            with pytest.raises(EncodingError, match=f'{nanoseconds} ns in nanosec'):
                 read(given)
 
 

@@ -20,7 +20,7 @@ def add(commands: Any) -> None:
         'run.mcap --duration 60',
         'run.mcap --topics joint_states,joint_command --domain 42',
     )
-    record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='made anew')
+    record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='overwritten if it exists')
     add_watching_time(record)
     record.add_argument(
         '--topics',

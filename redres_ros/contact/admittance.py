@@ -37,7 +37,7 @@ class Admittance:
         self.restart()
 
     def restart(self) -> None:
-        """From rest, at x = x_d; the admittance is faded in anew."""
+        """From rest, at x = x_d; the admittance is faded in again."""
         self._old: _Law | None = None  # that is faded out; None: nothing
         self._new: _Law | None = None
         self._share = 1.0  # of the fade that is over
@@ -86,7 +86,7 @@ class Admittance:
         return rate
 
     def velocity(self, dx: np.ndarray, wrench: np.ndarray, state: RobotState) -> np.ndarray:
-        """dx_d + de, (m,): what the controller is to be given; then call record().
+        """dx_d + de, (m,): the task velocity for the controller; then call record().
 
         Args:
             dx: Desired task velocity dx_d, (m,) [m/s], [rad/s].

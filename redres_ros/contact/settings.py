@@ -28,7 +28,7 @@ class AdmittanceSettings:
     """
 
     enabled: bool = param(False, 'yield to the measured wrench', live=True)
-    frame: str = param(BASE, 'frame of the directions: base, tip, or a link', live=True)
+    frame: str = param(BASE, 'frame of the directions: base, tip or the name of a link', live=True)
     mass: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'M_d [kg], [kg m^2]; 0: pure damping', 0.0, 1e4, live=True
     )
@@ -36,20 +36,24 @@ class AdmittanceSettings:
         (1000.0, 1000.0, 1000.0), 'D_d [N s/m], [Nm s/rad]', 0.0, 1e6, live=True
     )
     stiffness: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0), 'K_d [N/m], [Nm/rad]; 0: the arm does not come back', 0.0, 1e6, live=True
+        (0.0, 0.0, 0.0),
+        'K_d [N/m], [Nm/rad]; 0: no return to the commanded path',
+        0.0,
+        1e6,
+        live=True,
     )
     force: tuple[float, ...] = param(
         (0.0, 0.0, 0.0),
-        'f_d, force and moment that the environment is to exert on the tip [N], [Nm]',
+        'f_d, desired force and moment of the environment on the tip [N], [Nm]',
         -1e3,
         1e3,
         live=True,
     )
     force_limit: float = param(
-        100.0, 'force above which the tip retreats, and the arm holds [N]', 1.0, 1e4, live=True
+        100.0, 'force above which the tip retreats and the arm holds [N]', 1.0, 1e4, live=True
     )
     wrench_timeout: float = param(
-        0.05, 'age at which a wrench is stale, and the arm holds [s]', 0.001, 10.0, live=True
+        0.05, 'age at which a wrench counts as stale and the arm holds [s]', 0.001, 10.0, live=True
     )
     sensor_range: float = param(
         0.0, 'largest force or moment that the sensor measures; 0: any [N]', 0.0, 1e5, live=True
@@ -58,7 +62,11 @@ class AdmittanceSettings:
         0.0, 'time constant of the first-order filter of the wrench [s]', 0.0, 1.0, live=True
     )
     payload_mass: float = param(
-        0.0, 'mass beyond the force sensor, whose weight is subtracted [kg]', 0.0, 100.0, live=True
+        0.0,
+        'mass mounted beyond the force sensor; its weight is subtracted [kg]',
+        0.0,
+        100.0,
+        live=True,
     )
     payload_center: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'centre of that mass in the frame of the tip [m]', -2.0, 2.0, live=True

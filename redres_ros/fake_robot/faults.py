@@ -29,7 +29,7 @@ class Faults:
         0.0, 'fraction of the states that arrive twice', 0.0, 1.0, live=True
     )
     state_reordering: float = param(
-        0.0, 'chance of a state to arrive after the next one', 0.0, 1.0, live=True
+        0.0, 'probability that a state arrives after the next one', 0.0, 1.0, live=True
     )
     command_delay: int = param(
         0, 'delay of commands on their way to the robot [cycles]', 0, LONGEST, live=True
@@ -43,7 +43,7 @@ class Faults:
         0.0, 'fraction of the commands that arrive twice', 0.0, 1.0, live=True
     )
     command_reordering: float = param(
-        0.0, 'chance of a command to arrive after the next one', 0.0, 1.0, live=True
+        0.0, 'probability that a command arrives after the next one', 0.0, 1.0, live=True
     )
     encoder_step: float = param(
         0.0, 'resolution of measured positions; 0: exact [rad]', 0.0, 0.1, live=True
@@ -52,7 +52,7 @@ class Faults:
         0.0, 'standard deviation of measured positions [rad]', 0.0, 0.1, live=True
     )
     frozen_joint: int = param(
-        0, 'joint whose encoder stands still, 1 next to the base; 0: none', 0, 100, live=True
+        0, 'joint whose encoder is frozen, 1 next to the base; 0: none', 0, 100, live=True
     )
     push_force_x: float = param(
         0.0, 'force on the tip along x of the base [N]', -500.0, 500.0, live=True
@@ -63,19 +63,25 @@ class Faults:
     push_force_z: float = param(
         0.0, 'force on the tip along z of the base [N]', -500.0, 500.0, live=True
     )
-    push_link: str = param('', 'link that these push at its origin; empty: the tip', live=True)
-    wrench_delay: int = param(
-        0, 'delay of the measured wrench on its way [cycles]', 0, LONGEST, live=True
-    )
+    push_link: str = param('', 'link on whose origin these forces act; empty: the tip', live=True)
+    wrench_delay: int = param(0, 'delay of the measured wrench [cycles]', 0, LONGEST, live=True)
     wrench_loss: float = param(0.0, 'fraction of the wrenches that are lost', 0.0, 1.0, live=True)
     wrench_noise: float = param(
-        0.0, 'standard deviation of measured forces; of moments a tenth [N]', 0.0, 100.0, live=True
+        0.0,
+        'standard deviation of measured forces [N]; of moments a tenth of it [Nm]',
+        0.0,
+        100.0,
+        live=True,
     )
     wrench_bias: float = param(
         0.0, "offset of measured forces along the tip's z [N]", -500.0, 500.0, live=True
     )
     wrench_range: float = param(
-        0.0, 'largest force and moment that is measured; 0: any [N]', 0.0, 1e4, live=True
+        0.0,
+        'largest force and moment that the sensor measures; 0: no bound [N], [Nm]',
+        0.0,
+        1e4,
+        live=True,
     )
     wrench_not_finite: bool = param(False, 'measured forces are NaN', live=True)
     paused_physics: bool = param(False, 'the arm ignores every command', live=True)

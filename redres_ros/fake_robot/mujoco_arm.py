@@ -18,13 +18,13 @@ class MujocoSettings:
     """The simulated arm below the level of the reference. Raises RangeError for a wrong figure."""
 
     plant_step: float = param(
-        0.0005, 'simulation step, of which the cycle must be a whole multiple [s]', 1e-5, 0.01
+        0.0005, 'simulation step; the cycle must be a whole multiple of it [s]', 1e-5, 0.01
     )
     servo_bandwidth: float = param(
         100.0, 'natural frequency of the position servos [rad/s]', 1.0, 1000.0
     )
     joint_friction: bool = param(
-        False, 'leave joint friction to the servos, as if no joint torque loop took it out'
+        False, 'let joint friction act on the servos, as if no joint torque loop compensated it'
     )
 
     def __post_init__(self) -> None:

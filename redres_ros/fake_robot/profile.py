@@ -44,7 +44,7 @@ class Event(Enum):
     LONG_GOOD_TIMING = 'it has been good for long enough, and nothing is against command mode'
     FIRST_COMMAND = 'the first command continues the mirrored position'
     FAULT = 'the command, its timing or its limits are at fault'
-    RESET = 'somebody asks to begin anew'
+    RESET = 'a reset was requested'
 
 
 @dataclass(frozen=True, eq=False)

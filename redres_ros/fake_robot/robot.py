@@ -182,7 +182,7 @@ class FakeRobot:
         self._tick += 1
 
     def reset(self) -> None:
-        """Clear the reason of a stop and monitor anew; an arm that moves is braked."""
+        """Clear the reason of a stop and start monitoring again; an arm that moves is braked."""
         self.session.reset()
 
     def _receive(self, answers: tuple[Answer | None, ...]) -> None:

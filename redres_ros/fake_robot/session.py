@@ -50,7 +50,7 @@ class SessionSettings:
         choices=tuple(PROFILES),
     )
     monitor_time: float = param(
-        0.5, 'good timing needed before command mode; 0: as soon as possible [s]', 0.0, 60.0
+        0.5, 'duration of good timing required before command mode; 0: none [s]', 0.0, 60.0
     )
     bridged_misses: int = param(
         -1,
@@ -201,7 +201,7 @@ class Session:
         self._take(Event.FAULT)
 
     def reset(self) -> None:
-        """Clear the reason and monitor anew; command mode takes another monitor_time."""
+        """Clear the reason and start monitoring again; command mode takes another monitor_time."""
         self._reason = ''
         self._good_cycles = 0
         self._take(Event.RESET)

@@ -48,7 +48,7 @@ class GraphClient:
     service is on its way at once.
 
     Args:
-        node: Has the clients; is spun by somebody else.
+        node: Has the clients; is spun elsewhere.
         patience: How long to wait for a service, and for its answer [s].
     """
 
@@ -70,13 +70,13 @@ class GraphClient:
             request: What is asked.
 
         Raises:
-            CallError: Nobody offers the service, or it does not answer.
+            CallError: No node offers the service, or it does not answer.
         """
         client = self._client(kind, service)
         if not client.wait_for_service(timeout_sec=self._patience):
             domain = self._node.context.get_domain_id()
             raise CallError(
-                f'nobody offers the service {client.srv_name}; '
+                f'no node offers the service {client.srv_name}; '
                 f'is its node running in ROS domain {domain}?'
             )
         until = time.monotonic() + self._patience

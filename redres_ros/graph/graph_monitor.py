@@ -35,10 +35,10 @@ class Sampler:
     """Takes what has come in since the last look.
 
     A callback for each message of a robot would wake this process a thousand times a second. Here
-    messages wait in DDS, whose thread does not need Python, until somebody takes them.
+    messages wait in DDS, whose thread does not need Python, until they are taken.
 
     Args:
-        beside: A node that is spun; the subscriptions belong to another one, which nobody spins.
+        beside: A node that is spun; the subscriptions belong to another one, which is not spun.
     """
 
     def __init__(self, beside: Node) -> None:
@@ -94,7 +94,7 @@ class Sampler:
 
 
 def _never(message: Any) -> None:
-    """Never called, because nobody spins the node."""
+    """Never called, because the node is not spun."""
 
 
 WORDS = (SESSION, QUALITY, REASON, TASK_STATE)

@@ -26,7 +26,7 @@ _LOOK = 0.02  # [s] between looks at whether it has come
 _SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are looked at
 _LIVE = {'limits', 'limit_scale', 'torque_scale'}  # and gains, as velocity.margin
 _SHOWN = 0.5  # [s] for which a limit counts as acting after it did
-# Best effort: an observer must hold up nobody. Deep enough for one that was held up itself.
+# Best effort: an observer must not delay the nodes. Deep enough for one that was delayed itself.
 _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -36,7 +36,7 @@ class LiveArm:
     While the controller is silent the arm is where its own states say.
 
     Args:
-        monitor: In whose graph and namespace it is; is spun by somebody else.
+        monitor: In whose graph and namespace it is; is spun elsewhere.
         values: The controller's parameters.
 
     Raises:

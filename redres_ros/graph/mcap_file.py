@@ -52,7 +52,7 @@ class McapFile:
     """Writes serialised messages.
 
     Args:
-        path: Of the file, which is made anew.
+        path: Of the file, which is overwritten.
         in_chunks: With an index, for readers that jump. Without, all but the last 16 kB can be
             read even if this process is killed.
     """

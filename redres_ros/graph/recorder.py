@@ -19,7 +19,7 @@ _WAITING = 4000  # messages of a topic that may wait: those of some seconds
 _DESCRIPTION = 'robot_description'
 _PARAMETERS = '/get_parameters'  # how the service ends that every node with parameters offers
 
-# Best effort, as the nodes' own subscriptions: a recorder must hold up nobody.
+# Best effort, as the nodes' own subscriptions: a recorder must not delay the nodes.
 _QUALITY = QoSProfile(depth=_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 # The last message was kept for us, and those that follow must all wait for us.
 _KEPT = QoSProfile(depth=_WAITING, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -82,14 +82,14 @@ class Teleop(Node):
 def check_terminal() -> None:
     """Raise TerminalError if standard input is no terminal."""
     if sys.stdin is None or not sys.stdin.isatty():
-        raise TerminalError('standard input is no terminal, from which keys could be read')
+        raise TerminalError('standard input is no terminal; keys cannot be read')
 
 
 @contextmanager
 def keyboard() -> Iterator[int]:
     """Read single keys without echo; restore the terminal afterwards.
 
-    Ctrl-C stays a signal. Ctrl-Z is off: in the background nobody could stop the arm.
+    Ctrl-C stays a signal. Ctrl-Z is off: in the background it could not stop the arm.
 
     Yields:
         The file to read from.
@@ -154,7 +154,7 @@ def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
 def _line(dx: np.ndarray, key_map: KeyMap, listeners: int, limits: LimitReport) -> str:
     """What is asked for, and what limits leave of it, in words."""
     if not listeners:
-        return f'nobody listens to {TOPIC}; is the controller running in this ROS domain?'
+        return f'{TOPIC} has no subscriber; is the controller running in this ROS domain?'
     speeds = f'{key_map.speed:.3f} m/s, {key_map.turn:.2f} rad/s'
     moves = [
         f'{axis} {value:+.3f}'

@@ -128,7 +128,7 @@ class Watch(GraphMonitor):
 
 
 def watch(node: Watch, stopped: threading.Event, duration: float | None = None) -> None:
-    """Show the page. Where nobody can see it change, as in a pipe or a file, print a line a second,
+    """Show the page. Where it cannot be redrawn, as in a pipe or a file, print a line a second,
     and the page once, at the end.
 
     Args:

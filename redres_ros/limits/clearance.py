@@ -50,10 +50,8 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
     influence: float = param(
         0.1, 'd_i, distance below which an approach is slowed down [m]', 0.001, 1.0, live=True
     )
-    clearance: float = param(0.02, 'd_s, distance that is kept [m]', 0.0, 1.0, live=True)
-    time: float = param(
-        0.3, 't_d, time in which what is left to d_s may be covered [s]', 0.01, 10.0, live=True
-    )
+    clearance: float = param(0.02, 'd_s, least distance [m]', 0.0, 1.0, live=True)
+    time: float = param(0.3, 't_d, time constant of the approach to d_s [s]', 0.01, 10.0, live=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -92,9 +92,11 @@ class WorkspaceLimit(ClearanceLimit):
         FileError: The elbow of an arm that has none.
     """
 
-    clearance: float = param(0.0, 'd_s, distance that is kept [m]', 0.0, 1.0, live=True)
+    clearance: float = param(0.0, 'd_s, least distance [m]', 0.0, 1.0, live=True)
     points: str = param(
-        TIP, 'what stays inside: tip, elbow or names of links, with commas between', live=True
+        TIP,
+        'points that are kept inside: tip, elbow or names of links, separated by commas',
+        live=True,
     )
     half_spaces: tuple[float, ...] = param(
         _NO_SHAPE[4],

@@ -91,7 +91,7 @@ class CommandLoop:
         self.mode = Mode.HOLDING
         self.gate = Gate(controller)
         self.faults = FaultMonitor(controller.model, controller.T)
-        self.silence = ''  # after which the arm began anew at the last state
+        self.silence = ''  # after which the arm started again from the last state
         self._active = True
         self._held = False  # by request
         self._blocked = False  # something is against any motion
@@ -261,7 +261,7 @@ class CommandLoop:
             seconds = (self._cycles.number - self._state_cycle) * self._controller.T
             self.faults.check_leap(q, self.q, seconds, self.input.settings.following_tolerance)
         if self._waiting:
-            self._expecting = False  # the robot did not wait, so nobody else need
+            self._expecting = False  # the robot did not wait, so nothing else need
         self.q = q
         self._state_cycle = self._cycles.number
         self._state_arrived = now

@@ -30,7 +30,7 @@ class LeapError(RedresError):
 
 
 class FaultMonitor:
-    """Notices faults. The first one stays until motion is asked for anew, or it is cleared.
+    """Notices faults. The first one stays until a new motion is commanded, or it is cleared.
 
     Args:
         model: The arm.
@@ -40,7 +40,7 @@ class FaultMonitor:
     def __init__(self, model: RobotModel, T: float) -> None:
         self.reason = ''  # of the fault
         self.executes = True  # False for an arm that does not move at all
-        self.released = False  # nobody asks any more for the motion that was stopped
+        self.released = False  # the motion that was stopped is no longer commanded
         self.is_probing = False  # motion begins with a probe of whether the arm moves
         self._until_probe = 0.0  # [s]
         self._model = model
@@ -85,7 +85,7 @@ class FaultMonitor:
         self._leaps = 0.0
 
     def note_request(self, asks: bool, stale: bool, seconds: float) -> None:
-        """Whether motion is asked for; asked for anew, it clears a fault.
+        """Whether motion is commanded; a new command of motion clears a fault.
 
         Args:
             asks: A velocity asks for motion.

@@ -14,7 +14,7 @@ from redres_ros.tasks import Pose
 
 GAIN = 2.0  # [1/s], of the error
 
-_NOTHING = 1e-9  # [m/s], [rad/s] that nobody asks for: rounding of what was transformed
+_NOTHING = 1e-9  # [m/s], [rad/s] that count as zero: rounding of a transformation
 
 _COMPONENTS = {'translation': slice(0, 3), 'rotation': slice(3, 6)}
 

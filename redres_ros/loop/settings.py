@@ -32,10 +32,10 @@ class LoopSettings:
     """
 
     command_timeout: float = param(
-        0.1, 'age at which cartesian_velocity is stale [s]', 0.001, 10.0, live=True
+        0.1, 'age at which a cartesian_velocity counts as stale [s]', 0.001, 10.0, live=True
     )
     max_linear: float = param(
-        2.0, 'largest task velocity; a faster one is refused [m/s]', 0.001, 100.0, live=True
+        2.0, 'largest linear task velocity; a faster one is refused [m/s]', 0.001, 100.0, live=True
     )
     max_angular: float = param(
         6.0,
@@ -53,7 +53,7 @@ class LoopSettings:
     )
     restart_after: int = param(
         5,
-        'cycles without a state after which the controller starts anew from the measurement',
+        'cycles without a state after which the controller restarts from the measured position',
         0,
         1000,
     )
@@ -65,8 +65,8 @@ class LoopSettings:
     )
     following_tolerance: float = param(
         0.1,
-        'lag of a joint at which the arm counts as stopped, and the controller '
-        'starts anew from the measurement [rad]',
+        'following error of a joint at which the arm counts as stopped, and the controller '
+        'restarts from the measured position [rad]',
         0.001,
         10.0,
     )

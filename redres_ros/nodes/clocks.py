@@ -1,6 +1,6 @@
 """Timers by the computer's steady clock, and a report of a missing /clock.
 
-With `use_sim_time` a node's own clock stands still until somebody publishes /clock, and with it all
+With `use_sim_time` a node's own clock stands still until /clock is published, and with it all
 timers on that clock: diagnostics and watchdogs would be silent when they are needed.
 """
 
@@ -26,7 +26,7 @@ def create_steady_timer(node: Node, period: float, callback: Callable[[], object
 
 
 def warn_without_clock(node: Node) -> None:
-    """Have a node report once that it is to take the time from /clock, and nobody publishes it.
+    """Have a node report once that use_sim_time is set but /clock is not published.
 
     Args:
         node: Whose clock it is.
@@ -38,7 +38,7 @@ def warn_without_clock(node: Node) -> None:
         timer.cancel()
         if node.get_clock().now().nanoseconds == 0:
             node.get_logger().warning(
-                'use_sim_time is true, but nobody publishes /clock: what this node itself stamps '
+                'use_sim_time is true, but /clock has no publisher: what this node itself stamps '
                 'has the time 0; start the simulation, or set use_sim_time to false'
             )
 

@@ -63,8 +63,8 @@ class ControllerParameters(ListenerParameters):
     )
     task_scaling_rate: float = param(
         0.0,
-        'rate at which the share of the task velocity rises again after limits have lowered it; '
-        '0: the largest share in every tick [1/s]',
+        'rate at which the task scaling s rises again after limits have lowered it; '
+        '0: the largest s in every tick [1/s]',
         0.0,
         1000.0,
         live=True,

@@ -138,7 +138,7 @@ class SnapshotPublisher:
             return
         elapsed = stamp - self._published
         if not 0 <= elapsed < 2 * PERIOD:
-            self._begin(stamp)  # somebody has come, or it is another clock
+            self._begin(stamp)  # a subscriber has come, or it is another clock
         self._speed = max(self._speed, norm(command.dq))
         self._acceleration = max(self._acceleration, norm(command.ddq))
         if elapsed >= PERIOD:

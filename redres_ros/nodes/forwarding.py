@@ -14,9 +14,9 @@ from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.qos import PUBLISH
 
 _CONTROLLER = 'forward_position_controller'
-_LOOK = 0.1  # [s] between looks at who is there
-_PATIENCE = 2.0  # [s] for the parameters of a subscriber, which may have none
-_ASK_AGAIN = 1.0  # [s] after another order, or no answer
+_LOOK = 0.1  # [s] between checks of the subscribers
+_PATIENCE = 2.0  # [s] to wait for the parameters of a subscriber, which may have none
+_ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 
 
 class Forwarding:
@@ -27,7 +27,7 @@ class Forwarding:
         names: Of the joints, from base to tip.
 
     Attributes:
-        error: Why nothing is forwarded; empty if nothing is against it.
+        error: Why nothing is forwarded; empty if there is no error.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
@@ -43,7 +43,7 @@ class Forwarding:
 
     @property
     def is_pending(self) -> bool:
-        """Whether somebody listens whose order of joints is not known, or another one."""
+        """Whether there is a subscriber whose order of joints is unknown or wrong."""
         return not self._is_confirmed and self._publisher.get_subscription_count() > 0
 
     def publish(self, positions: list[float]) -> None:
@@ -56,12 +56,12 @@ class Forwarding:
             self._publisher.publish(Float64MultiArray(data=positions))
 
     def _forget(self) -> None:
-        """Nobody listens: the next one may have another order."""
+        """There is no subscriber: the next one may have another order."""
         self.error = ''
         self._is_confirmed = False
         self._answer: Future | None = None
         self._asked_at = 0.0  # [s]
-        self._waits_since = 0.0  # [s]; 0: nobody waits
+        self._waits_since = 0.0  # [s]; 0: no subscriber waits
 
     def _look(self) -> None:
         if self._publisher.get_subscription_count() == 0:
@@ -88,7 +88,7 @@ class Forwarding:
         if not self._is_confirmed:
             self.error = (
                 f'{_CONTROLLER} has the joints {", ".join(joints)}; expected '
-                f'{", ".join(self._names)}: nothing is forwarded until its parameter joints is so'
+                f'{", ".join(self._names)}: nothing is forwarded until its parameter joints matches'
             )
 
     def _go_without(self, now: float) -> None:
@@ -103,6 +103,6 @@ class Forwarding:
         if not is_of_ros2_control and now - self._waits_since > _PATIENCE:
             self._is_confirmed = True
             self._node.get_logger().warning(
-                f'who listens to {_CONTROLLER}/commands has no parameter joints; it must have them '
-                f'in the order {", ".join(self._names)}'
+                f'the subscriber of {_CONTROLLER}/commands has no parameter joints; it must expect '
+                f'them in the order {", ".join(self._names)}'
             )

@@ -49,7 +49,7 @@ class Markers:
         create_steady_timer(node, PERIOD, self._publish)
 
     def wants(self, stamp: int) -> bool:
-        """Whether the arm of a state [ns] is to be shown to it: some times a second, if at all."""
+        """Whether the state of this stamp [ns] is to be shown: a few times a second, if at all."""
         self._stamp = stamp
         return self.has_subscribers and not self._next - _STEP < stamp < self._next
 

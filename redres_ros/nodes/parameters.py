@@ -121,7 +121,7 @@ def on_live_change(
 def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
     """Names that were set from outside and that no node has, with the names that they resemble.
 
-    ROS passes over names that nobody declares. One that is like none of ours is meant for others.
+    ROS ignores names that no node declares. A name unlike all of ours is meant for other nodes.
 
     Args:
         nodes: All of a process; what its command line sets goes to every one of them.
@@ -207,7 +207,9 @@ class ListenerParameters(LoopParameters):
     base_frame: str = param(
         '', "frame of cartesian_velocity; empty: the root link of the arm's URDF"
     )
-    state_timeout: float = param(0.1, 'silence of joint_states that is reported [s]', 0.01, 10.0)
+    state_timeout: float = param(
+        0.1, 'time without joint_states after which the node reports an error [s]', 0.01, 10.0
+    )
 
 
 def _descriptor(default: Any, parameter: Parameter) -> ParameterDescriptor:

@@ -56,14 +56,14 @@ class PlannerParameters(ListenerParameters):
         '', "name of a task in config/tasks, or a path ending in .yaml; empty: the arm's own"
     )
     stuck_after: float = param(
-        5.0, 'time without progress after which that is reported [s]', 0.1, 3600.0
+        5.0, 'time without progress after which a warning is logged [s]', 0.1, 3600.0
     )
     give_up_after: float = param(
-        30.0, 'time without progress after which the goal is over [s]', 0.1, 36000.0
+        30.0, 'time without progress after which the goal is given up [s]', 0.1, 36000.0
     )
     headstart: float = param(
         0.15,
-        'fraction of a cycle left to the controller before a task velocity is computed, where '
+        'fraction of a cycle that the planner leaves to the controller before it computes, where '
         'each has a process of its own; none in lock-step',
         0.0,
         0.5,
@@ -258,11 +258,11 @@ class PlannerNode(ManagedNode):
     def _check_ready(self) -> np.ndarray:
         """Where the joints are, (n,) [rad]; raises GoalError or LifeError if nothing may begin."""
         if not self.active:
-            raise LifeError(f'the planner is {self.life}; it moves the arm only while active')
+            raise LifeError(f'the planner is {self.life}; activate it first')
         if self._stop_reason:
-            raise GoalError(f'the robot has stopped: {self._stop_reason}; sim/reset lets it go on')
+            raise GoalError(f'the robot has stopped: {self._stop_reason}; call sim/reset to go on')
         if self._q is None:
-            raise GoalError('no joint_states have come yet; expected them before a goal')
+            raise GoalError('no joint_states received yet; expected them before a goal')
         # In lock-step the controller answers its first state with the first task velocity.
         if self._mode == 'inactive' and not self._settings.lockstep:
             raise GoalError('the controller is inactive; activate it first')
@@ -270,7 +270,7 @@ class PlannerNode(ManagedNode):
 
     def _check_not_homing(self) -> None:
         if self._run.state is TaskState.HOMING:
-            raise GoalError('the joints are on their way to the start; planner/stop ends it')
+            raise GoalError('the joints are moving to the start; planner/stop ends that')
 
     def _begin_goal(self, goal: Goal) -> None:
         self._run.begin(goal)
@@ -301,7 +301,7 @@ class PlannerNode(ManagedNode):
         response.success = True
         response.message = 'nothing is under way'
         if moved:
-            response.message = 'the arm comes to rest; planner/start begins the task anew'
+            response.message = 'the arm comes to rest; planner/start begins the task again'
         return response
 
     def _begin(self) -> None:
@@ -339,10 +339,10 @@ class PlannerNode(ManagedNode):
 
 
 class LonePlannerNode(PlannerNode):
-    """A planner that has its process for itself, and lets the controller answer first.
+    """A planner in a process of its own, which lets the controller respond first.
 
-    Both would want a processor as soon as a state comes. What the planner says of this state acts
-    in the next cycle, so there is time.
+    Both would want a processor as soon as a state comes. What the planner publishes for this state
+    acts in the next cycle, so there is time.
     """
 
     def _on_state(self, message: JointState | bytes) -> None:

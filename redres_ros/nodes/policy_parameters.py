@@ -49,15 +49,15 @@ class PolicySettings:
     )
     limits: tuple[str, ...] = param(
         ('position', 'velocity', 'acceleration'),
-        'limits that no command leaves',
+        'limits that every command keeps',
         choices=Names(LIMITS, NONE),
         live=True,
     )
     limit_scale: float = param(
-        1.0, 'share of the velocity and acceleration limits that is used', 0.001, 1.0, live=True
+        1.0, 'fraction of the velocity and acceleration limits that is used', 0.001, 1.0, live=True
     )
     torque_scale: float = param(
-        1.0, 'share of the torque limits that is used', 0.001, 1.0, live=True
+        1.0, 'fraction of the torque limits that is used', 0.001, 1.0, live=True
     )
     preferences: tuple[str, ...] = param(
         (NONE,), 'objectives in the null space', choices=Names(PREFERENCES, NONE), live=True

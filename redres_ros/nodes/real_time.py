@@ -12,7 +12,7 @@ from redres_ros.nodes.parameters import declare
 from redres_ros.parameter import param
 
 ANY = (-1,)  # of processors; ROS has no empty arrays
-# Linux: no processor sleeps while somebody holds this file open with a 0 in it.
+# Linux: no processor enters a sleep state while a process holds this file open with a 0 in it.
 LATENCY = Path('/dev/cpu_dma_latency')
 
 _MCL_CURRENT = 1
@@ -28,11 +28,11 @@ class RealTime:
     realtime_priority: int = param(
         0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99
     )
-    lock_memory: bool = param(False, 'keep all memory from being paged out')
+    lock_memory: bool = param(False, 'lock all memory, so that none is paged out')
     processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
     keep_awake: bool = param(
         False,
-        'keep the processors of this computer from sleeping, which takes power; needs permission '
+        'keep the processors from entering sleep states, which costs power; needs permission '
         f'to write {LATENCY}',
     )
 

@@ -19,7 +19,7 @@ from redres_ros.robots import ARMS, Arm, choose_arm, choose_tip
 from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.choice import ALLOWED, names_an_arm
 
-TOPIC = 'topic'  # in place of an arm's name: the URDF that somebody publishes
+TOPIC = 'topic'  # in place of an arm's name: the URDF that another node publishes
 DESCRIPTION = 'robot_description'
 
 _PAPER = ARMS['lwr4_paper']

@@ -270,7 +270,7 @@ def _log_overruled(nodes: list[Node], arguments: list[str]) -> None:
     lost = [f'{name}: {how}' for name, how in overruled(nodes, arguments).items()]
     if lost:
         nodes[0].get_logger().warning(
-            f'{"; ".join(lost)}: key that file /**, and put -p after --params-file'
+            f'{"; ".join(lost)}: use the key /** in that file, and put -p after --params-file'
         )
 
 

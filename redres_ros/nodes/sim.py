@@ -62,11 +62,13 @@ class SimParameters(LoopParameters):
     start: tuple[float, ...] = param((), 'joint positions at the start [rad]')
     patience: float = param(
         1.0,
-        'how long the clock stands still for a late answer; 0: as a real robot, not at all [s]',
+        'how long the clock waits for a late command; 0: not at all, like a real robot [s]',
         0.0,
         60.0,
     )
-    lockstep: bool = param(False, 'wait for the answer to each state instead of keeping time')
+    lockstep: bool = param(
+        False, 'wait for the command to each state instead of running in real time'
+    )
     fault_seed: int = param(0, 'seed of the random faults', 0, 2**31 - 1)
 
 
@@ -78,7 +80,7 @@ class SimNode(ManagedNode):
     does. See RobotClock for how they come back to the computer's clock.
 
     Deactivated it neither sends states nor takes commands, as a robot whose cable is cut: an arm
-    that moves is braked. Activated it monitors anew.
+    that moves is braked. Activated again, it starts monitoring again.
 
     Raises:
         ParameterError: use_sim_time, or a parameter of another type.
@@ -88,7 +90,7 @@ class SimNode(ManagedNode):
         super().__init__('sim')
         if self.get_parameter('use_sim_time').value:
             raise ParameterError(
-                'use_sim_time is True; allowed: False: the fake arm goes by the time of the '
+                'use_sim_time is True; allowed: False: the fake arm uses the clock of the '
                 'computer, and publishes no /clock'
             )
         self._description = declare_robot(self, is_the_robot=True)
@@ -100,7 +102,7 @@ class SimNode(ManagedNode):
         self._plant = FaultyPlant(self._make_plant(arm, period), faults, seed)
         session = declare(self, SessionSettings())
         if self._settings.lockstep:
-            session = replace(session, monitor_time=0.0)  # nobody keeps time, and timing is perfect
+            session = replace(session, monitor_time=0.0)  # no clock is kept, and timing is perfect
         self._session = Session(period, session)
         profile = self._session.profile
         limits = JointLimits.of(arm)
@@ -178,7 +180,7 @@ class SimNode(ManagedNode):
         self._robot_clock.restart()
         while not stopped.is_set():
             if self._settings.lockstep and not self.active:
-                waiting.sleep(_ASK_AGAIN)  # nobody keeps time
+                waiting.sleep(_ASK_AGAIN)  # no clock is kept
                 continue
             # Before the next state is out: what comes later may be an answer to that one.
             answers = self._receiver.take(self._robot.tick)
@@ -286,7 +288,9 @@ class SimNode(ManagedNode):
         self._reset_wanted = True
         self._published.clear()  # all is published again: a message may have been lost
         response.success = True
-        response.message = f'cleared: {reason}' if reason else 'nothing to clear; monitoring anew'
+        response.message = (
+            f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'
+        )
         return response
 
     def _begin(self) -> None:

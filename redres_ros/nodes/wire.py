@@ -157,7 +157,7 @@ def _joined(seconds: int, nanoseconds: int) -> int:
     message can carry.
     """
     if nanoseconds >= NANOSECONDS:
-        raise EncodingError(f'a stamp with {nanoseconds} ns beside its seconds; allowed: below 1e9')
+        raise EncodingError(f'a stamp with {nanoseconds} ns in nanosec; allowed: below 1e9')
     return seconds * NANOSECONDS + nanoseconds
 
 

@@ -83,7 +83,7 @@ class GoalSettings:
         1e6,
     )
     feedback_limit: float = param(0.2, 'largest speed that the feedback may add [m/s]', 0.001, 10.0)
-    target_speed: float = param(0.2, 'largest speed on the way to a target_pose [m/s]', 1e-3, 10.0)
+    target_speed: float = param(0.2, 'largest speed towards a target_pose [m/s]', 1e-3, 10.0)
     target_acceleration: float = param(
         1.0, 'largest acceleration towards a target_pose that replaces another [m/s^2]', 1e-3, 100.0
     )

@@ -15,7 +15,7 @@ from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.task_clock import TaskClock
 
-_AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins anew
+_AWAY = 0.05  # [m] from where it stopped, beyond which an interrupted task begins again
 _HELD = 0.5  # [s] for which a controller that could move holds, until that counts as asked for
 _HOLDING = 'holding'  # modes of the controller
 _MOVING = 'moving'
@@ -121,14 +121,14 @@ class TaskExecutor:
     A goal begins when the controller follows. Before that it ends with a stop of the robot, with a
     hold that was asked for, and when its patience is over: nothing is carried out that was asked
     for long ago. A task that is interrupted by a hold goes on when the hold ends; after any other
-    interruption it goes on within its patience. It begins anew if the arm is elsewhere by then. A
+    interruption it goes on within its patience. It begins again if the arm is elsewhere by then. A
     finished goal is over with the first interruption, and every goal with a robot that was started
     again.
 
     Args:
         T: The robot's cycle [s].
         task_clock: The time of the goal.
-        monitor: Notices that it gets nowhere.
+        monitor: Notices a lack of progress.
         task_space: 'position' or 'pose': what is asked for, 3-D or 6-D.
     """
 
@@ -148,7 +148,7 @@ class TaskExecutor:
         self._cycles = CycleCounter(round(NANOSECONDS * T))
         self._mode = ''  # of the controller; empty: unknown
         self._stopped = ''  # why the robot has stopped
-        self._remark = ''  # why the goal gets nowhere, or was over before its end
+        self._remark = ''  # why the goal makes no progress, or was over before its end
         self._pursuit: _Pursuit | None = None
         self._step: Step | None = None
         self._arm: _ArmState | None = None  # at the newest state
@@ -439,7 +439,7 @@ class TaskExecutor:
             self.state = TaskState.STUCK
 
     def _end_after(self, silence: float) -> None:
-        """End a goal of another robot, or of long ago: somebody may be near the arm.
+        """End a goal of another robot, or of long ago: a person may be near the arm.
 
         Args:
             silence: From the last stamp to this one [s]; negative for another clock.
@@ -457,5 +457,5 @@ class TaskExecutor:
         """Give the goal up."""
         is_task = self._pursuit is not None and self._pursuit.goal.goes_on
         self.stop()
-        what = 'the task is over; planner/start begins it anew' if is_task else 'the goal is over'
+        what = 'the task is over; planner/start begins it again' if is_task else 'the goal is over'
         self._remark = f'{reason}: {what}'

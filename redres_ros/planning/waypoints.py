@@ -156,7 +156,7 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
     if not isinstance(content, dict) or not all(key in content for key in required):
         raise FileError(
             f'{path} is no task; expected the keys {", ".join(required)} '
-            f'and, if wished, {", ".join(optional)}'
+            f'and, optionally, {", ".join(optional)}'
         )
     for key in content:
         if key not in required + optional:

@@ -49,7 +49,7 @@ def _model_of(expected: ExpectedArm, description: str) -> RobotModel:
 
 def _published(description: str) -> str:
     if not description:
-        raise NoDescriptionError(f'the arm is to be that of {DESCRIPTION}, which nobody publishes')
+        raise NoDescriptionError(f'the arm comes from {DESCRIPTION}, which has no publisher')
     return description
 
 
@@ -78,9 +78,9 @@ def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> Iterato
 def _judge_order(got: tuple[str, ...], expected: tuple[str, ...]) -> Iterator[Verdict]:
     """Commands for ros2_control are numbers without names: the order must be the arm's."""
     if got == expected:
-        yield Verdict(Level.OK, 'order', f'{FORWARD} goes by {", ".join(got)}')
+        yield Verdict(Level.OK, 'order', f'{FORWARD} has the joints {", ".join(got)}')
     elif got:
-        text = f'{FORWARD} goes by {", ".join(got)}; expected {", ".join(expected)}'
+        text = f'{FORWARD} has the joints {", ".join(got)}; expected {", ".join(expected)}'
         yield Verdict(Level.FAULT, 'order', text)
 
 

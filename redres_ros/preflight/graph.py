@@ -121,7 +121,7 @@ def judge_states(seen: GraphSnapshot) -> Iterator[Verdict]:
     publishers = seen.publishers.get(STATES, ())
     names = ', '.join(publishers)
     if not publishers:
-        yield Verdict(Level.FAULT, 'states', f'nobody publishes {STATES} in this ROS domain')
+        yield Verdict(Level.FAULT, 'states', f'{STATES} has no publisher in this ROS domain')
     elif not seen.states:
         text = f'{names} publishes {STATES}, but none came; is the robot running?'
         yield Verdict(Level.FAULT, 'states', text)
@@ -174,7 +174,7 @@ def judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
         advice = 'is that controller loaded and active?'
         if not forward:
             advice = f'a robot behind ros2_control needs forward_commands, which uses {FORWARD}'
-        yield Verdict(Level.FAULT, 'commands', f'nobody listens to {topic}; {advice}')
+        yield Verdict(Level.FAULT, 'commands', f'{topic} has no subscriber; {advice}')
     if leap := why_it_would_leap(forward, str(seen.controller['bridging'])):
         yield Verdict(Level.FAULT, 'commands', leap)
     if forward and listeners:
@@ -222,7 +222,7 @@ def judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
     sources = seen.publishers.get(TWISTS, ())
     names = ', '.join(sources)
     if not sources:
-        text = f'nobody publishes {TWISTS} yet: the planner, redres teleop or a node of yours'
+        text = f'{TWISTS} has no publisher yet: the planner, redres teleop or a node of yours'
         yield Verdict(Level.NOTE, 'task', text)
     elif len(sources) > 1:
         text = f'{names} publish {TWISTS}; let only one of them speak at a time'

@@ -130,7 +130,7 @@ class SnapshotNode(GraphMonitor):
         """A snapshot over that time, longer while states or a controller are missing.
 
         Args:
-            seconds: How long to look at least; the node must be spun by somebody else.
+            seconds: How long to look at least; the node must be spun elsewhere.
         """
         self._collect(seconds)
         if not (self._states and self._count(CONTROLLER)):

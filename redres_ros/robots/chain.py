@@ -28,7 +28,9 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
     for joint in urdf.joints:
         other = above.setdefault(joint.child, joint)
         if other is not joint:
-            raise urdf.error(f'link {joint.child} hangs on two joints, {other.name}, {joint.name}')
+            raise urdf.error(
+                f'link {joint.child} has two parent joints, {other.name}, {joint.name}'
+            )
     chain: list[UrdfJoint] = []
     link = tip_frame
     while link in above:
@@ -38,7 +40,9 @@ def chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
         chain.append(joint)
         link = joint.parent
     for other_root in urdf.links.keys() - above.keys() - {link}:
-        raise urdf.error(f'links {link} and {other_root} both hang on nothing; expected one root')
+        raise urdf.error(
+            f'links {link} and {other_root} have no parent joint; expected one root link'
+        )
     return tuple(reversed(chain))
 
 

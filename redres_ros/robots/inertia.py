@@ -54,7 +54,7 @@ def _set_cylinder(urdf: Urdf, link: str, offset: float) -> None:
 
 
 def fill_in_inertias(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
-    """Give every moving part a mass and an inertia, without which nobody could simulate it.
+    """Give every moving part a mass and an inertia, without which it could not be simulated.
 
     A part is a link that a joint of the chain moves, with all that is fixed to it. Missing figures
     get stand-ins far below those of any arm.

@@ -36,14 +36,14 @@ def lock_joints(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
 def _held_at(
     urdf: Urdf, joint: UrdfJoint, resting: dict[str, UrdfJoint], followers: tuple[str, ...]
 ) -> float:
-    """Where a joint is held; `followers` are those that mimic it, one by way of the other."""
+    """Where a joint is held; `followers` are those that mimic it, one through the other."""
     mimic = joint.element.find('mimic')
     if mimic is None:
         return _rest_position(urdf, joint)
     owner = f'joint {joint.name}'
     leader = mimic.get('joint', '')
     if leader in (*followers, joint.name):
-        raise urdf.error(f'{owner} mimics itself by way of {leader}')
+        raise urdf.error(f'{owner} mimics itself through {leader}')
     if leader not in {known.name for known in urdf.joints}:
         raise urdf.error(f'{owner} mimics {leader!r}, which is not there')
     position = 0.0  # of a joint of the chain: the pose in which the URDF is drawn

@@ -105,7 +105,7 @@ class Urdf:
         return UrdfJoint(element, name, *ends)
 
     def put_first(self, joints: tuple[UrdfJoint, ...]) -> None:
-        """List these joints before all others: MuJoCo goes by this order where arms part."""
+        """List these joints before all others: MuJoCo uses this order where arms branch."""
         for joint in joints:
             self.robot.remove(joint.element)
         for place, joint in enumerate(joints):

@@ -17,7 +17,7 @@ class Elbow(Task):
 
     size: ClassVar[int] = 3
     target: tuple[float, ...] = param(
-        (), 'wanted position of the elbow in the base frame [m]; none: that of the start'
+        (), 'desired position of the elbow in the base frame [m]; none: that of the start'
     )
 
     def __post_init__(self) -> None:
@@ -41,7 +41,7 @@ class Joint(Task):
 
     size: ClassVar[int] = 1
     joint: str = param('', 'name of the joint; empty: the first one')
-    target: tuple[float, ...] = param((), 'wanted angle [rad]; none: that of the start')
+    target: tuple[float, ...] = param((), 'desired angle [rad]; none: that of the start')
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -63,7 +63,7 @@ class Task(ABC):
 class FrameTask(Task):
     """A task of one frame of the arm."""
 
-    frame: str = param('', 'frame that is meant; empty: the tip')
+    frame: str = param('', 'frame of the task; empty: the tip')
 
 
 def check_target(name: str, target: tuple[float, ...], *lengths: int) -> None:

@@ -20,7 +20,7 @@ class Position(FrameTask):
 
     size: ClassVar[int] = 3
     target: tuple[float, ...] = param(
-        (), 'wanted position in the base frame [m]; none: that of the start'
+        (), 'desired position in the base frame [m]; none: that of the start'
     )
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class Orientation(FrameTask):
 
     size: ClassVar[int] = 3
     target: tuple[float, ...] = param(
-        (), 'wanted quaternion x, y, z, w [1]; none: that of the start'
+        (), 'desired quaternion x, y, z, w [1]; none: that of the start'
     )
 
     def __post_init__(self) -> None:
@@ -88,7 +88,7 @@ class Pose(FrameTask):
     size: ClassVar[int] = 6
     components: ClassVar[tuple[int, ...]] = (3, 3)
     target: tuple[float, ...] = param(
-        (), 'wanted position [m] and quaternion x, y, z, w [1]; none: those of the start'
+        (), 'desired position [m] and quaternion x, y, z, w [1]; none: those of the start'
     )
 
     def __post_init__(self) -> None:
@@ -132,7 +132,7 @@ class Axis(FrameTask):
     size: ClassVar[int] = 2
     axis: tuple[float, ...] = param((0.0, 0.0, 1.0), 'axis in the frame [1]')
     target: tuple[float, ...] = param(
-        (0.0, 0.0, -1.0), 'wanted direction in the base frame [1]; none: that of the start'
+        (0.0, 0.0, -1.0), 'desired direction in the base frame [1]; none: that of the start'
     )
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The paper's figures by number, computed anew."""
+"""The paper's figures by number, computed again."""
 
 from collections.abc import Callable
 from functools import partial
