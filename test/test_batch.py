@@ -213,6 +213,8 @@ def test_a_file_knows_what_it_holds(ending, tmp_path):
     with ResultsFile(path) as file:
         assert case in file
         assert Case(T=T) not in file
+        (read,) = file.results()
+    assert repr(read) == repr(result)  # NaN equals nothing
 
 
 def test_a_csv_file_whose_last_line_was_cut_off_lacks_that_case_alone(tmp_path):
@@ -276,7 +278,9 @@ def test_the_command_goes_on_where_it_was_ended(tmp_path, capsys):
     assert heading == ','.join(COLUMNS)
     out.write_text('\n'.join([heading, *rows[:3]]) + '\n')
     assert main(['batch', str(study)]) == 0
-    assert '1 of 1 motions added' in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert '1 of 1 motions added' in shown
+    assert '2 tasks; ratios to minimum_velocity' in shown  # those of the first run, too
 
 
 def test_many_tasks_are_compared_by_ratios(capsys):

@@ -50,8 +50,9 @@ def _batch(options: argparse.Namespace) -> int:
         if len(left) < len(cases):
             print(f'{out} holds {len(cases) - len(left)} of {len(cases)} motions')
         results = run_cases(left, file)
-    if results:
-        print_tables(*summary_tables(summaries(results)))
+        earlier = file.results()
+    if results or earlier:
+        print_tables(*summary_tables(summaries([*earlier, *results])))
     print(f'{len(results)} of {len(left)} motions added to {out}')
     failed = [result for result in results if result.error]
     for result in failed[:3]:

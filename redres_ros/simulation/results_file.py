@@ -3,10 +3,13 @@
 import csv
 import json
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, get_origin, get_type_hints
+
+import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.simulation.batch import Case, Result
@@ -28,6 +31,38 @@ def as_row(result: Result) -> dict[str, Any]:
     """
     figures = {name: getattr(result.effort, name, None) for name in _EFFORT}
     return _case_row(result.case) | figures | {name: getattr(result, name) for name in _RESULT}
+
+
+def as_result(row: Mapping[str, Any]) -> Result:
+    """A result from a row, as `as_row` makes it, or as it was read from a file.
+
+    Args:
+        row: Values or texts by COLUMNS.
+    """
+    case = Case(**_values(Case, _CASE, row))
+    finished = row['finished'] not in ('', None)  # else there was no effort
+    effort = Effort(**_values(Effort, _EFFORT, row)) if finished else None
+    return Result(case, effort, **_values(Result, _RESULT, row))
+
+
+def _values(kind: type, names: Sequence[str], row: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of fields of a dataclass, from a row."""
+    types = get_type_hints(kind)
+    return {name: _value(row[name], types[name]) for name in names}
+
+
+def _value(given: Any, kind: Any) -> Any:
+    """A value of that type, from a text or from itself."""
+    text = '' if given is None else str(given)
+    if kind is bool:
+        return text == 'True'
+    if kind is float:
+        return float(text) if text else np.nan
+    if kind is int:
+        return int(text)
+    if kind is str:
+        return text
+    return tuple(filter(None, text.split(','))) if get_origin(kind) is tuple else json.loads(text)
 
 
 def _case_row(case: Case) -> dict[str, Any]:
@@ -66,6 +101,7 @@ class ResultsFile:
             self._file = path.open('a', newline='') if self._is_csv else None
         except OSError as error:
             raise FileError(f'cannot use {path}: {error.strerror}') from None
+        self._before = list(self._rows)
         self._done = {_key(row) for row in self._rows}
         if self._file and not self._path.stat().st_size:
             csv.writer(self._file).writerow(COLUMNS)
@@ -80,6 +116,10 @@ class ResultsFile:
         at: TracebackType | None,
     ) -> None:
         self.close()
+
+    def results(self) -> list[Result]:
+        """Those that the file held when it was opened."""
+        return [as_result(row) for row in self._before]
 
     def __contains__(self, case: Case) -> bool:
         """Whether the file has a result of that case."""

@@ -15,11 +15,12 @@ _BAND = (0.1, 0.9)  # quantiles that a table shows beside the median
 _ALIKE = 1.05  # ratio of two medians that hardly differ
 _SHOWN = ('robot', 'law', 'T', 'limits', 'task', 'seed')  # in the title, or in rows
 
-_RATIOS: dict[str, Callable[[Result], float]] = {  # by their heads
+RATIOS: dict[str, Callable[[Result], float]] = {  # by their heads
     'peak |ddq|': lambda result: _effort(result, 'acceleration'),
+    'RMS |ddq|': lambda result: _root_mean_square(result, 'squared_acceleration'),
     'peak |tau|': lambda result: _effort(result, 'torque'),
-    'int ddq^2': lambda result: _effort(result, 'squared_acceleration'),
-    'int energy': lambda result: _effort(result, 'kinetic_energy'),
+    'RMS |tau|': lambda result: _root_mean_square(result, 'squared_torque'),
+    'kinetic energy': lambda result: _effort(result, 'kinetic_energy'),
 }
 
 
@@ -109,7 +110,7 @@ def _table(title: str, laws: Mapping[str, Summary]) -> Table:
     first, *_ = laws
     rows = []
     for law, summary in laws.items():
-        ratios = [_shown(summary.ratios(laws[first], figure)) for figure in _RATIOS.values()]
+        ratios = [_shown(summary.ratios(laws[first], figure)) for figure in RATIOS.values()]
         rows.append(
             [
                 law,
@@ -117,9 +118,10 @@ def _table(title: str, laws: Mapping[str, Summary]) -> Table:
                 f'{summary.fraction(_within):.0%}',
                 *ratios,
                 f'{summary.median(lambda result: result.time_lost):.3f}',
+                _plain(summary.median(lambda result: result.closure)),
             ]
         )
-    heads = ('law', 'finished', 'within limits', *_RATIOS, 'time lost [s]')
+    heads = ('law', 'finished', 'within limits', *RATIOS, 'time lost [s]', 'closure [rad]')
     motions = len(laws[first].results)
     note = f'{motions} tasks; ratios to {first}: median (10 to 90 %); {conclusion(laws)}'
     return table(heads, rows, title=title, note=note)
@@ -134,7 +136,7 @@ def conclusion(laws: Mapping[str, Summary]) -> str:
     first, *others = laws
     medians = {}
     for law in others:
-        ratios = laws[law].ratios(laws[first], _RATIOS['peak |ddq|'])
+        ratios = laws[law].ratios(laws[first], RATIOS['peak |ddq|'])
         if len(ratios):
             medians[law] = float(np.median(ratios))
     if not medians:
@@ -156,12 +158,20 @@ def _effort(result: Result, name: str) -> float:
     return float(getattr(result.effort, name))
 
 
+def _root_mean_square(result: Result, name: str) -> float:
+    return float(np.sqrt(_effort(result, name) / result.duration))
+
+
 def _finished(result: Result | None) -> bool:
     return result is not None and result.finished
 
 
 def _within(result: Result) -> bool:
     return result.finished and result.within_limits
+
+
+def _plain(value: float) -> str:
+    return '-' if np.isnan(value) else f'{value:.3f}'
 
 
 def _shown(ratios: np.ndarray) -> str:
