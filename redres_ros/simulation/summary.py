@@ -118,7 +118,7 @@ def _table(title: str, laws: Mapping[str, Summary]) -> Table:
                 f'{summary.fraction(_within):.0%}',
                 *ratios,
                 f'{summary.median(lambda result: result.time_lost):.3f}',
-                _plain(summary.median(lambda result: result.closure)),
+                _or_dash(summary.median(lambda result: result.closure)),
             ]
         )
     heads = ('law', 'finished', 'within limits', *RATIOS, 'time lost [s]', 'closure [rad]')
@@ -170,7 +170,7 @@ def _within(result: Result) -> bool:
     return result.finished and result.within_limits
 
 
-def _plain(value: float) -> str:
+def _or_dash(value: float) -> str:
     return '-' if np.isnan(value) else f'{value:.3f}'
 
 
