@@ -25,9 +25,9 @@ from redres_ros.parameter import (
     resolve_entry,
 )
 from redres_ros.preferences import PREFERENCES, Preference
-from redres_ros.resolution import Level, Solution, resolve_in_order, resolve_one, scaled
+from redres_ros.resolution import Level, Solution, Weight, resolve_in_order, resolve_one, scaled
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.singularity import escape_direction
+from redres_ros.singularity import escape_direction, locked
 from redres_ros.tasks import TASKS, Task
 from redres_ros.tasks.joints import Configuration
 
@@ -111,6 +111,8 @@ class Policy:
         executed = J.dot(dq)
         if np.linalg.norm(dx - executed) > _ROUNDING * np.linalg.norm(dx):
             dq = dq + _escape(state, task, J, dx)
+            if self.scaling == 'components':
+                dq = self._unlocked(dq, b, W, [(rows, rates), *levels[1:]], state)
             executed = J.dot(dq)
         return Solution(dq, J, executed, dx - executed, W, levels)
 
@@ -131,7 +133,10 @@ class Policy:
         level = scaled(free.J, free.executed, scale)
         components = () if self.scaling == 'task' else self._components(state)
         if self._boundary_braking:
-            free, level = self._boundary_braking.applied(free, level, state)
+            rows = slice(None)
+            if components:
+                rows = self._first_component(_asked(free.wanted, state), state)
+            free, level = self._boundary_braking.applied(free, level, state, rows)
             if components:
                 level = scaled(free.J, free.executed, scale)
         levels = [level]
@@ -205,6 +210,44 @@ class Policy:
     def _components(self, state: RobotState) -> tuple[int, ...]:
         """Number of rows of each component that is scaled separately."""
         return self.task.components or (self.task.rows(state.model),)
+
+    def _unlocked(
+        self,
+        dq: np.ndarray,
+        b: np.ndarray,
+        W: Weight,
+        levels: Sequence[Level],
+        state: RobotState,
+    ) -> np.ndarray:
+        """dq, or where a singularity leaves little of the task velocity, one that executes its
+        first component, and of the other what is possible beside it, (n,) [rad/s].
+
+        Args:
+            dq: The optimum for both together, (n,) [rad/s].
+            b: The law's bias, (n,) [rad/s].
+            W: Its weight.
+            levels: (J, dx) of each task, with comparable rows.
+            state: Of the arm at this tick.
+        """
+        J, dx = levels[0]
+        asked = _asked(dx, state)
+        first = self._first_component(asked, state)
+        square = float(asked.dot(asked))
+        share = locked(float(J.dot(dq).dot(asked)) / square) if square else 0.0
+        if share == 0.0 or len(J[first]) == len(J):
+            return dq
+        parts = [(J[first], dx[first]), (np.delete(J, first, 0), np.delete(dx, first))]
+        alone, _ = resolve_in_order([*parts, *levels[1:]], b, W)
+        return dq + share * (alone - dq)
+
+    def _first_component(self, asked: np.ndarray, state: RobotState) -> slice:
+        """The rows of the first component of the task that is asked for; all if none is."""
+        begin = 0
+        for size in self._components(state):
+            if asked[begin : begin + size].any():
+                return slice(begin, begin + size)
+            begin += size
+        return slice(None)
 
     def _bias(self, state: RobotState, T: float) -> np.ndarray:
         """b, (n,) [rad/s], with the sum of the preferences, Eq. (19), if the law takes them."""
@@ -434,6 +477,11 @@ def _moving_on(task: Task, state: RobotState, dq: np.ndarray) -> Solution:
     """The joint velocity dq (n,) [rad/s], whatever the task."""
     J = task.jacobian(state)
     return Solution(dq, J, J.dot(dq))
+
+
+def _asked(dx: np.ndarray, state: RobotState) -> np.ndarray:
+    """dx (m,) without what only holds a component that nobody asks to move."""
+    return dx if state.correction is None else np.where(state.correction, 0.0, dx)
 
 
 def _is_sudden(old: Motion | None, new: Policy | Hold) -> bool:

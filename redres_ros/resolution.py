@@ -125,6 +125,11 @@ class Solution:
     component_scaling: tuple[float, ...] = ()
     escape: np.ndarray | None = None
 
+    @property
+    def wanted(self) -> np.ndarray:
+        """dx, (m,)."""
+        return self.executed if self.unachieved is None else self.executed + self.unachieved
+
 
 def resolve(J: np.ndarray, dx: np.ndarray, b: np.ndarray, W: Weight = None) -> np.ndarray:
     """The minimum of 1/2 (dq - b)' W (dq - b) subject to J dq = dx, (n,) [rad/s].

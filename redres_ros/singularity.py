@@ -16,6 +16,8 @@ from redres_ros.kernels.closed_form import SINGULAR_RATIO
 
 # of the threshold below which a direction is damped: above it, the damped motion escapes
 _STUCK = 0.1
+# fraction of a task velocity; where less can be executed, its components lock each other
+_LOCKED = 0.2
 _NOTHING = 1e-9  # of dx, counts as zero; of H, is no escape
 
 
@@ -49,3 +51,12 @@ def escape_direction(
     z: np.ndarray = Z.dot(directions[:, -1])
     sense = z.dot(dq_prev) or z[np.argmax(np.abs(z))]
     return np.copysign(size, sense) * z
+
+
+def locked(executed: float) -> float:
+    """How far a task velocity counts as locked, if this fraction of it can be executed.
+
+    1 if none can be, 0 from a fifth on, and continuous between: what takes the place of a locked
+    velocity is blended in.
+    """
+    return max(1.0 - executed / _LOCKED, 0.0)

@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, weight
 
 from redres_ros import Controller, RobotModel
-from redres_ros.constrained import Constrained, solve_constrained
+from redres_ros.constrained import Box, Constrained, solve_constrained
 from redres_ros.errors import UnknownNameError
 from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.resolution import resolve
@@ -16,6 +16,7 @@ MANY = 20_000 if NIGHTLY else 150
 SIZES = (3, 3)
 BOX = ('position', 'velocity', 'acceleration')
 T = 0.002  # [s]
+ANY = np.full(7, -100.0), np.full(7, 100.0)  # a box in which nothing is locked
 
 
 class Problem:
@@ -42,11 +43,11 @@ class Problem:
         self.W = weight(power, 7, random)
         self.dq_free = resolve(self.J, self.dx, random.normal(size=7), self.W)
 
-    def solved(self) -> Constrained:
+    def solved(self, steady_box: Box = ANY) -> Constrained:
         tasks = [(self.J, self.dx)]
         active_set = np.zeros(8, np.int64)
         return solve_components(
-            self.dq_free, self.W, tasks, self.box, [], active_set, SIZES, self.held
+            self.dq_free, self.W, tasks, self.box, [], active_set, SIZES, self.held, steady_box
         )
 
     def components(self):
@@ -163,6 +164,24 @@ def test_what_goes_across_is_the_least(held):
         active = np.vstack((active_rows(dq, problem.box), C[np.abs(C @ dq) < 1e-9]))
         gradient = across.T @ (across @ dq - wanted)
         assert unexplained(gradient, np.array(along), active) < 1e3 * EXACT, seed
+
+
+def test_components_that_lock_each_other_give_way_to_the_one_that_can_go_on():
+    """With two joints at rest five are left, of which six rows in fixed directions ask too much."""
+    unlocked = 0
+    for seed in range(MANY):
+        problem = Problem(seed)
+        locked = problem.solved()
+        if max(locked.component_scaling) > 1e-6:
+            continue
+        solved = problem.solved(problem.box)
+        lower, upper = problem.box
+        assert (lower <= solved.dq).all() and (solved.dq <= upper).all(), seed
+        if max(solved.component_scaling) > 0.2:
+            unlocked += 1
+            first = int(np.argmax(solved.component_scaling))
+            assert problem.cones(solved.dq)[first] <= np.tan(DIRECTION_TOLERANCE) + 1e-6, seed
+    assert unlocked > MANY / 30
 
 
 def test_what_can_be_executed_as_a_whole_is():

@@ -119,7 +119,9 @@ class BoundaryBraking:
         self._ddq_max = ddq_max
         self._near = near
 
-    def applied(self, free: Solution, level: Level, state: RobotState) -> tuple[Solution, Level]:
+    def applied(
+        self, free: Solution, level: Level, state: RobotState, rows: slice = slice(None)
+    ) -> tuple[Solution, Level]:
         """The solution without what is too fast, and the level of the directions that go on.
 
         If an ending direction were a level, joints that hardly move the tip along it would
@@ -129,33 +131,32 @@ class BoundaryBraking:
             free: Without limits.
             level: J (m, n) and the executed dx (m,) of the first task, with comparable rows.
             state: Of the arm at this tick.
+            rows: Of the task, that must not be too fast; the others give way.
         """
-        end = self._end(free, level, state)
+        J, executed = level
+        J = J[rows]
+        executed = executed[rows]
+        end = self._end(free, J, state, rows)
         if end is None:
             return free, level
-        J, executed = level
         rho = end.ended.dot(executed)
         excess = end.ended.T.dot(rho - np.clip(rho, -end.most, end.most))  # (m,)
         less, _ = resolve_one(J, excess, np.zeros(len(free.dq)), free.W)
         dq = free.dq - less
-        unachieved = _wanted(free) - free.J.dot(dq)
+        unachieved = free.wanted - free.J.dot(dq)
         stopped = replace(free, dq=dq, executed=free.J.dot(dq), unachieved=unachieved)
         return stopped, (end.others.dot(J), end.others.dot(J.dot(dq)))
 
-    def _end(self, free: Solution, level: Level, state: RobotState) -> EndOfReach | None:
-        J, _ = level
+    def _end(
+        self, free: Solution, J: np.ndarray, state: RobotState, rows: slice
+    ) -> EndOfReach | None:
         if is_far(J, self._near):
             return None
         dJ = self._task.derivatives(state)
         if dJ is None:
             return None
-        dx = _wanted(free)
+        dx = free.wanted
         if self._scale is not None:
             dJ = self._scale[:, None] * dJ
             dx = self._scale * dx
-        return end_of_reach(J, dJ, dx, self._ddq_max, self._near)
-
-
-def _wanted(free: Solution) -> np.ndarray:
-    """dx, (m,)."""
-    return free.executed if free.unachieved is None else free.executed + free.unachieved
+        return end_of_reach(J, dJ[:, rows], dx[rows], self._ddq_max, self._near)

@@ -11,7 +11,10 @@ the higher ones allow:
 4. the least velocity across it, and of the components that are not asked for;
 5. the other tasks, and the law.
 
-Where level 2 cannot be kept, because the arm cannot brake fast enough, one factor s scales all.
+Where joints at their ends leave less than a fifth of the whole, the components lock each other.
+Then the first one that can go on alone does, and of the other what is possible beside it. This is
+judged without the limits on accelerations, and blended in.
+
 The factors a_i are variables beside dq, so that solve_constrained() does the work.
 """
 
@@ -22,6 +25,7 @@ import numpy as np
 
 from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
 from redres_ros.resolution import Factor, Level, Weight, as_array
+from redres_ros.singularity import locked
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
 
@@ -46,6 +50,7 @@ def solve_components(
     active_set: np.ndarray,
     sizes: Sequence[int],
     held: Sequence[bool],
+    steady_box: Box,
 ) -> Constrained:
     """As solve_constrained(), with a scaling factor for each component of the first task.
 
@@ -59,6 +64,7 @@ def solve_components(
         sizes: Number of rows of each component.
         held: Whether a component's dx is only to hold it: it then counts as not asked for, and is
             executed with the least error in level 4.
+        steady_box: The box without the limits on accelerations.
     """
     whole = solve_constrained(dq_free, W, tasks, box, rows, active_set)
     is_exact = whole.error <= _NOTICEABLE
@@ -72,15 +78,54 @@ def solve_components(
     if is_exact and np.count_nonzero(lengths) > 1:
         factors = problem.largest_factors(tasks[0], sizes, factors)
     executed = problem.executed(components, lengths, factors)
-    if executed.excess > max(whole.excess, _NOTICEABLE):
-        return whole._replace(component_scaling=(whole.s,) * len(sizes))
     dq = executed.dq[: len(dq_free)]
-    scaling = tuple(
-        min(max(float(J.dot(dq).dot(dx)) / length**2, 0.0), 1.0) if length else 1.0
-        for J, dx, length in components
-    )
+    if np.count_nonzero(lengths) > 1 and not (is_exact and not locked(whole.s)):
+        steady = _WithFactors(dq_free, W, tasks[1:], steady_box, rows, len(sizes))
+        share = steady.locked(components, lengths)
+        if share > 0.0:
+            dq = dq + share * (_alone(problem, steady, components, lengths, dq) - dq)
     solved = whole.solved and executed.solved
+    scaling = tuple(_fractions(components, dq).tolist())
     return whole._replace(dq=dq, solved=solved, component_scaling=scaling)
+
+
+def _alone(
+    problem: '_WithFactors',
+    steady: '_WithFactors',
+    components: Sequence[_Component],
+    lengths: np.ndarray,
+    dq: np.ndarray,
+) -> np.ndarray:
+    """The velocity that executes the first component that can go on without the others.
+
+    Args:
+        problem: Within all limits.
+        steady: The same without those on accelerations.
+        components: Of the first task.
+        lengths: |dx_i|, (g,).
+        dq: What is commanded if no component can go on, (n,) [rad/s].
+    """
+    left = 1.0  # the part of the mixture that the next component gets
+    mixed = dq
+    for i in np.flatnonzero(lengths):
+        alone = np.where(np.arange(len(lengths)) == i, lengths, 0.0)
+        only = [c._replace(length=a) for c, a in zip(components, alone, strict=True)]
+        part = left * (1.0 - steady.locked(only, alone))
+        if part > 0.0:
+            executed = problem.executed(only, alone, np.zeros(len(lengths)))
+            mixed = mixed + part * (executed.dq[: len(dq)] - dq)
+        left -= part
+    return mixed
+
+
+def _fractions(components: Sequence[_Component], dq: np.ndarray) -> np.ndarray:
+    """The fraction of each component that is executed, (g,); 1 if it is not asked for."""
+    return np.array(
+        [
+            min(max(float(J.dot(dq).dot(dx)) / length**2, 0.0), 1.0) if length else 1.0
+            for J, dx, length in components
+        ]
+    )
 
 
 class _WithFactors:
@@ -159,6 +204,16 @@ class _WithFactors:
             *self._tasks,
         ]
         return self._solve(tasks, least, cones)
+
+    def locked(self, components: Sequence[_Component], lengths: np.ndarray) -> float:
+        """How far the task velocity counts as locked, 0 to 1.
+
+        Args:
+            components: Of the first task.
+            lengths: |dx_i|, (g,).
+        """
+        dq = self.executed(components, lengths, np.zeros(len(lengths))).dq[: self._n]
+        return locked(_fractions(components, dq).dot(lengths**2) / lengths.dot(lengths))
 
     def _solve(
         self, tasks: Sequence[Level], least: np.ndarray, cones: Sequence[np.ndarray] = ()

@@ -13,6 +13,7 @@ from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.resolution import Level, Weight
 
 _AT_REST = 1e-12  # [rad/s]
+_FASTEST = 100.0  # [rad/s] of a joint without a limit
 UPPER = 1  # the place of the upper bound in a box
 
 
@@ -67,7 +68,7 @@ class Bounds:
         problem = dq, W, levels, self.box, self.rows, self.limits.active_set
         if components:
             held = _held(components, self.state.correction)
-            solved = solve_components(*problem, components, held)
+            solved = solve_components(*problem, components, held, self._steady_box())
         else:
             solved = solve_constrained(*problem)
         acting = self.acting_limit(solved)
@@ -80,6 +81,16 @@ class Bounds:
         else:
             place = limit.place(self.state, index, self.T)
         return solved, f'{place}: {self.limits.names[limit]}'
+
+    def _steady_box(self) -> Box:
+        """The box without the limits on accelerations, in which a joint may also stand still."""
+        lower = np.full(len(self.state.q), -_FASTEST)
+        upper = np.full(len(self.state.q), _FASTEST)
+        for limit, (low, high) in zip(self.limits.box_limits, self.boxes, strict=False):
+            if not isinstance(limit, (AccelerationLimit, JerkLimit)):
+                lower = np.clip(low, lower, 0.0)
+                upper = np.clip(high, 0.0, upper)
+        return lower, upper
 
     def _row(self, index: int) -> np.ndarray:
         """The row (n,) of a bound: of the joints first, then of the rows."""

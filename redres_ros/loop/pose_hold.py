@@ -13,6 +13,8 @@ from redres_ros.robot_model import RobotState
 from redres_ros.tasks import Pose
 
 GAIN = 2.0  # [1/s], of the error
+# [m/s], [rad/s] with which the tip comes back at most; limits may have turned it by half a turn
+_FASTEST = {'translation': 0.25, 'rotation': 1.0}
 
 _NOTHING = 1e-9  # [m/s], [rad/s] that count as zero: rounding of a transformation
 
@@ -66,6 +68,8 @@ class PoseHold:
                 self._targets[component] = pose.with_initial_targets(state)
             else:
                 velocity = self._targets[component].velocity(state)[rows]
+                most = _FASTEST[component]
+                velocity = velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), most))
             change = velocity - self._added[rows]
             step = self._steps[component]
             self._added[rows] += change * min(1.0, step / max(float(np.linalg.norm(change)), step))
