@@ -243,6 +243,20 @@ def test_a_franka_arm_stops_for_a_single_command_that_is_late() -> None:
     assert robot.complaints[0] == 'joint_motion_generator_velocity_discontinuity'
 
 
+@pytest.mark.slow
+def test_with_the_30_hz_copy_of_a_franka_arms_states_nothing_moves_and_rates_are_named() -> None:
+    with behind_ros2_control(FOLDER / 'franka_fr3.yaml') as (graph, clock):
+        arm = ROBOTS['franka_fr3'].arm
+        steady = Habits(jitter=0.0)
+        robot = StandIn(graph, JointLimits.of(arm), np.array(arm.start), 30.0, habits=steady)
+        clock.advance(2.0)
+        x, R = RobotModel(arm).tip(robot.q)
+        graph.publish('target_pose', to_pose(0, '', x + UP, R))
+        clock.advance(2.0)
+    assert ('controller', 'states come at 30 Hz; expected 1000 Hz (parameter rate)') in graph.log
+    assert np.ptp(robot.way, axis=0).max() == 0.0
+
+
 def test_near_the_ends_of_its_ranges_the_limits_for_an_fr3_allow_no_more_than_the_robot() -> None:
     own = parameters_of('franka_fr3')
     T = 1.0 / rate_of('franka_fr3')
