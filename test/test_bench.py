@@ -215,7 +215,7 @@ def test_a_peer_gives_the_velocities_of_the_least_velocity_law(
 
 def test_a_peer_with_another_answer_is_found_out(model: RobotModel) -> None:
     stretch = recorded(model, 50)
-    assert deviation(lambda q, x_d: np.full(7, 0.5), model, stretch) > SAME
+    assert deviation(lambda q, x_d, dx: np.full(7, 0.5), model, stretch) > SAME
 
 
 def test_the_floor_is_the_jacobian_that_the_laws_get(model, states):

@@ -31,8 +31,10 @@ _PACKAGES = {
     'proxqp': 'proxsuite',
 }
 
-Peer = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(q, x_d) -> dq: the velocity at q (n,) [rad] that leads the tip to x_d (3,) [m] within a tick."""
+Peer = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""(q, x_d, dx) -> dq: the velocity at q (n,) [rad] that leads the tip to x_d (3,) [m] within a tick,
+at dx (3,) [m/s]. Each peer takes whichever of the two it is faster with.
+"""
 
 Floor = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(q, dq) -> J, (6, n)."""
@@ -44,9 +46,10 @@ def missing_peers() -> tuple[str, ...]:
 
 
 def peers(arm: Arm, T: float) -> dict[str, Peer]:
-    """Every installed peer, pink and mink with every installed solver, twice each: once with limits
-    as in their documentation (positions and velocities, for embodik accelerations too), once
-    without, as a law of the paper is.
+    """Every installed peer, pink and mink with every installed solver, each in the fastest way that
+    it documents, twice: once with the limits that it has by default, once without, as a law of the
+    paper is. By default mink keeps positions, pink and embodik velocities too; embodik gets
+    acceleration limits as well.
 
     Args:
         arm: That all of them get.
@@ -97,10 +100,9 @@ def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
         for joint, largest in enumerate(limits.velocity):
             solver.set_joint_velocity_limit(joint, limit_scale * float(largest))
     task = solver.add_frame_task('tip', arm.tip_frame, embodik.TaskType.FRAME_POSITION)
-    task.weight = 1.0 / T  # times the error it is the wanted velocity
 
-    def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
-        task.set_target_position(x_d)
+    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        task.set_target_velocity(dx)
         dq: np.ndarray = solver.solve_velocity_dq(q, limit_scale is not None)
         return dq
 
@@ -117,11 +119,17 @@ def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
     task = FrameTask(arm.tip_frame, position_cost=1.0, orientation_cost=0.0)
     task.set_target(pin.SE3.Identity())
 
-    def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
+    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
         configuration.update(q)
         task.transform_target_to_world.translation = x_d
         dq: np.ndarray = solve_ik(
-            configuration, (task,), T, solver=solver, damping=DAMPING, limits=limits
+            configuration,
+            (task,),
+            T,
+            solver=solver,
+            damping=DAMPING,
+            limits=limits,
+            safety_break=False,  # no look at the position limits before each call
         )
         return dq
 
@@ -129,12 +137,14 @@ def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
 
 
 def _mink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
-    from mink import SE3, Configuration, FrameTask, solve_ik
+    from mink import SE3, Configuration, ConfigurationLimit, FrameTask, solve_ik
 
     configuration = Configuration(_bare_mujoco_model(arm))
+    if limits is None:
+        limits = [ConfigurationLimit(configuration.model)]  # else it is built in every call
     task = FrameTask(arm.tip_frame, 'body', position_cost=1.0, orientation_cost=0.0)
 
-    def velocity(q: np.ndarray, x_d: np.ndarray) -> np.ndarray:
+    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
         configuration.update(q)
         task.set_target(SE3.from_translation(x_d))
         return solve_ik(configuration, (task,), T, solver=solver, damping=DAMPING, limits=limits)

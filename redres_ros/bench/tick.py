@@ -127,13 +127,13 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
     for name, floor in bare.items():
         calls['floors', name] = _over(floor, stretch.q, stretch.dq_prev)
     for name, peer in others.items():
-        calls['peers', name] = _over(peer, stretch.q, stretch.x_d)
+        calls['peers', name] = _over(peer, stretch.q, stretch.x_d, stretch.dx)
     # First, because a peer with acceleration limits remembers the last velocity of a round.
     deviations = {name: deviation(peer, model, stretch) for name, peer in others.items()}
     for name, peer in limited_peers(model.arm, T, LIMIT_SCALES['limits acting']).items():
         others[name] = peer
         deviations[name] = deviation(peer, model, stretch)
-        calls['peers', name] = _over(peer, stretch.q, stretch.x_d)
+        calls['peers', name] = _over(peer, stretch.q, stretch.x_d, stretch.dx)
     times = measure(calls, rounds, progress)
     return TickResult(
         laws={name: times['laws', name] for name in laws},
@@ -198,13 +198,11 @@ def deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
     controller = Controller(model, make_law('minimum_velocity'), T)
     for q, dx, x_d in zip(stretch.q, stretch.dx, stretch.x_d, strict=True):
         least = controller.update(q, dx).dq
-        largest = max(largest, float(np.abs(peer(q, x_d) - least).max()))
+        largest = max(largest, float(np.abs(peer(q, x_d, dx) - least).max()))
     return largest
 
 
-def _over(
-    call: Callable[[np.ndarray, np.ndarray], object], first: np.ndarray, second: np.ndarray
-) -> Callable[[int], object]:
-    """A call with the rows of two arrays, cyclically."""
-    rows = list(zip(first, second, strict=True))
+def _over(call: Callable[..., object], *columns: np.ndarray) -> Callable[[int], object]:
+    """A call with the rows of arrays, cyclically."""
+    rows = list(zip(*columns, strict=True))
     return lambda k: call(*rows[k % len(rows)])
