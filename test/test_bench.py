@@ -19,8 +19,7 @@ from sensor_msgs.msg import JointState
 
 from redres_ros import LAWS, RobotModel
 from redres_ros.bench import loop, peers
-from redres_ros.bench.loop import LoopResult, graphs
-from redres_ros.bench.processor_time import ProcessorMeter, processor_seconds
+from redres_ros.bench.loop import LoopResult, ProcessorMeter, graphs, processor_seconds
 from redres_ros.bench.report import write_json
 from redres_ros.bench.round_trips import RoundTrips
 from redres_ros.bench.tick import (

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from redres_ros import RobotModel
+from redres_ros.cli.demo_results import after, before
 from redres_ros.demo.options import DemoOptions
-from redres_ros.demo.words import after, before
 
 PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'limits': ('none',)})
 
@@ -30,7 +30,7 @@ def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel)
 @pytest.mark.parametrize(
     ('given', 'words'),
     [
-        ({}, ('came through', '0.4 mm', '8.7 rad/s²', 'minimum_velocity')),
+        ({}, ('finished the task', '0.4 mm', '8.7 rad/s²', 'minimum_velocity')),
         ({'stop_reason': 'acceleration of A1', 'succeeded': False}, ('stopped', 'limits')),
         ({'stop_reason': 'timing: 6 missed', 'succeeded': False}, ('too busy', '--lockstep')),
     ],
@@ -58,4 +58,4 @@ def test_what_holds_for_the_papers_task_alone_is_said_of_no_other_run(
     options: DemoOptions, robot: str
 ) -> None:
     said = after(outcome(), options, robot)
-    assert 'came through' in said and 'is stopped' not in said
+    assert 'finished the task' in said and 'is stopped' not in said

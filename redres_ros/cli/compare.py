@@ -117,7 +117,7 @@ def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import made, pictures
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
-    from redres_ros.simulation.comparison import draw, tables
+    from redres_ros.simulation.comparison import picture, tables
     from redres_ros.simulation.limit_usage import draw_limit_usage
     from redres_ros.simulation.parallel import in_parallel
     from redres_ros.simulation.plots import DRAWINGS, save
@@ -141,7 +141,7 @@ def _compare_one(options: argparse.Namespace) -> int:
         recordings[label] = recording
         efforts[label] = effort
     title = f'{motion.title}, T = {1e3 * options.period:g} ms, limits: {options.limits}'
-    draw(recordings, title, norms)
+    save(picture(recordings, title), norms)
     save(draw_limit_usage(recordings, motion.model, options.limit_scale, title), limits)
     print_tables(*tables(efforts, title))
     print(f'plots {norms} and {limits}')

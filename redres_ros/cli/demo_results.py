@@ -1,4 +1,4 @@
-"""What `redres demo` leaves behind: tables in the terminal, and files."""
+"""What `redres demo` prints before and after a run, and the files that it writes."""
 
 import argparse
 from collections.abc import Iterable
@@ -11,11 +11,79 @@ from redres_ros.cli.parser import OptionError
 
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
+    from redres_ros.demo.options import DemoOptions
     from redres_ros.demo.outcome import Outcome
+    from redres_ros.robot_model import RobotModel
 
 _PAGE = '.html'
 _MESSAGES = '.mcap'
 _FILMS = {'.mp4': 'imageio_ffmpeg', '.webp': 'PIL', '.gif': 'PIL'}  # and what writes them
+
+
+def before(options: 'DemoOptions', model: 'RobotModel') -> str:
+    """Two sentences before a run.
+
+    Args:
+        options: Of the demo.
+        model: Of the arm.
+    """
+    joints = len(model.joint_names)
+    nodes = 'three ROS 2 nodes in one process' if options.composed else 'three ROS 2 nodes'
+    matter = 'this choice decides how smoothly the arm moves'
+    if options.task == 'rectangle':  # a task of the paper's arm
+        matter = (
+            'near the stretched arm, 7 s into the task, it decides whether the arm gets through'
+        )
+    return (
+        f'A simulated arm with {joints} joints moves its tip along a task, '
+        f'controlled by {nodes} at {options.rate:g} Hz. '
+        'Infinitely many joint motions execute the task. '
+        f'In every cycle the law {options.law} chooses one; {matter}.'
+    )
+
+
+def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
+    """Two sentences after a run; none if there is nothing to learn from it.
+
+    Args:
+        outcome: Of the run.
+        options: Of the demo.
+        robot: That of the task.
+    """
+    if outcome.motion is None or outcome.interrupted:
+        return ''
+    if outcome.stop_reason.startswith('timing'):
+        return (
+            'The robot stopped the arm because commands came too late: this computer was too busy. '
+            'Try again, or use --lockstep, which waits for every command.'
+        )
+    # What follows was measured with the paper's task and arm.
+    is_papers = (options.task, robot) == ('rectangle', 'lwr4_paper')
+    within_limits = 'none' not in options.parameters.get('limits', ())
+    if outcome.stop_reason:
+        text = (
+            'The robot stopped the arm, as a real one would: the law asked for more than the '
+            'joints can do.'
+        )
+        if not within_limits:
+            text += ' Within limits (without --limits none) the arm slows down there instead.'
+        if is_papers and options.law == 'minimum_velocity':
+            text += ' --law minimum_acceleration passes smoothly.'
+        return text
+    if not outcome.succeeded:
+        return ''
+    acceleration, at = outcome.motion.acceleration
+    text = (
+        'The arm finished the task, at most '
+        f'{1e3 * outcome.motion.path_deviation[0]:.1f} mm off its path. '
+        f'The joint acceleration peaked at {acceleration:.1f} rad/s² after {at:.1f} s.'
+    )
+    if is_papers and options.law != 'minimum_velocity':
+        text += (
+            ' For comparison: redres demo --law minimum_velocity --limits none takes the least '
+            'velocity in every cycle, and is stopped.'
+        )
+    return text
 
 
 def check_files(paths: Iterable[Path]) -> None:

@@ -1,14 +1,25 @@
-"""The command topics of a robot."""
+"""The command topics of a robot: joint_command, and that of ros2_control's
+forward_position_controller.
+"""
 
+import time
 from collections.abc import Sequence
 
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 from redres_ros.command import Command
-from redres_ros.nodes.forwarding import Forwarding
+from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.qos import PUBLISH
 from redres_ros.nodes.wire import JointStateWriter
+
+_CONTROLLER = 'forward_position_controller'
+_LOOK = 0.1  # [s] between checks of the subscribers
+_PATIENCE = 2.0  # [s] to wait for the parameters of a subscriber, which may have none
+_ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 
 
 class CommandPublisher:
@@ -35,3 +46,93 @@ class CommandPublisher:
         self._publisher.publish(self._writer.written(stamp, command.q_ref, command.dq))
         if self.forwarding:
             self.forwarding.publish(command.q_ref.tolist())
+
+
+class Forwarding:
+    """Publishes positions once the forwarding controller is known to have our order of joints: they
+    are numbers without names.
+
+    Args:
+        node: Publishes.
+        names: Of the joints, from base to tip.
+
+    Attributes:
+        error: Why nothing is forwarded; empty if there is no error.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]) -> None:
+        self.error = ''
+        self._node = node
+        self._names = list(names)
+        self._publisher = node.create_publisher(
+            Float64MultiArray, f'{_CONTROLLER}/commands', PUBLISH
+        )
+        self._client = node.create_client(GetParameters, f'{_CONTROLLER}/get_parameters')
+        self._forget()
+        create_steady_timer(node, _LOOK, self._look)
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether there is a subscriber whose order of joints is unknown or wrong."""
+        return not self._is_confirmed and self._publisher.get_subscription_count() > 0
+
+    def publish(self, positions: list[float]) -> None:
+        """Forward a reference, if the order of its joints is known to be right.
+
+        Args:
+            positions: Of the joints, from base to tip, (n,) [rad].
+        """
+        if self._is_confirmed:
+            self._publisher.publish(Float64MultiArray(data=positions))
+
+    def _forget(self) -> None:
+        """There is no subscriber: the next one may have another order."""
+        self.error = ''
+        self._is_confirmed = False
+        self._answer: Future | None = None
+        self._asked_at = 0.0  # [s]
+        self._waits_since = 0.0  # [s]; 0: no subscriber waits
+
+    def _look(self) -> None:
+        if self._publisher.get_subscription_count() == 0:
+            self._forget()
+            return
+        if self._is_confirmed:
+            return
+        now = time.monotonic()
+        self._waits_since = self._waits_since or now
+        if self._answer is not None and self._answer.done():
+            self._judge(self._answer)
+        elif not self._client.service_is_ready():
+            self._go_without(now)
+        elif now - self._asked_at > _ASK_AGAIN:
+            self._asked_at = now
+            self._answer = self._client.call_async(GetParameters.Request(names=['joints']))
+
+    def _judge(self, answer: Future) -> None:
+        self._answer = None
+        values = answer.result().values
+        joints = list(values[0].string_array_value) if values else []
+        self._is_confirmed = joints == self._names
+        self.error = ''
+        if not self._is_confirmed:
+            self.error = (
+                f'{_CONTROLLER} has the joints {", ".join(joints)}; expected '
+                f'{", ".join(self._names)}: nothing is forwarded until its parameter joints matches'
+            )
+
+    def _go_without(self, now: float) -> None:
+        """Forward to a subscriber without parameters. Those of ros2_control's own controller may
+        be discovered later than its subscription.
+
+        Args:
+            now: [s].
+        """
+        ends = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        is_of_ros2_control = any(end.node_name == _CONTROLLER for end in ends)
+        if not is_of_ros2_control and now - self._waits_since > _PATIENCE:
+            self._is_confirmed = True
+            self._node.get_logger().warning(
+                f'the subscriber of {_CONTROLLER}/commands has no parameter joints; it must expect '
+                f'them in the order {", ".join(self._names)}'
+            )

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
@@ -35,7 +35,13 @@ from redres_ros.nodes.diagnostics import (
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.motion_telemetry import MotionTelemetry
 from redres_ros.nodes.obstacles import show_obstacles, take_workspace
-from redres_ros.nodes.parameters import NONE, ListenerParameters, declare, on_live_change
+from redres_ros.nodes.parameters import (
+    NONE,
+    ListenerParameters,
+    declare,
+    on_live_change,
+    with_changes,
+)
 from redres_ros.nodes.policy_parameters import PolicyParameters, named
 from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
@@ -275,7 +281,7 @@ class ControllerNode(ManagedNode):
             self._controller.switch_time = changes['switch_time']
         if 'task_scaling_rate' in changes:
             self._controller.task_scaling_rate = changes['task_scaling_rate']
-        self._loop.settings = _changed(self._loop.settings, changes)
+        self._loop.settings = with_changes(self._loop.settings, changes)
 
     def _health(self) -> Health:
         law = self._controller.law
@@ -307,12 +313,6 @@ class ControllerNode(ManagedNode):
         if warning := loop.limit_warning or self._sensors.problem:
             return Health(WARN, warning, figures)
         return Health(OK, loop.mode.value, figures)
-
-
-def _changed(settings: Any, changes: dict[str, Any]) -> Any:
-    """A dataclass with those of the changes that are fields of it."""
-    names = {field.name for field in fields(settings)}
-    return replace(settings, **{name: changes[name] for name in names & changes.keys()})
 
 
 def main(arguments: list[str] | None = None) -> int:

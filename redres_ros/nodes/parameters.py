@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -116,6 +116,17 @@ def on_live_change(
     node.add_pre_set_parameters_callback(lambda changed: [_as_declared(node, p) for p in changed])
     node.add_on_set_parameters_callback(before)
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
+
+
+def with_changes(settings: P, changes: dict[str, Any]) -> P:
+    """A dataclass after changes of parameters; those that are no fields of it do not matter.
+
+    Args:
+        settings: Before.
+        changes: Values by name.
+    """
+    names = {field.name for field in fields(settings)}
+    return replace(settings, **{name: changes[name] for name in names & changes.keys()})
 
 
 def misspelt(nodes: Sequence[Node]) -> dict[str, str]:

@@ -4,7 +4,7 @@ import math
 import sys
 import threading
 import time
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,13 @@ from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.parameters import LoopParameters, ParameterError, declare, on_live_change
+from redres_ros.nodes.parameters import (
+    LoopParameters,
+    ParameterError,
+    declare,
+    on_live_change,
+    with_changes,
+)
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
@@ -163,7 +169,9 @@ class SimNode(ManagedNode):
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         create_steady_timer(self, 0.1, self._count_commanders)
         on_live_change(
-            self, lambda changes: self._plant.check(self._with(changes)), self._set_faults
+            self,
+            lambda changes: self._plant.check(with_changes(self._plant.faults, changes)),
+            self._set_faults,
         )
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
@@ -299,15 +307,8 @@ class SimNode(ManagedNode):
     def _count_commanders(self) -> None:
         self._receiver.publishers = self.count_publishers('joint_command')
 
-    def _with(self, changes: dict[str, Any]) -> Faults:
-        """The faults after changes of parameters; other parameters among them do not matter."""
-        names = {field.name for field in fields(Faults)}
-        return replace(
-            self._plant.faults, **{name: value for name, value in changes.items() if name in names}
-        )
-
     def _set_faults(self, changes: dict[str, Any]) -> None:
-        faults = self._with(changes)
+        faults = with_changes(self._plant.faults, changes)
         self._plant.faults = faults
         self._states.link = faults.states
         self._wrenches.link = faults.wrenches

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,9 +11,9 @@ from redres_ros.laws import Law, law_name
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.colours import line_styles
-from redres_ros.simulation.plots import NORMS, in_symbols, legend_below, save
+from redres_ros.simulation.plots import NORMS, in_symbols, legend_below
 from redres_ros.simulation.recording import Recording
-from redres_ros.simulation.report import table
+from redres_ros.simulation.report import PEAKS, table
 
 # A norm is drawn on a logarithmic scale where its largest peak is so many times the median one
 _WIDE = 10.0
@@ -23,12 +22,7 @@ _SHOWN = 1e4  # the range of such a scale
 _ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
 _ALIKE = 1.05  # ratio of two peaks that hardly differ
 
-_WORST = {  # figures of Effort, and their heads
-    'acceleration': 'max |ddq| [rad/s^2]',
-    'velocity': 'max |dq| [rad/s]',
-    'torque': 'max |tau| [Nm]',
-}
-_WHOLE = {
+_WHOLE = {  # figures of Effort, and their heads
     'squared_acceleration': 'int ddq^2 [rad^2/s^3]',
     'squared_torque': 'int tau^2 [Nm^2 s]',
     'kinetic_energy': 'int energy [J s]',
@@ -133,16 +127,16 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
         efforts: By law.
         title: Says what was compared.
     """
-    marked = {name: _marked(efforts, name) for name in (*_WORST, *_WHOLE)}
+    marked = {name: _marked(efforts, name) for name in (*PEAKS, *_WHOLE)}
     worst = []
     whole = []
     for law, effort in efforts.items():
-        worst.append([law, *(marked[name][law] for name in _WORST), _answer(effort)])
+        worst.append([law, *(marked[name][law] for name in PEAKS), _answer(effort)])
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
     notes = filter(None, ('* least', conclusion(efforts)))
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
     return (
-        table(['law', *_WORST.values(), 'within the limits?'], worst, title=title),
+        table(['law', *PEAKS.values(), 'within the limits?'], worst, title=title),
         table(['law', *_WHOLE.values()], whole, note='\n'.join([*notes, *unfinished])),
     )
 
@@ -191,20 +185,6 @@ def label(law: Law) -> str:
 def plain(number: float) -> str:
     """The shortest text that identifies the number."""
     return repr(float(number)).removesuffix('.0')
-
-
-def draw(recordings: Mapping[str, Recording], title: str, path: Path) -> None:
-    """Write what `picture` draws.
-
-    Args:
-        recordings: By law.
-        title: Says what was compared.
-        path: Of the file.
-
-    Raises:
-        FileError: It cannot be written.
-    """
-    save(picture(recordings, title), path)
 
 
 def picture(recordings: Mapping[str, Recording], title: str) -> Figure:

@@ -18,7 +18,7 @@ _WIDE = 200  # columns, where the output is no terminal and nothing has to be br
 
 _DRAWN_EVERY = 0.1  # [s]
 
-_PEAKS = {  # of the norms that are shown, and their heads
+PEAKS = {  # of the norms that are shown, and their heads
     'acceleration': 'max |ddq| [rad/s^2]',
     'velocity': 'max |dq| [rad/s]',
     'torque': 'max |tau| [Nm]',
@@ -160,14 +160,14 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 def peaks(recordings: Mapping[str, Recording]) -> Table:
     """One row a recording: its end, the largest norms and when, the last error."""
-    heads = ('law', 'end [s]', *_PEAKS.values(), 'last error [mm]')
+    heads = ('law', 'end [s]', *PEAKS.values(), 'last error [mm]')
     return table(heads, [_peaks(name, each) for name, each in recordings.items()])
 
 
 def _peaks(name: str, recording: Recording) -> list[str]:
     if not len(recording.data):
         return [name, 'no tick']
-    peaks = [recording.peak(f'joint_{norm}_norm') for norm in _PEAKS]
+    peaks = [recording.peak(f'joint_{norm}_norm') for norm in PEAKS]
     return [
         name,
         f'{recording["t"][-1]:.3f}',
