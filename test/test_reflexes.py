@@ -183,15 +183,15 @@ def test_nineteen_packets_in_a_row_are_bridged():
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
 
 
-@pytest.mark.parametrize(('speed', 'bears'), [(0.0016, True), (0.0018, False)])
-def test_a_command_that_comes_too_late_ends_all_but_a_very_slow_motion(speed, bears):
+@pytest.mark.parametrize(('speed', 'goes_on'), [(0.0016, True), (0.0018, False)])
+def test_a_command_that_comes_too_late_ends_all_but_a_very_slow_motion(speed, goes_on):
     client = commanding()
     for velocity in np.linspace(0.0, speed, 20):
         client.say(client.q + velocity * T * FIRST)
     client.say(client.q)  # the driver repeats its position, and two steps follow
     client.say(client.q + 2.0 * speed * T * FIRST)
     client.say(client.q + speed * T * FIRST)
-    assert (client.session.state is State.MOVE) == bears
+    assert (client.session.state is State.MOVE) == goes_on
 
 
 def test_lost_packets_are_bridged_at_the_last_acceleration():
