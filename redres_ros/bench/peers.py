@@ -32,8 +32,8 @@ _PACKAGES = {
 }
 
 Peer = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""(q, x_d, dx) -> dq: the velocity at q (n,) [rad] that leads the tip to x_d (3,) [m] within a tick,
-at dx (3,) [m/s]. Each peer takes whichever of the two it is faster with.
+"""(q, x_d, dx) -> dq: the velocity at q (n,) [rad] that moves the tip to x_d (3,) [m] within a
+tick, at dx (3,) [m/s]. Each peer uses the one of the two with which it is faster.
 """
 
 Floor = Callable[[np.ndarray, np.ndarray], np.ndarray]
