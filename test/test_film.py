@@ -10,6 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+pytest.importorskip('mujoco', reason='needs the extra fake')
+
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.cli import main
 from redres_ros.robots import Arm
