@@ -46,10 +46,10 @@ from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.view import origin_check, words
-from redres_ros.view.controls import Controls
+from redres_ros.view.arm_shapes import FIXED, shapes_of
+from redres_ros.view.bindings import Bindings
 from redres_ros.view.plots import Plots, RingBuffer
 from redres_ros.view.saved import write_page
-from redres_ros.view.scene import FIXED, shapes_of
 
 T = 0.002  # [s]
 DX = np.array((0.0, 0.6, -0.3))  # [m/s]
@@ -307,13 +307,13 @@ def test_a_setting_that_a_node_refuses_is_shown_as_the_node_has_it() -> None:
     def refuse(of: str, values: dict[str, Any]) -> None:
         raise CallError(f'{of} refused')
 
-    controls = Controls.__new__(Controls)
-    controls._client = SimpleNamespace(set_parameters=refuse)
-    controls._values = {'controller': {'law': 'minimum_torque'}}
+    bindings = Bindings(
+        SimpleNamespace(set_parameters=refuse), {'controller': {'law': 'minimum_torque'}}
+    )
     shown: list[str] = []
-    controls._shows = {'controller': {'law': shown.append}}
+    bindings.on_change('controller', 'law', shown.append)
     client = SimpleNamespace(add_notification=lambda title, text, **_: reported.append(text))
-    controls._set(SimpleNamespace(client=client), 'controller', 'law', 'minimum_velocity')
+    bindings.set(SimpleNamespace(client=client), 'controller', {'law': 'minimum_velocity'})
     assert shown == ['minimum_torque'] and reported == ['controller refused']
 
 

@@ -17,8 +17,9 @@ from std_msgs.msg import Float64, String
 
 from redres_ros.errors import one_line
 from redres_ros.graph.client import PATIENCE, GraphClient
+from redres_ros.loop.limit_report import LimitReport, read
 from redres_ros.nodes.qos import LATCHED, NEWEST
-from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.nodes.session_topics import ACTIVE_LIMITS, MODE, QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import PROGRESS, TASK_STATE
 from redres_ros.nodes.wire import EncodingError, deserialised
 
@@ -97,7 +98,7 @@ def _never(message: Any) -> None:
     """Never called, because the node is not spun."""
 
 
-WORDS = (SESSION, QUALITY, REASON, TASK_STATE)
+WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
 NODES = ('sim', 'planner', 'controller')
 
 STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
@@ -146,7 +147,7 @@ class GraphMonitor(Node):
         self.create_subscription(ParameterEvent, '/parameter_events', self._on_event, 100)
 
     def word(self, topic: str) -> str:
-        """What was published last on one of WORDS; empty before anything was."""
+        """What was published last on a topic of text; empty before anything was."""
         return str(self.values[topic].value) if topic in self.values else ''
 
     def health(self) -> dict[str, str]:
@@ -171,6 +172,16 @@ class GraphMonitor(Node):
         if message is not None:
             self.keep(PROGRESS, message.data)
         return float(str(self.values[PROGRESS].value))
+
+    def limits(self) -> LimitReport:
+        """The last report on active limits; followed from the first call on."""
+        if ACTIVE_LIMITS not in self.values:
+            self.samples.add(ACTIVE_LIMITS, String, NEWEST)
+            self.keep(ACTIVE_LIMITS, '')
+        message = self.samples.newest(ACTIVE_LIMITS)
+        if message is not None:
+            self.keep(ACTIVE_LIMITS, message.data)
+        return read(self.word(ACTIVE_LIMITS))
 
     def keep(self, source: str, value: object) -> None:
         """Store a value with the present time.

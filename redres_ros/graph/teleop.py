@@ -12,26 +12,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.errors import RedresError, one_line
 from redres_ros.files.signals import handled
 from redres_ros.graph.key_map import HELP, KeyMap
+from redres_ros.graph.operator_topics import TOPIC, TwistPublisher
 from redres_ros.loop.limit_report import LimitReport, read
-from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.qos import NEWEST, PUBLISH
-
-TOPIC = 'cartesian_velocity'
+from redres_ros.nodes.qos import NEWEST
+from redres_ros.nodes.session_topics import ACTIVE_LIMITS
 
 _PERIOD = 0.02  # [s] between messages
-_LAST_WORDS = 0.3  # [s] for which zeros follow a motion; then others may have the topic
 _MOST_KEYS = 64  # read at once
 _ENDING = (signal.SIGTERM, signal.SIGHUP)  # these would end the process without clean-up
 _CLEAR = '\r\x1b[K'  # a terminal's line
 _BAR = 10  # characters
-_NOW = 0  # a stamp that means: as soon as it comes
 
 
 class TerminalError(RedresError):
@@ -50,11 +46,9 @@ class Teleop(Node):
     def __init__(self, key_map: KeyMap, frame: str, namespace: str = '') -> None:
         super().__init__('teleop', namespace=namespace or None)
         self._key_map = key_map
-        self._frame = frame
-        self._moved_at = -np.inf  # [s] when the task velocity was last not zero
+        self.twists = TwistPublisher(self, frame)
         self.limits = read('')  # what was reported of them last
-        self._publisher = self.create_publisher(TwistStamped, TOPIC, PUBLISH)
-        self.create_subscription(String, 'controller/active_limits', self._on_limits, NEWEST)
+        self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
 
     def _on_limits(self, message: String) -> None:
         self.limits = read(one_line(message.data))
@@ -62,21 +56,8 @@ class Teleop(Node):
     def publish(self, now: float) -> np.ndarray:
         """Publish the task velocity of now [s]; it is returned, (6,)."""
         dx = self._key_map.twist(now)
-        if dx.any():
-            self._moved_at = now
-        if now - self._moved_at < _LAST_WORDS:
-            self._publisher.publish(to_twist(_NOW, self._frame, dx))
+        self.twists.publish(dx, now)
         return dx
-
-    def stop(self) -> None:
-        """Publish a zero task velocity."""
-        if np.isfinite(self._moved_at):
-            self._publisher.publish(to_twist(_NOW, self._frame, np.zeros(6)))
-
-    @property
-    def listeners(self) -> int:
-        """Number of its subscribers."""
-        return self._publisher.get_subscription_count()
 
 
 def check_terminal() -> None:
@@ -127,7 +108,7 @@ def steer(node: Teleop, key_map: KeyMap) -> None:
         try:
             _steer(node, key_map, terminal)
         finally:
-            node.stop()
+            node.twists.stop()
             print(_CLEAR, end='', flush=True)
 
 
@@ -144,7 +125,7 @@ def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
             for key in keys.decode(errors='replace'):
                 key_map.press(key, time.monotonic())
         dx = node.publish(time.monotonic())
-        line = _line(dx, key_map, node.listeners, node.limits)
+        line = _line(dx, key_map, node.twists.listeners, node.limits)
         if line != shown:
             width = shutil.get_terminal_size().columns - 1
             print(f'{_CLEAR}{line[:width]}', end='', flush=True)

@@ -47,6 +47,7 @@ from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sensors import Sensors
+from redres_ros.nodes.session_topics import MODE
 from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
 from redres_ros.parameter import param
@@ -127,7 +128,7 @@ class ControllerNode(ManagedNode):
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
         self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
         self._forwarding = self._commands.forwarding
-        self._mode_publisher = self.create_publisher(String, 'controller/mode', LATCHED)
+        self._mode_publisher = self.create_publisher(String, MODE, LATCHED)
         self._reported_mode: Mode | None = None
         self._reported_error = ''
         self._telemetry = MotionTelemetry(self, frame, T)

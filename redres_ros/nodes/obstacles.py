@@ -1,6 +1,6 @@
 """What the arm keeps away from: shown as `markers`, and taken from the topic `workspace`."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from rclpy.node import Node
@@ -8,15 +8,15 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from redres_ros.limits.shapes import SPHERE, DrawnShape, shapes_of
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.markers import make_marker, to_point
 from redres_ros.nodes.qos import LATCHED, PUBLISH
 
 _PERIOD = 1.0  # [s]
-_PLANE = 3.0  # [m], width of a plane that has no end
 _RED = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.4)  # to stay out of
 _GREEN = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.15)  # to stay in
-_SIDES = {'inside': _GREEN, 'outside': _RED}
+_SIDES = ('inside', 'outside')
 _SIZES = {'boxes': 6, 'spheres': 4}  # numbers of each shape
 
 
@@ -107,60 +107,14 @@ def _shape(marker: Marker, frame: str) -> tuple[str, list[float]]:
 
 
 def _obstacles(node: Node) -> Iterator[Marker]:
-    limits = node.get_parameter('limits').value
-    if 'collision' in limits:
-        yield _floor(node.get_parameter('collision.floor').value)
-        yield from _spheres(node.get_parameter('collision.spheres').value, _RED)
-    if 'workspace' in limits:
-        for side, color in _SIDES.items():
-            yield from _spheres(node.get_parameter(f'workspace.{side}_spheres').value, color)
-            yield from _boxes(node.get_parameter(f'workspace.{side}_boxes').value, color)
-        yield from _half_spaces(node.get_parameter('workspace.half_spaces').value)
+    yield from map(_to_marker, shapes_of(lambda name: node.get_parameter(name).value))
 
 
-def _spheres(numbers: Sequence[float], color: ColorRGBA) -> Iterator[Marker]:
-    for *centre, radius in np.reshape(numbers, (-1, 4)):
-        if radius > 0.0:
-            marker = make_marker('obstacles', Marker.SPHERE, 2.0 * float(radius), color)
-            marker.pose.position = to_point(np.array(centre))
-            yield marker
-
-
-def _boxes(numbers: Sequence[float], color: ColorRGBA) -> Iterator[Marker]:
-    for lower, upper in np.reshape(numbers, (-1, 2, 3)):
-        if (lower < upper).any():
-            marker = make_marker('obstacles', Marker.CUBE, 0.0, color)
-            marker.scale.x, marker.scale.y, marker.scale.z = (upper - lower).tolist()
-            marker.pose.position = to_point((lower + upper) / 2.0)
-            yield marker
-
-
-def _half_spaces(numbers: Sequence[float]) -> Iterator[Marker]:
-    """A plate at the end of each, turned from z to its normal."""
-    for *normal, offset in np.reshape(numbers, (-1, 4)):
-        length = float(np.linalg.norm(normal))
-        if length > 0.0:
-            n = np.array(normal) / length
-            marker = _plate()
-            marker.pose.position = to_point(offset / length * n)
-            half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
-            if half[3] < 1e-9:
-                half = np.array((1.0, 0.0, 0.0, 0.0))
-            x, y, z, w = (half / np.linalg.norm(half)).tolist()
-            marker.pose.orientation.x = x
-            marker.pose.orientation.y = y
-            marker.pose.orientation.z = z
-            marker.pose.orientation.w = w
-            yield marker
-
-
-def _floor(height: float) -> Marker:
-    marker = _plate()
-    marker.pose.position.z = height - 0.0005
-    return marker
-
-
-def _plate() -> Marker:
-    marker = make_marker('obstacles', Marker.CUBE, _PLANE, _RED)
-    marker.scale.z = 0.001
+def _to_marker(shape: DrawnShape) -> Marker:
+    kind = Marker.SPHERE if shape.kind == SPHERE else Marker.CUBE
+    marker = make_marker('obstacles', kind, 0.0, _GREEN if shape.keeps_in else _RED)
+    marker.scale.x, marker.scale.y, marker.scale.z = shape.size.tolist()
+    marker.pose.position = to_point(shape.centre)
+    turn = marker.pose.orientation
+    turn.x, turn.y, turn.z, turn.w = shape.quaternion
     return marker

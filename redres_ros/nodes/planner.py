@@ -34,7 +34,7 @@ from redres_ros.nodes.policy_parameters import END_OF_REACH
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.session_topics import REASON
+from redres_ros.nodes.session_topics import ACTIVE_LIMITS, MODE, REASON
 from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.task_topics import TaskTopics
 from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, TwistWriter
@@ -123,8 +123,8 @@ class PlannerNode(ManagedNode):
         self._diagnostics = Diagnostics(self, self._robot.name, self._health)
         self.create_subscription(JointState, 'joint_states', self._on_state, RECENT, raw=True)
         self.create_subscription(Float64, 'controller/task_scaling', self._on_scaling, NEWEST)
-        self.create_subscription(String, 'controller/mode', self._on_mode, LATCHED)
-        self.create_subscription(String, 'controller/active_limits', self._on_limits, NEWEST)
+        self.create_subscription(String, MODE, self._on_mode, LATCHED)
+        self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
         self.create_subscription(String, REASON, self._on_stop_reason, LATCHED)
         self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
         self.create_service(Trigger, 'planner/start', self._on_start)

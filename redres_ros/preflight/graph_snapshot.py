@@ -18,7 +18,7 @@ from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION
-from redres_ros.nodes.session_topics import REASON, SESSION
+from redres_ros.nodes.session_topics import MODE, REASON, SESSION
 from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.wire import EncodingError, deserialised
 
@@ -32,7 +32,6 @@ _FORWARDING = 'forward_position_controller'
 ACTIVITY = 'controller_manager/activity'
 _DIAGNOSTICS = '/diagnostics'  # of controller_managers, too
 _HARDWARE = 'Hardware Components'  # in the name of their status there
-_MODE = 'controller/mode'
 _LOOK = 0.5  # [s] between looks at what has come: fewer messages than may wait
 _DISCOVERY = 4.0  # [s]; a node whose first announcements are lost is found 3 s later
 
@@ -121,7 +120,7 @@ class SnapshotNode(GraphMonitor):
         self._hardware: dict[str, str] = {}  # by component
         self._activity_type = _find_activity_type()
         self.samples.add(DESCRIPTION, String, LATCHED)
-        self.samples.add(_MODE, String, LATCHED)
+        self.samples.add(MODE, String, LATCHED)
         self.samples.add(_DIAGNOSTICS, DiagnosticArray, _MANY)
         if self._activity_type is not None:
             self.samples.add(ACTIVITY, self._activity_type, LATCHED)
@@ -173,7 +172,7 @@ class SnapshotNode(GraphMonitor):
 
     def _take_health(self) -> None:
         """Take in the mode of the controller, and what controller_managers report."""
-        mode = self.samples.newest(_MODE)
+        mode = self.samples.newest(MODE)
         if mode is not None:
             self._mode = one_line(mode.data)
         for sample in self.samples.take(_DIAGNOSTICS):

@@ -19,12 +19,14 @@ import websockets.asyncio.server
 from viser import _messages
 
 from redres_ros.errors import RedresError
+from redres_ros.view.teleop_channel import PATH, TeleopChannel
 
 ADDRESS = '127.0.0.1'
 PORT = 8080
 
 _NAMES = (ADDRESS, 'localhost')
 _FOREIGN = 'elsewhere.example'
+_PAGE = ('/', '/index.html')
 _PORTS = 100  # that are tried
 _TIMEOUT = 5.0  # [s] for the page to answer itself
 # What the browser itself may do with a page: load nothing from elsewhere, and call nobody else.
@@ -79,17 +81,18 @@ def free_port(first: int = PORT) -> int:
     raise OriginError(f'the ports {first} to {first + _PORTS - 1} of this computer are in use')
 
 
-def open_server(port: int, label: str) -> viser.ViserServer:
+def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> viser.ViserServer:
     """A viser server with the origin check.
 
     Args:
         port: Wanted; the next free one is taken.
         label: The title of its controls.
+        channel: Of the page's own script; None: the page has no script of ours.
 
     Raises:
         OriginError: It let a foreign request in, as a future viser might.
     """
-    with _guarded(), contextlib.redirect_stdout(io.StringIO()):
+    with _guarded(channel), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(ADDRESS, port, label=label, verbose=False)
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(message)  # they would open a way in from outside
@@ -105,19 +108,50 @@ def close_server(server: viser.ViserServer) -> None:
 
 
 @contextmanager
-def _guarded() -> Iterator[None]:
-    """Have the next websocket server check every request; viser has no option for that."""
+def _guarded(channel: TeleopChannel | None) -> Iterator[None]:
+    """Have the next websocket server check every request, and serve the channel; viser has no
+    option for that.
+    """
     module = websockets.asyncio.server
     serve = module.serve
 
-    def serve_guarded(*arguments: Any, process_request: Answer, **options: Any) -> Any:
-        return serve(*arguments, process_request=_judging(process_request), **options)
+    def serve_guarded(
+        handler: Any, *arguments: Any, process_request: Answer, **options: Any
+    ) -> Any:
+        answer = process_request
+        if channel is not None:
+            handler = _with_channel(handler, channel)
+            answer = _with_script(answer, channel)
+        return serve(handler, *arguments, process_request=_judging(answer), **options)
 
     module.serve = serve_guarded  # type: ignore[assignment, misc]
     try:
         yield
     finally:
         module.serve = serve  # type: ignore[misc]
+
+
+def _with_channel(handler: Any, channel: TeleopChannel) -> Any:
+    async def serve(connection: Any) -> None:
+        chosen = channel.serve if connection.request.path == PATH else handler
+        await chosen(connection)
+
+    return serve
+
+
+def _with_script(answer: Answer, channel: TeleopChannel) -> Answer:
+    def answer_with_script(connection: Any, request: Any) -> Any:
+        if 'Upgrade' in request.headers or request.path.partition('?')[0] not in _PAGE:
+            return answer(connection, request)
+        if 'Accept-Encoding' in request.headers:
+            del request.headers['Accept-Encoding']  # packed, it could not be changed
+        response = answer(connection, request)
+        response.body = response.body.replace(b'<head>', b'<head>' + channel.script, 1)
+        del response.headers['Content-Length']
+        response.headers['Content-Length'] = str(len(response.body))
+        return response
+
+    return answer_with_script
 
 
 def _judging(answer: Answer) -> Answer:

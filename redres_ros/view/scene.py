@@ -1,107 +1,26 @@
-"""The arm in three dimensions: its shapes, the points of its task, the paths of tip and elbow."""
+"""The arm in three dimensions: its shapes, the points of its task, the paths of tip and elbow,
+and the walls.
+"""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 import trimesh
 import viser
 
+from redres_ros.limits.shapes import SPHERE, DrawnShape
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE, MovingJoint
-from redres_ros.robots.urdf import Urdf, motion_of
+from redres_ros.robots.urdf import motion_of
 from redres_ros.rotation import to_quaternion
-
-FIXED = -1  # in place of a joint, for what no joint moves
-
-_GREY = (0.6, 0.62, 0.65)
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A shape of a link.
-
-    Args:
-        joint: The index of the moving joint that carries it; FIXED for none.
-        pose: In the frame of the link which that joint moves, or in the base's, (4, 4).
-        kind: 'cylinder', 'sphere' or 'box'.
-        size: Of a cylinder radius and length, of a sphere its radius, of a box three edges [m].
-        colour: Red, green and blue, 0 to 1.
-    """
-
-    joint: int
-    pose: np.ndarray
-    kind: str
-    size: tuple[float, ...]
-    colour: tuple[float, ...]
-
-
-def shapes_of(arm: Arm) -> list[Shape]:
-    """The visual shapes of an arm. Raises FileError for a URDF that cannot be used."""
-    urdf = Urdf.read(arm.description())
-    colours = _colours(urdf)
-    shapes = []
-    for link, (joint, pose) in _carriers(urdf, arm).items():
-        for visual in urdf.links[link].findall('visual'):
-            at = pose @ urdf.placement(visual, f'link {link}')
-            colour: tuple[float, ...] = _GREY
-            material = visual.find('material')
-            if material is not None:
-                colour = colours.get(material.get('name', ''), _GREY)
-            for kind, size in _sizes(urdf, visual.find('geometry'), link):
-                shapes.append(Shape(joint, at, kind, size, colour))
-    return shapes
-
-
-def _carriers(urdf: Urdf, arm: Arm) -> dict[str, tuple[int, np.ndarray]]:
-    """Each link's moving joint, and the link's pose (4, 4) in the frame that this joint moves."""
-    moving = {joint.link: index for index, joint in enumerate(arm.kinematics().joints)}
-    children = {joint.child for joint in urdf.joints}
-    carriers = {link: (FIXED, np.eye(4)) for link in urdf.links if link not in children}
-    waiting = list(carriers)
-    while waiting:
-        parent = waiting.pop()
-        carrier, pose = carriers[parent]
-        for joint in urdf.joints:
-            if joint.parent != parent:
-                continue
-            if joint.child in moving:
-                carriers[joint.child] = (moving[joint.child], np.eye(4))
-            else:
-                placement = urdf.placement(joint.element, f'joint {joint.name}')
-                carriers[joint.child] = (carrier, pose @ placement)
-            waiting.append(joint.child)
-    return carriers
-
-
-def _colours(urdf: Urdf) -> dict[str, tuple[float, ...]]:
-    colours = {}
-    for material in urdf.robot.iter('material'):
-        colour = material.find('color')
-        if colour is not None:
-            name = material.get('name', '')
-            rgba = urdf.numbers(colour, 'rgba', '0.6 0.62 0.65 1', f'material {name}')
-            colours[name] = tuple(rgba[:3].tolist())
-    return colours
-
-
-def _sizes(urdf: Urdf, geometry: object, link: str) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Kind and size of what stands in a geometry element."""
-    owner = f'a shape of link {link}'
-    for element in geometry if geometry is not None else ():  # type: ignore[attr-defined]
-        if element.tag == 'cylinder':
-            radius = urdf.number(element, 'radius', '0', owner)
-            yield 'cylinder', (radius, urdf.number(element, 'length', '0', owner))
-        elif element.tag == 'sphere':
-            yield 'sphere', (urdf.number(element, 'radius', '0', owner),)
-        elif element.tag == 'box':
-            yield 'box', tuple(urdf.numbers(element, 'size', '0 0 0', owner).tolist())
-
+from redres_ros.view.arm_shapes import FIXED, Shape, shapes_of
 
 _BLACK = (30, 30, 34)
 _BLUE = (31, 119, 180)
 _RED = (214, 39, 40)
+_GREEN = (44, 160, 44)
+_INSIDE = 0.12  # opacity of what the arm stays in
+_OUTSIDE = 0.2  # of what it stays out of
 _STONE = (150, 153, 160)
 _LINES = (205, 210, 216)
 _WAYS = {'tip': _BLACK, 'elbow': _BLUE}
@@ -130,6 +49,8 @@ class ArmScene:
         self._model = model
         self._kinematics = model.arm.kinematics()
         self._links: list[viser.FrameHandle] = []
+        self._walls: list[viser.MeshHandle] = []
+        self.meshes: list[tuple[str, viser.MeshHandle]] = []  # of links that move, by their names
         for joint in self._kinematics.joints:
             self._add_link(joint)
         for number, shape in enumerate(shapes_of(model.arm)):
@@ -176,6 +97,29 @@ class ArmScene:
                 f'/ways/{way}', segments, colors=_WAYS[way], thickness=_THICKNESS
             )
 
+    def show_walls(self, walls: Iterable[DrawnShape]) -> None:
+        """Draw what the arm stays in, or out of, in place of what was drawn before."""
+        for handle in self._walls:
+            handle.remove()
+        self._walls = [self._add_wall(number, wall) for number, wall in enumerate(walls)]
+
+    def _add_wall(self, number: int, wall: DrawnShape) -> viser.MeshHandle:
+        kind = 'sphere' if wall.kind == SPHERE else 'box'
+        size = (wall.size[0] / 2.0,) if wall.kind == SPHERE else tuple(wall.size)
+        mesh = _mesh(kind, size)
+        x, y, z, w = wall.quaternion
+        return self._scene.add_mesh_simple(
+            f'/walls/{number}',
+            mesh.vertices,
+            mesh.faces,
+            color=_GREEN if wall.keeps_in else _RED,
+            opacity=_INSIDE if wall.keeps_in else _OUTSIDE,
+            side='double',
+            position=wall.centre,
+            wxyz=(w, x, y, z),
+            cast_shadow=False,
+        )
+
     def _add_link(self, joint: MovingJoint) -> None:
         """A frame within that of the link before it: a joint that turns changes one quaternion."""
         parent = '/arm' if joint.parent == BASE else self._links[joint.parent].name
@@ -192,7 +136,7 @@ class ArmScene:
         if shape.joint != FIXED:
             parent = self._links[shape.joint].name
         mesh = _mesh(shape.kind, shape.size)
-        self._scene.add_mesh_simple(
+        drawn = self._scene.add_mesh_simple(
             f'{parent}/shape_{number}',
             mesh.vertices,
             mesh.faces,
@@ -200,6 +144,8 @@ class ArmScene:
             wxyz=_wxyz(shape.pose),
             position=shape.pose[:3, 3],
         )
+        if shape.joint != FIXED:
+            self.meshes.append((self._kinematics.joints[shape.joint].link, drawn))
 
     def _add_tool(self) -> None:
         """A rod from the last link to a tip that lies away from it."""
@@ -208,9 +154,10 @@ class ArmScene:
         if length < _TOOL:
             return
         mesh = trimesh.creation.cylinder(_TOOL, segment=np.stack((np.zeros(3), way)))
-        self._scene.add_mesh_simple(
+        drawn = self._scene.add_mesh_simple(
             f'{self._links[-1].name}/tool', mesh.vertices, mesh.faces, color=_STONE
         )
+        self.meshes.append((self._model.arm.tip_frame, drawn))
 
     def _add_surroundings(self) -> None:
         self._scene.world_axes.visible = False

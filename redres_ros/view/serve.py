@@ -3,7 +3,6 @@
 import os
 import sys
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,21 +13,27 @@ from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.client import GraphClient
 from redres_ros.graph.graph_monitor import NICENESS, WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
-from redres_ros.graph.settings import Values, points_of
+from redres_ros.graph.settings import points_of
+from redres_ros.limits.shapes import shapes_of
 from redres_ros.nodes.parameters import NONE, declare
 from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
-from redres_ros.view.controls import Controls
+from redres_ros.view.bindings import Bindings
+from redres_ros.view.controls import add_controls, add_faults
+from redres_ros.view.dead_man import DeadMan
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server
 from redres_ros.view.plots import Plots, RingBuffer
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.words import joint_bars, state_text
+from redres_ros.view.teleop_channel import TeleopChannel
+from redres_ros.view.teleoperation import Teleoperation
+from redres_ros.view.words import joint_bars, limits_text, state_text
 
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, ways and words to the next
 _PLOTTED = 15.0  # [s] of the robot's clock
 _TRACED = 20.0  # [s]
+_WALLS = ('limits', 'workspace.', 'collision.')  # parameters of what is drawn
 
 
 class Page:
@@ -37,13 +42,16 @@ class Page:
     Args:
         server: Of viser, still empty.
         monitor: Observes the graph; is spun by somebody else.
+        channel: Of the page's own script.
 
     Raises:
         CallError: The controller or the planner is not there.
         RedresError: It has an arm or a task that is not known here.
     """
 
-    def __init__(self, server: viser.ViserServer, monitor: GraphMonitor) -> None:
+    def __init__(
+        self, server: viser.ViserServer, monitor: GraphMonitor, channel: TeleopChannel
+    ) -> None:
         self._server = server
         self._monitor = monitor
         client = monitor.client
@@ -51,7 +59,17 @@ class Page:
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
         self._scene = ArmScene(server, model, points_of(client.parameters('planner'), model))
-        self._add_panels(values)
+        self._bindings = Bindings(client, values)
+        self._add_seen(values['controller']['law'])
+        self._add_controls()
+        self._teleoperation = Teleoperation(
+            server, monitor, self._bindings, self._scene, model, channel.dead_man
+        )
+        if values['sim']:
+            add_faults(server.gui, self._bindings)
+        channel.status = self._teleoperation.status
+        channel.rows = self._teleoperation.rows
+        self._show_walls()
         self._figures = RingBuffer(_PLOTTED)
         self._ways = {way: RingBuffer(_TRACED) for way in self._scene.ways(self._arm.q)}
         self._shown = np.full(model.n, np.nan)  # q of the newest picture
@@ -59,6 +77,12 @@ class Page:
 
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""
+        teleoperation = threading.Thread(target=self._teleoperation.run, args=(stopped,))
+        teleoperation.start()
+        self._show(stopped)
+        teleoperation.join()
+
+    def _show(self, stopped: threading.Event) -> None:
         number = 0
         while not stopped.wait(_PERIOD):
             if not self._server.get_clients():
@@ -71,19 +95,24 @@ class Page:
                 if number % _SLOWLY == 0:
                     self._show_slowly()
 
-    def _add_panels(self, values: Mapping[str, Values]) -> None:
-        """What is seen on the left, what is steered on the right."""
+    def _add_seen(self, law: str) -> None:
+        """What is seen, on the left."""
         gui = self._server.gui
         seen = gui.add_panel()
         with seen.add_tab('what happens'):
             self._state = gui.add_html('')
-            with gui.add_folder('joints in their ranges, and limits that act'):
+            with gui.add_folder('velocity that limits leave'):
+                self._leave = gui.add_html('')
+            with gui.add_folder('joint positions, active limits'):
                 self._bars = gui.add_html('')
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
-                self._plots = Plots(gui, values['controller']['law'])
+                self._plots = Plots(gui, law)
         seen.dock_left()
-        links = self._arm.model.links
-        self._controls = Controls(self._server, self._monitor.client, values, links)
+
+    def _add_controls(self) -> None:
+        """What is steered, on the right."""
+        gui = self._server.gui
+        add_controls(gui, self._bindings)
         gui.main_panel.dock_right()
 
     def _look(self) -> None:
@@ -103,6 +132,7 @@ class Page:
         if not np.array_equal(self._arm.q, self._shown):
             self._shown = self._arm.q
             self._scene.show(self._shown)
+        self._teleoperation.follow(self._shown)
 
     def _show_slowly(self) -> None:
         newest = {topic: self._monitor.word(topic) for topic in WORDS}
@@ -110,15 +140,21 @@ class Page:
         self._state.content = state_text(newest, self._monitor.health(), progress)
         arm = self._arm
         self._bars.content = joint_bars(arm.model.joint_names, arm.shares, arm.acting)
+        self._leave.content = limits_text(self._monitor.limits())
         for way, trail in self._ways.items():
             self._scene.trace(way, np.array(trail.values))
         if len(self._figures.times) > 1:
             self._plots.show(self._figures.times, self._figures.values)
 
+    def _show_walls(self) -> None:
+        self._scene.show_walls(shapes_of(self._bindings.values['controller'].__getitem__))
+
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         """Show parameters that were changed, by this page or elsewhere."""
-        self._controls.show(node, values)
+        self._bindings.show(node, values)
         if node == 'controller':
+            if any(name.startswith(_WALLS) for name in values):
+                self._show_walls()
             self._arm.apply(values)
             if 'law' in values:
                 self._plots.set_law(str(values['law']))
@@ -164,9 +200,10 @@ class ViewNode(GraphMonitor):
         """
         if not self.client.await_nodes(stopped, waiting, self._settings.patience):
             return
-        server = open_server(self._settings.port, 'redres')
+        channel = TeleopChannel(DeadMan())
+        server = open_server(self._settings.port, 'redres', channel)
         try:
-            page = Page(server, self)
+            page = Page(server, self, channel)
             print(f'page: http://{ADDRESS}:{server.get_port()}', flush=True)
             page.run(stopped)
         finally:

@@ -7,7 +7,8 @@ import numpy as np
 
 from redres_ros.graph.graph_monitor import NODES
 from redres_ros.graph.watch_page import is_near_an_end
-from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.loop.limit_report import LimitReport
+from redres_ros.nodes.session_topics import MODE, QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
 
@@ -15,6 +16,8 @@ _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
+_ALMOST_ALL = 0.995  # of a velocity
+_SCALED = {'s': 'whole task s', 'translation': 'translation', 'rotation': 'rotation'}
 _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
 _COLOURS = {
@@ -27,7 +30,7 @@ _COLOURS = {
 
 
 def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
-    """Session and planner as HTML, and why the robot has stopped, if it has.
+    """Session, planner and controller as HTML, and why the robot has stopped, if it has.
 
     Args:
         words: The newest by topic.
@@ -46,8 +49,26 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
     task = words[TASK_STATE]
     done = f'{progress:.0%}' if task in _UNDER_WAY else ''
     lines.append(f'<div>Task: <b>{_escaped(task or "no message")}</b> {_dim(done)}</div>')
+    lines.append(f'<div>Controller: <b>{_escaped(words[MODE] or "no message")}</b></div>')
     lines.extend(_health(node, health.get(node, 'no message')) for node in NODES)
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
+
+
+def limits_text(report: LimitReport) -> str:
+    """What limits leave of the commanded velocity as HTML, and which way leads out of them.
+
+    Args:
+        report: Of the controller.
+    """
+    scaling = report.scaling if report.limit else {}
+    shown = {_SCALED[name]: min(max(scaling.get(name, 1.0), 0.0), 1.0) for name in _SCALED}
+    rows = [_row(f'{name} {share:.0%}', _filled(share), ()) for name, share in shown.items()]
+    line = _dim('no limit acts')
+    if report.limit:
+        line = f'<b>{_escaped(report.limit)}</b>'
+        if report.away:
+            line += f'<br>leave it: move the tip along <b>{_escaped(report.away)}</b> of the base'
+    return f'<div style="{_STYLE} min-height: 3em;">{line}</div>{_table(rows)}'
 
 
 def joint_bars(
@@ -66,6 +87,10 @@ def joint_bars(
     ]
     others = [place for place in acting if place not in names]
     rows.extend(_row(place, '', acting[place]) for place in sorted(others))
+    return _table(rows)
+
+
+def _table(rows: Iterable[str]) -> str:
     table = f'<table style="width: 100%; border-collapse: collapse;">{"".join(rows)}</table>'
     return f'<div style="{_STYLE}">{table}</div>'
 
@@ -87,6 +112,15 @@ def _bar(share: float) -> str:
         f'height: 9px; border-radius: 5px; background: {colour};"></div>'
     )
     return f'<div style="{_TRACK}">{knob}</div>'
+
+
+def _filled(share: float) -> str:
+    colour = '#2ca02c' if share > _ALMOST_ALL else '#ff7f0e'
+    full = (
+        f'<div style="width: {100.0 * share:.1f}%; height: 9px; border-radius: 5px; '
+        f'background: {colour};"></div>'
+    )
+    return f'<div style="{_TRACK}">{full}</div>'
 
 
 def _tag(limit: str) -> str:

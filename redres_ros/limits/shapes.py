@@ -1,0 +1,81 @@
+"""What the limits `collision` and `workspace` keep away from, as shapes to draw."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+BOX = 'box'
+SPHERE = 'sphere'
+
+_PLANE = 3.0  # [m], width of a plane that has no end
+_THICKNESS = 0.001  # [m]
+
+
+class DrawnShape(NamedTuple):
+    """A shape in the frame of the base.
+
+    Attributes:
+        kind: BOX or SPHERE.
+        centre: (3,) [m].
+        size: Edges of a box, or a sphere's diameter three times, (3,) [m].
+        keeps_in: Whether the arm stays inside; else outside.
+        quaternion: Orientation x, y, z, w, (4,).
+    """
+
+    kind: str
+    centre: np.ndarray
+    size: np.ndarray
+    keeps_in: bool = False
+    quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+
+
+def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
+    """The shapes of the limits that are on.
+
+    Args:
+        value: Of a parameter of the controller by its name: `limits`, or a gain of a limit.
+    """
+    limits = value('limits')
+    if 'collision' in limits:
+        yield _floor(value('collision.floor'))
+        yield from _spheres(value('collision.spheres'), keeps_in=False)
+    if 'workspace' in limits:
+        for side in ('inside', 'outside'):
+            keeps_in = side == 'inside'
+            yield from _spheres(value(f'workspace.{side}_spheres'), keeps_in)
+            yield from _boxes(value(f'workspace.{side}_boxes'), keeps_in)
+        yield from _half_spaces(value('workspace.half_spaces'))
+
+
+def _spheres(numbers: Sequence[float], keeps_in: bool) -> Iterator[DrawnShape]:
+    for *centre, radius in np.reshape(numbers, (-1, 4)):
+        if radius > 0.0:
+            yield DrawnShape(SPHERE, np.array(centre), np.full(3, 2.0 * radius), keeps_in)
+
+
+def _boxes(numbers: Sequence[float], keeps_in: bool) -> Iterator[DrawnShape]:
+    for lower, upper in np.reshape(numbers, (-1, 2, 3)):
+        if (lower < upper).any():
+            yield DrawnShape(BOX, (lower + upper) / 2.0, upper - lower, keeps_in)
+
+
+def _half_spaces(numbers: Sequence[float]) -> Iterator[DrawnShape]:
+    """A plate at the end of each, turned from z to its normal."""
+    for *normal, offset in np.reshape(numbers, (-1, 4)):
+        length = float(np.linalg.norm(normal))
+        if length > 0.0:
+            n = np.array(normal) / length
+            half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
+            if half[3] < 1e-9:
+                half = np.array((1.0, 0.0, 0.0, 0.0))
+            turn = tuple((half / np.linalg.norm(half)).tolist())
+            yield _plate(offset / length * n)._replace(quaternion=turn)
+
+
+def _floor(height: float) -> DrawnShape:
+    return _plate(np.array((0.0, 0.0, height - _THICKNESS / 2.0)))
+
+
+def _plate(centre: np.ndarray) -> DrawnShape:
+    return DrawnShape(BOX, centre, np.array((_PLANE, _PLANE, _THICKNESS)))

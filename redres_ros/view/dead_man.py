@@ -1,0 +1,85 @@
+"""The dead-man switch of the page: nothing of the operator's moves the arm unless it is held."""
+
+import json
+import threading
+from typing import NamedTuple
+
+import numpy as np
+
+from redres_ros.errors import RedresError
+
+TIMEOUT = 0.3  # [s] after which a browser that has fallen silent counts as having let go
+
+_LONGEST = 500  # letters of a message
+
+
+class BeatError(RedresError):
+    """A message that is none of the page's script."""
+
+
+class _Beat(NamedTuple):
+    """The last message of the one who holds the switch: by whom, when [s], and (6,), -1 to 1."""
+
+    who: object
+    at: float
+    direction: np.ndarray
+
+
+class DeadMan:
+    """A switch that one connection at a time can hold, by repeating so."""
+
+    def __init__(self) -> None:
+        self._beat: _Beat | None = None
+        self._lock = threading.Lock()
+
+    def press(self, who: object, direction: np.ndarray, now: float) -> bool:
+        """Hold the switch; whether nobody else does.
+
+        Args:
+            who: The connection.
+            direction: Of the velocity that is asked for, fractions -1 to 1 of the speeds, (6,).
+            now: [s].
+        """
+        with self._lock:
+            beat = self._beat
+            if beat is not None and beat.who is not who and now - beat.at < TIMEOUT:
+                return False
+            self._beat = _Beat(who, now, direction)
+            return True
+
+    def release(self, who: object) -> None:
+        """Let go, if it is this connection that holds the switch."""
+        with self._lock:
+            if self._beat is not None and self._beat.who is who:
+                self._beat = None
+
+    def is_held(self, now: float) -> bool:
+        """Whether the switch is held at a time [s]."""
+        beat = self._beat
+        return beat is not None and now - beat.at < TIMEOUT
+
+    def direction(self, now: float) -> np.ndarray:
+        """What is asked for at a time [s], fractions -1 to 1, (6,); zero if the switch is free."""
+        beat = self._beat
+        if beat is None or now - beat.at >= TIMEOUT:
+            return np.zeros(6)
+        return beat.direction
+
+
+def read_beat(message: str | bytes) -> np.ndarray | None:
+    """The direction in a message of the page's script, (6,); None if the switch was let go.
+
+    Raises:
+        BeatError: It is no such message.
+    """
+    try:
+        values = json.loads(message[:_LONGEST])
+    except ValueError:
+        raise BeatError('no JSON; expected null or 6 numbers') from None
+    if values is None:
+        return None
+    if not isinstance(values, list) or len(values) != 6:
+        raise BeatError('expected null or 6 numbers')
+    if not all(type(value) in (int, float) and abs(value) <= 1.0 for value in values):
+        raise BeatError('expected numbers from -1 to 1')
+    return np.array(values, dtype=float)

@@ -1,0 +1,289 @@
+"""The page moves the arm only while its dead-man switch is held."""
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
+pytest.importorskip('viser', reason='needs the extra view')
+
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from graph_helpers import PATIENCE, await_that, graph
+from rclpy.node import Node
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from redres_ros import RobotModel
+from redres_ros.graph.client import CallError
+from redres_ros.nodes.session_topics import MODE, REASON
+from redres_ros.view import dead_man, origin_check
+from redres_ros.view.bindings import Bindings
+from redres_ros.view.dead_man import BeatError, DeadMan, read_beat
+from redres_ros.view.mouse import pull
+from redres_ros.view.scene import ArmScene
+from redres_ros.view.teleop_channel import PATH, TeleopChannel
+from redres_ros.view.teleoperation import Teleoperation
+
+FORWARD = np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+VALUES = {
+    'controller': {'task_space': 'pose', 'admittance.enabled': False},
+    'sim': {'push_link': '', 'push_force_x': 0.0, 'push_force_y': 0.0, 'push_force_z': 0.0},
+}
+
+
+# --- the switch -----------------------------------------------------------------------------------
+
+
+def test_a_switch_whose_holder_falls_silent_is_free() -> None:
+    switch = DeadMan()
+    assert switch.press('a', FORWARD, 10.0)
+    assert switch.is_held(10.2) and switch.direction(10.2)[0] == 1.0
+    assert not switch.is_held(10.0 + dead_man.TIMEOUT)
+    assert not switch.direction(10.0 + dead_man.TIMEOUT).any()
+
+
+def test_one_at_a_time_holds_the_switch_and_only_he_lets_it_go() -> None:
+    switch = DeadMan()
+    switch.press('a', FORWARD, 10.0)
+    assert not switch.press('b', -FORWARD, 10.1)
+    switch.release('b')
+    assert switch.direction(10.1)[0] == 1.0
+    switch.release('a')
+    assert not switch.is_held(10.1)
+
+
+@pytest.mark.parametrize(
+    'message',
+    ['', '{}', '[1, 0, 0]', '[2, 0, 0, 0, 0, 0]', '[NaN, 0, 0, 0, 0, 0]', '[true, 0, 0, 0, 0, 0]'],
+)
+def test_what_the_script_would_not_send_is_refused(message: str) -> None:
+    with pytest.raises(BeatError):
+        read_beat(message)
+
+
+# --- its connection -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope='module')
+def channel() -> TeleopChannel:
+    return TeleopChannel(DeadMan())
+
+
+@pytest.fixture(scope='module')
+def server(channel: TeleopChannel) -> Iterator[Any]:
+    server = origin_check.open_server(origin_check.free_port(18380), 'test', channel)
+    yield server
+    origin_check.close_server(server)
+
+
+def opened(server: Any, origin: str) -> Any:
+    return connect(f'ws://127.0.0.1:{server.get_port()}{PATH}', origin=origin)
+
+
+def own(server: Any) -> str:
+    return f'http://127.0.0.1:{server.get_port()}'
+
+
+@pytest.mark.parametrize('encoding', ['gzip', 'identity'])
+def test_the_page_holds_its_script(server: Any, encoding: str) -> None:
+    connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=PATIENCE)
+    connection.request('GET', '/', headers={'Accept-Encoding': encoding})
+    body = connection.getresponse().read()
+    assert body.count(b'Jog the tip') >= 1 and b'__KEYS__' not in body
+
+
+def test_the_switch_is_held_as_long_as_the_page_says_so(
+    server: Any, channel: TeleopChannel
+) -> None:
+    channel.rows = 6
+    with opened(server, own(server)) as page:
+        assert json.loads(page.recv(PATIENCE)) == {'rows': 6}
+        page.send('[0, 1, 0, 0, 0, 0]')
+        await_that(lambda: channel.dead_man.direction(time.monotonic())[1] == 1.0, 'the switch')
+        page.send('null')
+        await_that(lambda: not channel.dead_man.is_held(time.monotonic()), 'its release')
+
+
+def test_a_page_that_breaks_the_rules_is_cut_off(server: Any, channel: TeleopChannel) -> None:
+    with opened(server, own(server)) as page:
+        page.recv(PATIENCE)
+        page.send('[1e9, 0, 0, 0, 0, 0]')
+        with pytest.raises(ConnectionClosed, match='numbers from -1 to 1'):
+            page.recv(PATIENCE)
+    assert not channel.dead_man.is_held(time.monotonic())
+
+
+def test_a_foreign_page_cannot_hold_the_switch(server: Any) -> None:
+    with pytest.raises(Exception, match='403'):
+        opened(server, 'http://elsewhere.example')
+
+
+# --- what it does ---------------------------------------------------------------------------------
+
+
+class Service:
+    """In place of the nodes' services: keeps what is asked of them."""
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+        self.refuses = False
+
+    def trigger(self, service: str) -> str:
+        self.asked.append(service)
+        return ''
+
+    def set_parameters(self, node: str, values: dict[str, Any]) -> None:
+        if self.refuses:
+            raise CallError(f'{node} refused')
+        self.asked.append(values)
+
+
+class Operator:
+    """A page of an FR3, and what it has published; virtual time for the switch."""
+
+    def __init__(self, node: Node, server: Any) -> None:
+        self.switch = DeadMan()
+        self.service = Service()
+        self.words: dict[str, str] = {}
+        self.notices: list[str] = []
+        self.twists: list[np.ndarray] = []
+        self.targets: list[Any] = []
+        node.word = lambda topic: self.words.get(topic, '')
+        node.create_subscription(TwistStamped, 'cartesian_velocity', self._on_twist, 10)
+        node.create_subscription(PoseStamped, 'target_pose', self.targets.append, 10)
+        model = RobotModel.named('fr3')
+        scene = ArmScene(server, model, np.zeros((0, 3)))
+        self.page = Teleoperation(
+            server, node, Bindings(self.service, VALUES), scene, model, self.switch
+        )
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        linear = message.twist.linear
+        self.twists.append(np.array((linear.x, linear.y, linear.z)))
+
+    def step(self) -> None:
+        self.page.step(time.monotonic())
+
+    def hold(self, direction: np.ndarray = FORWARD) -> None:
+        self.switch.press('somebody', direction, time.monotonic())
+
+    def release(self) -> None:
+        self.switch.release('somebody')
+
+    def event(self, phase: str, **others: Any) -> Any:
+        client = SimpleNamespace(
+            add_notification=lambda title, text, **_: self.notices.append(text)
+        )
+        return SimpleNamespace(phase=phase, client=client, **others)
+
+    def drag(self, phase: str) -> None:
+        asyncio.run(self.page._tip._on_update(self.event(phase)))
+
+    def push(self, phase: str) -> None:
+        where = {'start_position': (0.0, 0.0, 0.5), 'end_position': (0.1, 0.0, 0.5)}
+        asyncio.run(self.page._link._callback('fr3_link4')(self.event(phase, **where)))
+
+
+@pytest.fixture
+def operator() -> Iterator[Operator]:
+    server = origin_check.open_server(origin_check.free_port(18480), 'test')
+    with graph(lambda: Node('page')) as (node, _):
+        yield Operator(node, server)
+    origin_check.close_server(server)
+
+
+def test_nothing_is_published_before_the_switch_is_held(operator: Operator) -> None:
+    operator.step()
+    assert operator.page._twists is None
+
+
+def test_a_velocity_is_published_while_the_switch_is_held_and_then_zero(
+    operator: Operator,
+) -> None:
+    def moves() -> bool:
+        operator.hold()
+        operator.step()
+        return bool(operator.twists) and operator.twists[-1].tolist() == [0.05, 0.0, 0.0]
+
+    def rests() -> bool:
+        operator.release()
+        operator.step()
+        return not operator.twists[-1].any()
+
+    await_that(moves, 'the velocity')
+    await_that(rests, 'the zero')
+
+
+def test_a_dragged_tip_is_a_target_only_while_the_switch_is_held(operator: Operator) -> None:
+    await_that(lambda: operator.page._tip._publisher.listeners > 0, 'a planner')
+    operator.drag('update')
+    operator.step()
+    assert not operator.page._tip.is_dragged
+    operator.hold(0.0 * FORWARD)
+    operator.drag('start')
+    await_that(lambda: bool(operator.targets), 'the target')
+    operator.step()
+    operator.release()
+    await_that(
+        lambda: operator.step() or 'planner/stop' in operator.service.asked, 'the end of the motion'
+    )
+
+
+def test_without_a_planner_a_drag_says_so(operator: Operator) -> None:
+    operator.page._tip._publisher = SimpleNamespace(listeners=0)
+    operator.hold(0.0 * FORWARD)
+    operator.drag('start')
+    assert 'no planner' in operator.notices[0] and not operator.page._tip.is_dragged
+
+
+def test_a_pushed_link_is_let_go_with_the_switch(operator: Operator) -> None:
+    def forces() -> list[float]:
+        operator.step()
+        return [values['push_force_x'] for values in operator.service.asked]
+
+    operator.hold(0.0 * FORWARD)
+    operator.push('start')
+    await_that(lambda: forces() == [30.0], 'the push')
+    assert operator.service.asked[0]['push_link'] == 'fr3_link4'
+    operator.release()
+    await_that(lambda: forces() == [30.0, 0.0], 'its end')
+
+
+def test_a_page_that_ends_takes_its_push_along(operator: Operator) -> None:
+    operator.page._pushed = np.array((30.0, 0.0, 0.0))
+    stopped = threading.Event()
+    stopped.set()
+    operator.page.run(stopped)
+    assert operator.service.asked[-1]['push_force_x'] == 0.0
+
+
+def test_a_spring_pulls_no_harder_than_allowed() -> None:
+    assert pull((0.0, 0.0, 0.0), (0.0, 9.0, 0.0), 40.0).tolist() == [0.0, 40.0, 0.0]
+    assert not pull((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 40.0).any()
+
+
+@pytest.mark.parametrize(
+    ('topic', 'word', 'hint'),
+    [
+        (MODE, 'holding', '"resume"'),
+        (MODE, 'inactive', 'activate'),
+        (MODE, 'mirroring', 'takes no commands'),
+        (REASON, 'too fast', '"reset the robot"'),
+    ],
+)
+def test_an_arm_that_does_not_move_says_why(
+    operator: Operator, topic: str, word: str, hint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    operator.words[topic] = word
+    assert operator.page.status() == ''  # nobody asks for anything
+    operator.page._twists = SimpleNamespace(listeners=1)
+    operator.page._asked_at = time.monotonic() - 1.0
+    assert hint in operator.page.status()
