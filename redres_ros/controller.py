@@ -31,7 +31,6 @@ DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would 
 MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
-_SCALING_RATE = Parameter('at which the scaling factor rises again [1/s]', 0.0, 1e3)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 _BRIDGING = Parameter('what a robot does without a command', choices=BRIDGING)
 TURN = 2.0 * np.pi  # [rad]
@@ -54,7 +53,6 @@ class Controller:
         limit_scale: float = 1.0,
         torque_scale: float = 1.0,
         limit_gains: Mapping[str, Any] = MappingProxyType({}),
-        task_scaling_rate: float = 0.0,
         preferences: Iterable[str | Preference] = (),
         secondary_tasks: Iterable[str | Task] = (),
         scaling: str = 'task',
@@ -75,9 +73,6 @@ class Controller:
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
             limit_gains: Gains of limits given by name, such as {'position.margin': 0.02}.
-            task_scaling_rate: Once limits have lowered the scaling factor, it rises again at this
-                rate [1/s]: a lower speed leaves the null space to the law, which calms it. 0: the
-                largest factor in every tick.
             preferences: Names in PREFERENCES, or preferences; they add up.
             secondary_tasks: Names in TASKS, or tasks, in order of priority below `task`. A name
                 stands for holding the value at the start of the motion.
@@ -94,7 +89,6 @@ class Controller:
         for name, value, parameter in (
             ('T', T, _SAMPLING_TIME),
             ('switch_time', switch_time, _SWITCH_TIME),
-            ('task_scaling_rate', task_scaling_rate, _SCALING_RATE),
             ('integrate_from', integrate_from, _INTEGRATE_FROM),
             ('bridging', bridging, _BRIDGING),
         ):
@@ -102,7 +96,6 @@ class Controller:
         self.model = model
         self.T = T
         self.switch_time = switch_time
-        self.task_scaling_rate = task_scaling_rate
         self._integrate_from = integrate_from
         self.bridging = bridging
         self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences
@@ -360,7 +353,7 @@ class Controller:
         state.measurements = self.measurements
         state.correction = correction
         motion = self._motion_at(state, (missed + 1) * self.T)
-        solution = motion.solve(state, dx if self._pace == 1.0 else self._pace * dx, self.T)
+        solution = motion.solve(state, dx, self.T)
         dq = solution.dq
         q_ref = np.empty(self.model.n)
         if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
@@ -382,7 +375,7 @@ class Controller:
             self.T,
             solution.J,
             solution.W,
-            self._paced(solution.s) if self.task_scaling_rate or self._pace < 1.0 else solution.s,
+            solution.s,
             solution.active_limits,
             unachieved,
             solution.component_scaling,
@@ -417,7 +410,6 @@ class Controller:
         self.dq = np.zeros(self.model.n)  # the velocity of the last reference, (n,) [rad/s]
         self._dq_prev = self.dq  # the last command, which is another one from a measurement
         self._ddq_prev = np.zeros(self.model.n)  # its acceleration, (n,) [rad/s^2]
-        self._pace = 1.0  # the fraction of the task velocity that is asked for
         self._motion = self._policy.stop
         self._targeted = self._policy
         self._has_open_targets = True
@@ -434,13 +426,6 @@ class Controller:
             check_finite(dx, 'dx')
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
         return self.nearest_turn(q) if self._multi_turn.size else q, dx
-
-    def _paced(self, s: float) -> float:
-        """The fraction of the whole task velocity, if s is that of what was asked for."""
-        s *= self._pace
-        rise = self.task_scaling_rate * self.T if self.task_scaling_rate > 0.0 else 1.0
-        self._pace = min(s + rise, 1.0)
-        return s
 
     def _replace(self, **changes: Any) -> None:
         """Go over to the policy with other building blocks, unless they are in force."""

@@ -138,7 +138,6 @@ REFUSED = [
     (('--limit-scale', '0', '--limits', 'velocity'), 'limit_scale is 0.0; allowed: 0.001 to 1'),
     (('--limit-scale', 'nan', '--limits', 'velocity'), 'limit_scale is nan; allowed: '),
     (('--limit-scale', '0.5'), '--limit-scale 0.5 acts on limits; in use: none, see --limits'),
-    (('--task-scaling-rate', '1'), '--task-scaling-rate 1 acts on limits; in use: none'),
     (('--torque-scale', 'nan'), '--torque-scale nan acts on limits; in use: none'),
     (
         ('--torque-scale', '0.5', '--limits', 'velocity'),

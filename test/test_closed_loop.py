@@ -256,7 +256,8 @@ LIMITED = pytest.mark.parametrize(
 
 @cache
 def limited(law: str, scale: float) -> Recording:
-    return run(Controller(MODEL, make_law(law), T, limits=BOX, limit_scale=scale), TASK)
+    controller = Controller(MODEL, make_law(law), T, limits=BOX, limit_scale=scale)
+    return run(controller, TASK, greedy=True)
 
 
 @LIMITED

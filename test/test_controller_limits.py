@@ -2,7 +2,6 @@
 
 import sys
 from collections import Counter
-from dataclasses import replace
 from itertools import combinations
 from types import FrameType
 
@@ -18,7 +17,6 @@ from redres_ros import (
     WaypointTask,
     load_task,
     make_law,
-    run,
 )
 from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownNameError
 from redres_ros.limits import LIMITS
@@ -358,46 +356,6 @@ def test_the_shipped_task_names_no_limits():
     """The paper's laws are alone unless limits are asked for."""
     task = load_task('rectangle')
     assert controller_of(RobotModel.named(task.robot)).update(task.start, FAST).s == 1.0
-
-
-@pytest.mark.slow
-def test_a_share_that_rises_slowly_again_keeps_the_null_space_from_oscillating(model, task):
-    """Least acceleration at 0.4 of the limits; the way takes no longer for that."""
-    there_and_back = replace(task, waypoints=np.vstack((task.waypoints, task.waypoints[2::-1])))
-
-    period = 0.004  # [s]
-
-    def swinging(rate: float) -> tuple[int, float]:
-        """Ticks in which the wrist is at its acceleration limit, and the time that it takes."""
-        controller = Controller(
-            model,
-            make_law('minimum_acceleration'),
-            period,
-            limits=BOX,
-            limit_scale=0.4,
-            task_scaling_rate=rate,
-        )
-        recording = run(controller, there_and_back)
-        assert recording.finished
-        assert recording['task_error'].max() < 5e-4
-        changes = np.diff(recording.vectors('dq1')[:, 4]) / period
-        allowed = 0.4 * model.arm.acceleration_limit[4]
-        return int((np.abs(changes) > 0.99 * allowed).sum()), recording['t'][-1]
-
-    at_most, longest = swinging(0.0)
-    ticks, time = swinging(1.0)
-    assert ticks < at_most / 2
-    assert time < 1.05 * longest
-
-
-def test_a_rate_that_is_switched_off_lets_the_share_rise_at_once(model, task):
-    controller, q = underway(model, task, limits=BOX, limit_scale=0.05, task_scaling_rate=0.1)
-    for _ in range(5):
-        q = controller.update(q, FAST).q_ref
-    controller.task_scaling_rate = 0.0
-    controller.set_limits(())
-    controller.update(q, FAST)
-    assert controller.update(q, FAST).s == 1.0
 
 
 def test_a_tick_in_which_limits_act_takes_few_python_calls(model):

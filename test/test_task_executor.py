@@ -23,12 +23,12 @@ THE_TASK = Goal(make_planner=lambda x, R: Planner(TASK, x), goes_on=True, patien
 class Arm:
     """A tip that goes where it is asked to go, by the share that is carried out."""
 
-    def __init__(self, at_once: bool = False) -> None:
+    def __init__(self, at_once: bool = False, greedy: bool = False) -> None:
         self.x = HOME
         self.cycle = 500
         self.scaling: float | None = 0.0  # None: the controller is silent
         self.q = TASK.start
-        self.run = TaskExecutor(T, TaskClock(T, at_once), ProgressMonitor(5.0, 30.0))
+        self.run = TaskExecutor(T, TaskClock(T, at_once, greedy), ProgressMonitor(5.0, 30.0))
 
     def start(self) -> None:
         self.run.begin(THE_TASK)
@@ -103,7 +103,7 @@ def test_it_runs_to_its_end_and_does_not_begin_again() -> None:
 
 
 def test_half_of_the_velocity_carried_out_takes_twice_the_time_on_the_same_path() -> None:
-    slow = Arm()
+    slow = Arm(greedy=True)
     slow.start()
     slow.go(1000, 0.5)
     quick = under_way()

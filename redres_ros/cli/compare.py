@@ -189,5 +189,5 @@ def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Rec
     options = contender.options
     motion = find_motion(options)
     controller = make_controller(options, motion, contender.law, options.period)
-    recording = run(controller, motion.task, progress=progress)
+    recording = run(controller, motion.task, greedy=options.greedy, progress=progress)
     return recording, Effort.of(recording, motion.model)

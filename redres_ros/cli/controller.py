@@ -73,7 +73,6 @@ def make_controller(
         limits=find_limits(options, motion.model),
         limit_scale=options.limit_scale,
         torque_scale=options.torque_scale,
-        task_scaling_rate=options.task_scaling_rate,
         preferences=find_preferences(options),
         secondary_tasks=find_secondary_tasks(options),
         scaling=options.scaling or 'task',
@@ -112,7 +111,7 @@ def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limi
 
 
 def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]]') -> None:
-    """Refuse a scale or a rate of limits that are not in use."""
+    """Refuse a scale of limits that are not in use."""
     for name in ('limit_scale', 'torque_scale'):
         scale = getattr(options, name)
         if scale != 1.0 and all(limit.scaled_by != name for limit in limits.values()):
@@ -120,9 +119,6 @@ def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]
             of = 'the limit torque' if name == 'torque_scale' and limits else 'limits'
             used = ', '.join(limits) or NONE
             raise OptionError(f'--{option} {scale:g} acts on {of}; in use: {used}, see --limits')
-    rate = options.task_scaling_rate
-    if rate != 0.0 and not limits:
-        raise OptionError(f'--task-scaling-rate {rate:g} acts on limits; in use: {NONE}')
     if options.scaling == 'components' and not limits:
         raise OptionError(f'--scaling components acts on limits; in use: {NONE}')
 
@@ -215,7 +211,6 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     parameters['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
     parameters['limit_scale'] = options.limit_scale
     parameters['torque_scale'] = options.torque_scale
-    parameters['task_scaling_rate'] = options.task_scaling_rate
     if options.scaling:
         parameters['scaling'] = options.scaling
     if options.tip:

@@ -159,14 +159,6 @@ def _add_limits(group: Any, default: str) -> None:
         help='what limits scale: the task velocity as a whole, or translation and rotation '
         'separately, for teleoperation; default: task, in a demo components for teleoperation',
     )
-    group.add_argument(
-        '--task-scaling-rate',
-        type=float,
-        default=0.0,
-        metavar='X',
-        help='rate at which the task scaling s rises again after limits have lowered '
-        'it [1/s]; a low rate calms the null-space motion; 0: the largest s in every tick',
-    )
 
 
 def _add_gains(parser: Parser, words: Sequence[str]) -> None:
@@ -225,6 +217,11 @@ def add_loop(parser: Parser) -> Any:
     loop = parser.add_argument_group('loop')
     loop.add_argument(
         '--period', type=float, default=0.001, metavar='S', help='sampling time T [s]'
+    )
+    loop.add_argument(
+        '--greedy',
+        action='store_true',
+        help='ask for the full speed of the path in every tick, also after limits have slowed it',
     )
     return loop
 

@@ -68,7 +68,9 @@ def _simulate(options: argparse.Namespace) -> int:
     if options.out:
         check_writable(options.out)
     with progress_bar(f'{options.law}, T = {1e3 * options.period:g} ms') as progress:
-        recording = run(controller, task, delay=options.delay, progress=progress)
+        recording = run(
+            controller, task, delay=options.delay, greedy=options.greedy, progress=progress
+        )
     if options.out:
         recording.write_csv(options.out)
     print_tables(peaks({options.law: recording}))

@@ -68,14 +68,6 @@ class ControllerParameters(ListenerParameters):
         10.0,
         live=True,
     )
-    task_scaling_rate: float = param(
-        0.0,
-        'rate at which the task scaling s rises again after limits have lowered it; '
-        '0: the largest s in every tick [1/s]',
-        0.0,
-        1000.0,
-        live=True,
-    )
     integrate_from: str = param(
         'command', 'what a reference is integrated from', choices=INTEGRATE_FROM
     )
@@ -107,7 +99,6 @@ class ControllerNode(ManagedNode):
             T,
             switch_time=settings.switch_time,
             integrate_from=settings.integrate_from,
-            task_scaling_rate=settings.task_scaling_rate,
         )
         self._controller.set_policy(self._policy.policy)
         self._sensors = Sensors(self, model, self._controller.m, T, settings.switch_time)
@@ -280,8 +271,6 @@ class ControllerNode(ManagedNode):
         self._sensors.apply(changes, policy.preferences)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
-        if 'task_scaling_rate' in changes:
-            self._controller.task_scaling_rate = changes['task_scaling_rate']
         self._loop.settings = with_changes(self._loop.settings, changes)
 
     def _health(self) -> Health:

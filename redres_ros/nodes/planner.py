@@ -68,6 +68,10 @@ class PlannerParameters(ListenerParameters):
         0.0,
         0.5,
     )
+    greedy: bool = param(
+        False,
+        'ask for the full speed of the path in every cycle, also after limits have slowed it',
+    )
     lockstep: bool = param(
         False, 'begin with the first state: the controller waits for each cartesian_velocity'
     )
@@ -98,7 +102,7 @@ class PlannerNode(ManagedNode):
         self._T = 1.0 / settings.rate
         self._run = TaskExecutor(
             self._T,
-            TaskClock(self._T, settings.lockstep),
+            TaskClock(self._T, settings.lockstep, settings.greedy),
             ProgressMonitor(settings.stuck_after, settings.give_up_after),
             self._robot.task_space,
         )

@@ -2,9 +2,10 @@
 
 import math
 
+from redres_ros.planning.path_speed import PathSpeed
+
 # [s] for which nothing may be executed, or received, until the controller counts as not following
 _PATIENCE = 0.1
-_START_UP = 0.5  # [s] in which a task that was interrupted gets back to its pace
 
 
 class TaskClock:
@@ -16,17 +17,24 @@ class TaskClock:
     Args:
         T: The robot's cycle [s].
         at_once: The controller follows until it says otherwise, and need not say so; for lock-step.
+        greedy: As of PathSpeed, except after an interruption.
     """
 
-    def __init__(self, T: float, at_once: bool = False) -> None:
+    def __init__(self, T: float, at_once: bool = False, greedy: bool = False) -> None:
         self.t = 0.0  # [s] of the task
-        self.rate = 1.0  # of the task's time, below 1 while an interrupted task starts up
         self._T = T
+        self._greedy = greedy
+        self._speed = PathSpeed(greedy=greedy)
         self._limit = max(round(_PATIENCE / T), 1)  # cycles
         self._at_once = at_once
         self._scaling = 1.0 if at_once else 0.0
         self._silent = 0  # cycles since the last message of the controller
         self._standing = 0 if at_once else self._limit  # cycles in which nothing was carried out
+
+    @property
+    def rate(self) -> float:
+        """Fraction of its nominal speed at which the path is asked for."""
+        return self._speed.fraction
 
     @property
     def follows(self) -> bool:
@@ -48,11 +56,11 @@ class TaskClock:
     def begin(self) -> None:
         """The task begins: from a standstill, so at its own pace."""
         self.t = 0.0
-        self.rate = 1.0
+        self._speed = PathSpeed(greedy=self._greedy)
 
     def resume(self) -> None:
         """The task goes on in its middle, from a standstill."""
-        self.rate = 0.0
+        self._speed = PathSpeed(0.0)
 
     def interrupt(self) -> None:
         """The task waits for a message of the controller, unless it need not send any."""
@@ -72,5 +80,5 @@ class TaskClock:
         else:
             self._standing += cycles
         if self.follows:
-            self.rate = min(self.rate + cycles * self._T / _START_UP, 1.0)
             self.t += self.rate * self._scaling * cycles * self._T
+            self._speed.advance(self._scaling, cycles * self._T)

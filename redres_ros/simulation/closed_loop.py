@@ -10,6 +10,7 @@ from redres_ros.command import Command, norm
 from redres_ros.controller import Controller
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.laws import Law
+from redres_ros.planning.path_speed import PathSpeed
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
@@ -46,6 +47,7 @@ def run(
     task: WaypointTask,
     *,
     delay: int = 0,
+    greedy: bool = False,
     switches: Mapping[int, Law] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
@@ -59,6 +61,8 @@ def run(
         task: Start and points.
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
+        greedy: Ask for the nominal speed of the path in every tick, however little of it limits
+            leave (planning/path_speed.py).
         switches: Tick -> law to go over to.
         progress: Called with the fraction of the nominal duration that is over.
 
@@ -71,7 +75,7 @@ def run(
     laws = switches or {}
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
-    loop = _Loop(controller, task, delay)
+    loop = _Loop(controller, task, delay, greedy)
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
         if k in laws:
@@ -100,17 +104,21 @@ class _Loop:
     """Planner, controller and an ideal arm with a delay of some ticks.
 
     Where limits allow only the fraction s of the task velocity, the planner's clock goes on by s T:
-    the path is kept, and time is stretched.
+    the path is kept, and time is stretched. Recorded is the fraction of the nominal task velocity.
 
     Args:
         controller: Answers each state.
         task: Start and points.
         delay: Ticks by which the arm uses a reference late.
+        greedy: As of PathSpeed.
     """
 
-    def __init__(self, controller: Client, task: WaypointTask, delay: int) -> None:
+    def __init__(
+        self, controller: Client, task: WaypointTask, delay: int, greedy: bool = False
+    ) -> None:
         self._controller = controller
         self._planner = Planner(task)
+        self._speed = PathSpeed(greedy=greedy)
         self._turns = controller.m == 6  # whether the orientation is part of the task
         self._q = task.start
         self._on_the_way = deque([task.start] * delay)  # references not yet taken up
@@ -131,6 +139,7 @@ class _Loop:
             t - self._late,
             state.R if self._turns else None,
             unachieved=self._unachieved,
+            rate=self._speed.fraction,
         )
         if reference.finished:
             return True
@@ -138,8 +147,10 @@ class _Loop:
         speed = norm(command.dq)
         if speed > SPEED_LIMIT:
             raise DivergedError(speed, SPEED_LIMIT, 'the scheme')
-        self._recorder.add(t, command, reference)
-        self._late += (1.0 - command.s) * self._controller.T
+        executed = self._speed.fraction * command.s  # of the nominal speed
+        self._recorder.add(t, command._replace(s=executed), reference)
+        self._late += (1.0 - executed) * self._controller.T
+        self._speed.advance(command.s, self._controller.T)
         self._unachieved = command.unachieved
         self._on_the_way.append(command.q_ref)
         self._q = self._on_the_way.popleft()
