@@ -488,6 +488,11 @@ def test_tensors_of_careless_exporters_are_mended(tensor):
 
 
 def test_inertias_beside_the_chain_are_mended_too():
+    links = {
+        name: f'<link name="{name}">{INERTIAL.replace("0.01", "0", 1)}</link>' for name in 'cd'
+    }
+    text = urdf(**links)
+    assert 'links c, d have an inertia' in ' '.join(arm_from_urdf(text, 'tip').remarks())
     text = urdf(left=f'<link name="left">{INERTIAL.replace("0.01", "0", 1)}</link>')
     assert 'link left has an inertia' in ' '.join(arm_from_urdf(text, 'tip').remarks())
     assert_libraries_agree(text)

@@ -35,9 +35,14 @@ class WantedMotion(NamedTuple):
     @property
     def title(self) -> str:
         """Task and arm in words."""
+        from redres_ros.robots import ARMS
+
         arm = self.model.arm
         task = self.name or 'a square before the tip'
-        return f'{task}, {self.task.robot}, {arm.dynamics} dynamics'
+        dynamics = f'{arm.dynamics} dynamics'
+        if self.task.robot not in ARMS and arm.dynamics == 'identified':
+            dynamics = 'dynamics of the URDF'
+        return f'{task}, {self.task.robot}, {dynamics}'
 
 
 def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> WantedMotion:

@@ -64,12 +64,13 @@ def fill_in_inertias(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
         chain: The joints from the root link to the tip.
 
     Returns:
-        One sentence for each figure that was changed.
+        A sentence for each kind of figure that was changed.
 
     Raises:
         FileError: A negative mass, an indefinite inertia, NaN or infinity.
     """
-    remarks = [remark for link in urdf.links for remark in _mend(urdf, link)]
+    mended = [link for link in urdf.links if _mend(urdf, link)]
+    filled = []
     for joint in chain:
         if joint.type == 'fixed':
             continue
@@ -78,12 +79,26 @@ def fill_in_inertias(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
         moments = [_principal_moments(urdf, link)[-1] for link in links]
         if max(masses) > 0.0 and max(moments) > 0.0:
             continue
-        remarks.append(f'what joint {joint.name} moves has no mass or inertia and gets stand-ins')
+        filled.append(joint.name)
         inertial = child(urdf.links[joint.child], 'inertial')
         if max(masses) <= 0.0:
             child(inertial, 'mass').set('value', repr(STAND_IN_MASS))
         _set_moments(inertial, STAND_IN_INERTIA, STAND_IN_INERTIA, STAND_IN_INERTIA)
+    remarks = []
+    if mended:
+        remarks.append(
+            f'{_named("link", mended)} an inertia that no body can have; the mean of its moments '
+            'is taken'
+        )
+    if filled:
+        joints = ', '.join(filled)
+        remarks.append(f'what joint {joints} moves has no mass or inertia and gets stand-ins')
     return remarks
+
+
+def _named(kind: str, names: list[str]) -> str:
+    """Such as 'link a has' or 'links a, b have'."""
+    return f'{kind} {names[0]} has' if len(names) == 1 else f'{kind}s {", ".join(names)} have'
 
 
 def _part(urdf: Urdf, link: str) -> Iterator[str]:
@@ -113,8 +128,8 @@ def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
     return np.linalg.eigvalsh(_tensor(urdf, link))
 
 
-def _mend(urdf: Urdf, link: str) -> Iterator[str]:
-    """Give a link the mean of its principal moments, where no body can have them.
+def _mend(urdf: Urdf, link: str) -> bool:
+    """Give a link the mean of its principal moments, where no body can have them; whether.
 
     Of any body, none is negative, and none larger than the sum of the other two. MuJoCo insists on
     that; many a URDF does not care.
@@ -128,11 +143,11 @@ def _mend(urdf: Urdf, link: str) -> Iterator[str]:
     moments = _principal_moments(urdf, link)
     possible = moments[0] > _SMALLEST and moments[0] + moments[1] >= moments[2]
     if possible or not moments[-1] > 0.0:
-        return
+        return False
     mean = max(float(moments.mean()), 2.0 * _SMALLEST)
     inertial = child(urdf.links[link], 'inertial')
     _set_moments(inertial, mean, mean, mean)
-    yield f'link {link} has an inertia that no body can have; the mean of its moments is taken'
+    return True
 
 
 def _write_zeros(inertial: ET.Element | None) -> None:

@@ -169,7 +169,7 @@ def conclusion(efforts: Mapping[str, Effort]) -> str:
     if peaks[worst] < _ALIKE * peaks[best]:
         return (
             'The peaks of acceleration hardly differ: on this task the law does not matter. '
-            'It does near singularities and on long paths.'
+            'It may where a path passes a singularity in motion.'
         )
     ratio = peaks[worst] / peaks[best]
     return f'The largest acceleration with {worst} is {ratio:.2g} times that with {best}.'
