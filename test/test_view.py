@@ -224,6 +224,14 @@ def test_the_page_has_the_arm_and_the_limits_that_the_controller_has() -> None:
         ]
 
 
+def test_the_page_opens_beside_a_controller_with_walls() -> None:
+    wall = [1.0, 0.0, 0.0, 0.45]
+    with graph(ControllerNode) as (node, _):
+        values = {**values_of(node), 'limits': ['workspace'], 'workspace.half_spaces': wall}
+        [workspace] = judge_of(values, model_of(values)).limits
+        assert workspace.half_spaces == tuple(wall)
+
+
 def test_a_snapshot_that_no_controller_would_send_is_passed_over() -> None:
     given = ControllerSnapshot(Figures(*range(7)), *np.arange(8.0).reshape(4, 2))
     message = to_message(given)

@@ -124,7 +124,7 @@ def _limits(values: Values, model: RobotModel) -> Limits:
         model,
         limit_scale=values['limit_scale'],
         torque_scale=values['torque_scale'],
-        gains={gain: values[gain] for gain in gain_names() if gain in values},
+        gains={gain: _unchangeable(values[gain]) for gain in gain_names() if gain in values},
     )
 
 
