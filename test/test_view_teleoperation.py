@@ -31,6 +31,7 @@ from redres_ros.view.mouse import pull
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.teleop_channel import PATH, TeleopChannel
 from redres_ros.view.teleoperation import Teleoperation
+from redres_ros.view.viser_events import LoopEvent
 
 FORWARD = np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 VALUES = {
@@ -124,6 +125,23 @@ def test_a_page_that_breaks_the_rules_is_cut_off(server: Any, channel: TeleopCha
 def test_a_foreign_page_cannot_hold_the_switch(server: Any) -> None:
     with pytest.raises(Exception, match='403'):
         opened(server, 'http://elsewhere.example')
+
+
+def test_a_thread_that_sends_meets_no_waiter_of_the_servers_loop(server: Any) -> None:
+    event = server._websock_server._broadcast_buffer.message_event
+    assert isinstance(event, LoopEvent)
+
+    async def wait() -> None:
+        mine = LoopEvent()
+        loop = asyncio.get_running_loop()
+        thread = threading.Thread(target=mine.set)
+        thread.start()
+        thread.join()
+        assert not mine.is_set()
+        loop.call_soon_threadsafe(mine.set)
+        await mine.wait()
+
+    asyncio.run(asyncio.wait_for(wait(), PATIENCE))
 
 
 # --- what it does ---------------------------------------------------------------------------------

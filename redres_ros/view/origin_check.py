@@ -20,6 +20,7 @@ from viser import _messages
 
 from redres_ros.errors import RedresError
 from redres_ros.view.teleop_channel import PATH, TeleopChannel
+from redres_ros.view.viser_events import make_thread_safe
 
 ADDRESS = '127.0.0.1'
 PORT = 8080
@@ -92,6 +93,7 @@ def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> 
     Raises:
         OriginError: It let a foreign request in, as a future viser might.
     """
+    make_thread_safe()
     with _guarded(channel), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(ADDRESS, port, label=label, verbose=False)
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):

@@ -77,10 +77,14 @@ class Page:
 
     def run(self, stopped: threading.Event) -> None:
         """Keep the page up to date until the event is set."""
-        teleoperation = threading.Thread(target=self._teleoperation.run, args=(stopped,))
+        ended = threading.Event()
+        teleoperation = threading.Thread(target=self._teleoperation.run, args=(ended,))
         teleoperation.start()
-        self._show(stopped)
-        teleoperation.join()
+        try:
+            self._show(stopped)
+        finally:
+            ended.set()
+            teleoperation.join()
 
     def _show(self, stopped: threading.Event) -> None:
         number = 0
