@@ -286,6 +286,11 @@ def test_without_a_controller_the_arm_named_is_the_one_that_is_looked_at() -> No
     assert beyond('rate', seen, ExpectedArm('lwr4', rate=100.0)).level is Level.FAULT
 
 
+def test_ros2_controls_own_states_are_judged_before_a_controller_of_ours_runs() -> None:
+    seen = replace(BEHIND, controller=None, controllers=0, forward_states=frozenset({'inactive'}))
+    assert beyond('forwarding', seen, ExpectedArm('lwr4')).level is Level.FAULT
+
+
 def test_the_arm_on_the_topic_is_looked_at_by_its_description() -> None:
     of_a_topic = parameters_with(robot='topic', tip_frame='tool0')
     seen = replace(GOOD, controller=of_a_topic, description=ARMS['lwr4'].description())

@@ -164,6 +164,8 @@ def judge_controller(seen: GraphSnapshot) -> Iterator[Verdict]:
 
 def judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
     if seen.controller is None:
+        if seen.forward_states or seen.hardware:  # a robot behind ros2_control
+            yield from _judge_forwarding(seen)
         return
     forward = bool(seen.controller['forward_commands'])
     topic = FORWARD if forward else COMMANDS
