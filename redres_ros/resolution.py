@@ -23,7 +23,6 @@ from redres_ros.kernels.closed_form import (
     SQUARE,
     WEIGHT,
     closed_form,
-    closed_form_in_order,
     fill_factor,
     solve_rows,
 )
@@ -35,6 +34,7 @@ DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
+_NO_TASK = (np.zeros((0, 0)), np.zeros(0))
 
 
 class Factor:
@@ -183,15 +183,8 @@ def resolve_in_order(
         ArrayError: as for `resolve`.
     """
     J, dx = levels[0]
-    J_lower, dx_lower = stacked(levels[1:], len(b))
     dq = np.empty(len(b))
-    array, form = as_array(W)
-    try:
-        outcome = closed_form_in_order(J, dx, J_lower, dx_lower, b, array, form, FASTEST, dq)
-    except TypeError:  # not of float64
-        given = (J, dx, J_lower, dx_lower, b, array)
-        arrays = [np.asarray(given, np.float64) for given in given]
-        outcome = closed_form_in_order(*arrays, form, FASTEST, dq)
+    outcome = _solve(levels[0], stacked(levels[1:], len(b)), b, W, 0.0, FASTEST, dq)
     if outcome == SOLVED:
         return dq, False
     _check_outcome(outcome, dq, J, dx, b, W)
@@ -221,12 +214,7 @@ def resolve_one(
         ArrayError: as for `resolve`.
     """
     dq = np.empty(len(b))
-    array, form = as_array(W)
-    try:
-        outcome = closed_form(J, dx, b, array, form, size, fastest, dq)
-    except TypeError:  # not of float64
-        arrays = [np.asarray(given, np.float64) for given in (J, dx, b, array)]
-        outcome = closed_form(*arrays, form, size, fastest, dq)
+    outcome = _solve((J, dx), _NO_TASK, b, W, size, fastest, dq)
     if outcome == SOLVED:
         return dq, False
     _check_outcome(outcome, dq, J, dx, b, W)
@@ -238,6 +226,25 @@ def resolve_one(
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))
     return dq, damped
+
+
+def _solve(
+    first: Level,
+    lower: Level,
+    b: np.ndarray,
+    W: Weight,
+    size: float,
+    fastest: float,
+    dq: np.ndarray,
+) -> int:
+    """The outcome of `closed_form`, which writes into dq; arrays of any type."""
+    array, form = as_array(W)
+    try:
+        outcome: int = closed_form(*first, *lower, b, array, form, size, fastest, dq)
+    except TypeError:  # not of float64
+        arrays = [np.asarray(given, np.float64) for given in (*first, *lower, b, array)]
+        outcome = closed_form(*arrays, form, size, fastest, dq)
+    return outcome
 
 
 def _resolve_in_order_carefully(

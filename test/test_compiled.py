@@ -47,7 +47,7 @@ def test_without_compiling_the_formulas_run_as_python():
 def test_another_type_of_argument_compiles_nothing():
     """What has not been compiled when the module is loaded is refused, not compiled in a tick."""
     with pytest.raises(TypeError, match='No matching definition'):
-        closed_form(*(np.zeros((3, 7), np.float32),) * 8)
+        closed_form(*(np.zeros((3, 7), np.float32),) * 10)
 
 
 def test_ctrl_c_that_gets_lost_while_compiling_comes_at_the_end():

@@ -19,10 +19,6 @@ from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several
 LOWER = 0
 UPPER = 1
 
-# The layers of Search.basis.
-Q = 0  # (d, d) orthonormal rows
-R = 1  # (d, d) lower triangular: row k of those along which z may not move is sum_j R[k, j] Q[j]
-
 # The rows of Search.marks.
 STATE = 0  # of each limit, one of the four below
 SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
@@ -58,17 +54,28 @@ class Search(NamedTuple):
     z: np.ndarray  # (d,)
     G: np.ndarray  # (K, d), of unit length
     ends: np.ndarray  # (2, K), lower <= G z <= upper
-    basis: np.ndarray  # (2, d, d)
+    length: np.ndarray  # (K,) of the rows of G before they became unit vectors
+    Q: np.ndarray  # (d, d) orthonormal rows; behind those that count there may be others
+    R: np.ndarray  # (d, d) lower triangular: row k of those rows is sum_j R[k, j] Q[j]
     marks: np.ndarray  # (4, K + d) of int64
     n: int  # z = (dq, s, slack variables), where dq is (n,)
 
 
 @inlined
-def dot(a: np.ndarray, b: np.ndarray) -> float:
-    """a' b."""
+def dot(A: np.ndarray, i: int, x: np.ndarray) -> float:
+    """Row i of A (m, d) times x (d,)."""
     total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
+    for j in range(len(x)):
+        total += A[i, j] * x[j]
+    return total
+
+
+@part
+def product(A: np.ndarray, i: int, B: np.ndarray, j: int) -> float:
+    """Row i of A (m, d) times row j of B (k, d)."""
+    total = 0.0
+    for c in range(A.shape[1]):
+        total += A[i, c] * B[j, c]
     return total
 
 
@@ -78,40 +85,71 @@ def zeros(m: int, n: int) -> np.ndarray:
     return np.zeros((m, n))
 
 
-# --- the rows along which the point of a search may not move, R Q with orthonormal Q --------------
+# --- orthonormal rows -----------------------------------------------------------------------------
 
 
 @part
-def append(search: Search, row: np.ndarray, least: float) -> bool:
-    """Add a row, unless less than a length of `least` is orthogonal to those that are there."""
-    basis = search.basis
-    k = search.marks[COUNT, 1]
-    if k == len(row):
-        return False
-    rest = np.zeros(len(row))
-    for i in range(len(row)):
-        rest[i] = row[i]
+def make_orthonormal(Q: np.ndarray, R: np.ndarray, k: int) -> None:
+    """Row k of Q becomes a unit vector orthogonal to the rows before it: it was R[k] Q.
+
+    Args:
+        Q: (m, d).
+        R: (m, m); its row k is overwritten as far as its diagonal.
+        k: Number of the row.
+    """
     for j in range(k):
-        basis[R, k, j] = 0.0
-    before = dot(row, row)
+        R[k, j] = 0.0
+    before = product(Q, k, Q, k)
     square = before
     for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
         for j in range(k):
-            along = dot(basis[Q, j], rest)
-            basis[R, k, j] += along
-            for i in range(len(rest)):
-                rest[i] -= along * basis[Q, j, i]
-        square = dot(rest, rest)
+            along = product(Q, j, Q, k)
+            R[k, j] += along
+            for c in range(Q.shape[1]):
+                Q[k, c] -= along * Q[j, c]
+        square = product(Q, k, Q, k)
         if square > MUCH * before:
             break
-    length = np.sqrt(square)
-    if not length > least:
+    R[k, k] = np.sqrt(square)
+    for c in range(Q.shape[1]):
+        Q[k, c] /= R[k, k]
+
+
+@part
+def substitute(R: np.ndarray, x: np.ndarray) -> None:
+    """x becomes R'^-1 x, with as many rows of the lower triangular R as x (k,) has elements."""
+    for k in range(len(x) - 1, -1, -1):
+        for j in range(k + 1, len(x)):
+            x[k] -= R[j, k] * x[j]
+        x[k] /= R[k, k]
+
+
+# --- the rows along which the point of a search may not move, R Q with orthonormal Q --------------
+
+
+@inlined
+def append(search: Search, rows: np.ndarray, i: int, least: float) -> bool:
+    """Add a row, unless less than a length of `least` is orthogonal to those that are there."""
+    k = search.marks[COUNT, 1]
+    if k == len(search.Q):
         return False
-    for i in range(len(rest)):
-        basis[Q, k, i] = rest[i] / length
-    basis[R, k, k] = length
+    for j in range(len(search.Q)):
+        search.Q[k, j] = rows[i, j]
+    make_orthonormal(search.Q, search.R, k)
+    if not search.R[k, k] > least:
+        return False
     search.marks[COUNT, 1] = k + 1
     return True
+
+
+@part
+def append_all(search: Search, A: np.ndarray) -> None:
+    """Add the rows of A that do not depend on those that are there."""
+    square = 0.0
+    for i in range(len(A)):
+        square = max(square, product(A, i, A, i))
+    for i in range(len(A)):
+        append(search, A, i, RANK * np.sqrt(square))
 
 
 @part
@@ -122,7 +160,7 @@ def hold(search: Search, i: int, towards: float) -> None:
     """
     marks = search.marks
     marks[STATE, i] = FREE
-    if append(search, search.G[i], DEPENDENT):
+    if append(search, search.G, i, DEPENDENT):
         marks[BEHIND, marks[COUNT, 1] - 1] = i
         marks[STATE, i] = HELD
         marks[SIDE, i] = 1 if towards > 0.0 else -1
@@ -148,76 +186,27 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
     """The shortest p across the basis with the least |A (z + p) - a|, (d,)."""
     m, d = A.shape
     count = search.marks[COUNT, 1]
+    append_all(search, A)
+    rank = search.marks[COUNT, 1] - count
+    search.marks[COUNT, 1] = count
+    # p = V' t with the orthonormal rows V from `count` on: |B t - rest| is least, B = A V'.
+    Y = zeros(rank, m)  # B'
+    U = zeros(rank, rank)
     rest = np.zeros(m)
-    P = zeros(m, d)  # A made orthogonal to the basis
-    largest = 0.0
     for i in range(m):
-        for j in range(d):
-            P[i, j] = A[i, j]
-        rest[i] = a[i] - dot(A[i], search.z)
-        before = dot(A[i], A[i])
-        largest = max(largest, before)
-        for _ in range(2):
-            for k in range(count):
-                along = dot(P[i], search.basis[Q, k])
-                for j in range(d):
-                    P[i, j] -= along * search.basis[Q, k, j]
-            if dot(P[i], P[i]) > MUCH * before:
-                break
-    V = zeros(min(m, d - count), d)  # orthonormal rows, P = B V
-    B = zeros(m, len(V))
-    rank = 0
-    while rank < len(V):
-        longest = 0
-        square = 0.0
-        for i in range(m):
-            if dot(P[i], P[i]) > square:
-                longest = i
-                square = dot(P[i], P[i])
-        if not square > RANK**2 * largest:
-            break
-        for j in range(d):
-            V[rank, j] = P[longest, j] / np.sqrt(square)
-        for i in range(m):
-            B[i, rank] = dot(P[i], V[rank])
-            for j in range(d):
-                P[i, j] -= B[i, rank] * V[rank, j]
-        rank += 1
-    t = least_squares(B, rest, rank)
+        rest[i] = a[i] - dot(A, i, search.z)
+        for k in range(rank):
+            Y[k, i] = product(A, i, search.Q, count + k)
+    t = np.zeros(rank)
+    for k in range(rank):
+        make_orthonormal(Y, U, k)
+        t[k] = dot(Y, k, rest)
+    substitute(U, t)
     p = np.zeros(d)
     for k in range(rank):
         for j in range(d):
-            p[j] += t[k] * V[k, j]
+            p[j] += t[k] * search.Q[count + k, j]
     return p
-
-
-@inlined
-def least_squares(B: np.ndarray, rest: np.ndarray, rank: int) -> np.ndarray:
-    """The t (rank,) with the least |B t - rest| for the first columns of B. Both are used up."""
-    m = len(B)
-    U = zeros(rank, rank + 1)
-    for k in range(rank):  # modified Gram-Schmidt on the columns of [B rest]
-        for i in range(m):
-            U[k, k] += B[i, k] ** 2
-        U[k, k] = np.sqrt(U[k, k])
-        for i in range(m):
-            B[i, k] /= U[k, k]
-        for c in range(k + 1, rank):
-            for i in range(m):
-                U[k, c] += B[i, k] * B[i, c]
-            for i in range(m):
-                B[i, c] -= U[k, c] * B[i, k]
-        for i in range(m):
-            U[k, rank] += B[i, k] * rest[i]
-        for i in range(m):
-            rest[i] -= U[k, rank] * B[i, k]
-    t = np.zeros(rank)
-    for k in range(rank - 1, -1, -1):
-        t[k] = U[k, rank]
-        for c in range(k + 1, rank):
-            t[k] -= U[k, c] * t[c]
-        t[k] /= U[k, k]
-    return t
 
 
 # --- one level ------------------------------------------------------------------------------------
@@ -305,11 +294,9 @@ def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, fl
             largest = max(largest, abs(A[i, j]) * size)
     count = search.marks[COUNT, 1]
     force = np.zeros(d)
-    for k in range(count - 1, -1, -1):
-        total = -dot(search.basis[Q, k], g)
-        for j in range(k + 1, count):
-            total -= search.basis[R, j, k] * force[j]
-        force[k] = total / search.basis[R, k, k]
+    for k in range(count):
+        force[k] = -dot(search.Q, k, g)
+    substitute(search.R, force[:count])
     return force, largest
 
 
@@ -359,11 +346,7 @@ def fix_level(search: Search, A: np.ndarray, force: np.ndarray, tight: float) ->
         i = held[k]
         if force[fixed + k] * marks[SIDE, i] > tight:
             hold(search, i, float(marks[SIDE, i]))
-    square = 0.0
-    for i in range(len(A)):
-        square = max(square, dot(A[i], A[i]))
-    for i in range(len(A)):
-        append(search, A[i], RANK * np.sqrt(square))
+    append_all(search, A)
     marks[COUNT, 0] = marks[COUNT, 1]
     for k in range(len(held)):
         i = held[k]
@@ -378,7 +361,7 @@ def fix_level(search: Search, A: np.ndarray, force: np.ndarray, tight: float) ->
 
 
 @inlined
-def open_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, slack: int) -> None:
+def open_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> None:
     """Bring in the limits from `begin` on, as many as A has rows: lower <= G z - w <= upper.
 
     w are the variables of z from `slack` on. A receives the rows that ask for the least |length w|.
@@ -393,7 +376,7 @@ def open_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, sl
             noise += abs(search.G[i, j] * z[j])
         above = value - search.ends[UPPER, i]
         below = search.ends[LOWER, i] - value
-        A[r, slack + r] = length[i]
+        A[r, slack + r] = search.length[i]
         search.G[i, slack + r] = -1.0
         search.marks[STATE, i] = FREE
         if max(above, below) > ROUNDING * noise:
@@ -402,7 +385,7 @@ def open_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, sl
 
 
 @part
-def close_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, slack: int) -> float:
+def close_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> float:
     """Move the ends of limits that remain in excess to where they are.
 
     Returns:
@@ -412,10 +395,10 @@ def close_slack(search: Search, begin: int, length: np.ndarray, A: np.ndarray, s
     square = 0.0
     for r in range(len(A)):
         i = begin + r
-        square += (length[i] * z[slack + r]) ** 2
+        square += (search.length[i] * z[slack + r]) ** 2
         z[slack + r] = 0.0
         search.G[i, slack + r] = 0.0
-        value = dot(search.G[i], z)
+        value = dot(search.G, i, z)
         search.ends[UPPER, i] = max(search.ends[UPPER, i], value)
         search.ends[LOWER, i] = min(search.ends[LOWER, i], value)
     return square
@@ -434,15 +417,12 @@ def begin_at(
     high: np.ndarray,
     d: int,
     held: np.ndarray,
-) -> tuple[Search, np.ndarray]:
+) -> Search:
     """A search that starts at the point of the box nearest to dq_free, with a share of 1.
 
     It holds the limits that the last search held in the end: most often it is there after one step
     of each level. Without one, it holds those that dq_free does not keep. The start has no say in
     where the search ends, but for rounding.
-
-    Returns:
-        The search, and the lengths (K,) of its rows before they became unit vectors.
     """
     n = len(dq_free)
     K = n + 1 + len(C)
@@ -450,12 +430,17 @@ def begin_at(
         np.zeros(d),
         zeros(K, d),
         zeros(UPPER + 1, K),
-        np.zeros((2, d, d)),
-        np.zeros((4, K + d), np.int64),
+        np.zeros(K),
+        zeros(d, d),
+        zeros(d, d),
+        np.zeros((COUNT + 1, K + d), np.int64),
         n,
     )
-    z, G, ends, _, marks, _ = search
-    length = np.zeros(K)
+    z = search.z
+    G = search.G
+    ends = search.ends
+    length = search.length
+    marks = search.marks
     z[n] = 1.0
     G[n, n] = 1.0  # 0 <= s <= 1
     ends[UPPER, n] = 1.0
@@ -493,7 +478,7 @@ def begin_at(
             G[i, j] = C[r, j] / length[i]
         ends[LOWER, i] = low[r] / length[i]
         ends[UPPER, i] = high[r] / length[i]
-    return search, length
+    return search
 
 
 @inlined
@@ -608,7 +593,7 @@ def hierarchical_qp(
     d = n + 1  # z = (dq, s, slack variables of one group)
     for rows in groups:
         d = max(d, n + 1 + rows)
-    search, length = begin_at(dq_free, lower, upper, C, low, high, d, held)
+    search = begin_at(dq_free, lower, upper, C, low, high, d, held)
     z = search.z
     first_task = len(groups)
     share = first_task + 1
@@ -623,7 +608,7 @@ def hierarchical_qp(
         A = zeros(rows_of(level, groups, tasks, n), d)
         a = np.zeros(len(A))
         if level < first_task:
-            open_slack(search, limit_row, length, A, n + 1)
+            open_slack(search, limit_row, A, n + 1)
         elif level == share:
             A[0, n] = 1.0  # s = 1
             a[0] = 1.0
@@ -636,11 +621,11 @@ def hierarchical_qp(
         solved = solved and reached
         if level == first_task:
             for i in range(len(A)):
-                error += dot(A[i], z) ** 2
+                error += dot(A, i, z) ** 2
         if hardest < 0:
             hardest = hardest_of(search, force, tight)
         if level < first_task:
-            excess += close_slack(search, limit_row, length, A, n + 1)
+            excess += close_slack(search, limit_row, A, n + 1)
             limit_row += len(A)
             A = A[:0]
         if level < law:
@@ -648,7 +633,10 @@ def hierarchical_qp(
 
     leave_behind(search, held)
     dq = np.zeros(n)
-    if not np.isfinite(dot(a, a) + dot(z, z) + error + excess):  # as the input was
+    total = error + excess + z[n]
+    for i in range(n):
+        total += a[i] + z[i]
+    if not np.isfinite(total):  # as the input was
         for j in range(d):
             z[j] = 0.0
         for i in range(len(held)):

@@ -245,7 +245,7 @@ def add_weighted(
     return True
 
 
-@part
+@inlined
 def solution(
     Q: np.ndarray,
     r: np.ndarray,
@@ -303,49 +303,11 @@ def solution(
 
 @compiled(
     int64(
-        *(matrix(), vector(), vector(), matrix(), int64),
-        *(float64, float64, float64[::1]),
+        *(matrix(), vector(), matrix(), vector()),
+        *(vector(), matrix(), int64, float64, float64, float64[::1]),
     )
 )
 def closed_form(
-    J: np.ndarray,
-    dx: np.ndarray,
-    b: np.ndarray,
-    W: np.ndarray,
-    form: int,
-    size: float,
-    fastest: float,
-    dq: np.ndarray,
-) -> int:
-    """Write b + J_W^# (dx - J b), Eq. (A.13), into dq.
-
-    Args:
-        J: (m, n) Jacobian.
-        dx: (m,) task velocity.
-        b: (n,) bias.
-        W: The weight as `form` says; (0, 0) for the identity.
-        form: IDENTITY, WEIGHT, FACTOR or SQUARE.
-        size: Singular values are judged against this, or against the largest one of J.
-        fastest: Where dq is longer than this, it is not the solution.
-        dq: (n,) receives the result.
-
-    Returns:
-        SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
-    """
-    m = len(dx)
-    r = np.empty(m)
-    for k in range(m):
-        r[k] = dx[k]
-    return solution(copied(J), r, m, b, W, form, size, fastest, dq)
-
-
-@compiled(
-    int64(
-        *(matrix(), vector(), matrix(), vector()),
-        *(vector(), matrix(), int64, float64, float64[::1]),
-    )
-)
-def closed_form_in_order(
     J_first: np.ndarray,
     dx_first: np.ndarray,
     J_lower: np.ndarray,
@@ -353,23 +315,25 @@ def closed_form_in_order(
     b: np.ndarray,
     W: np.ndarray,
     form: int,
+    size: float,
     fastest: float,
     dq: np.ndarray,
 ) -> int:
-    """Write into dq what executes several tasks, and is otherwise nearest to b.
+    """Write b + J_W^# (dx - J b), Eq. (A.13), into dq, with the J and dx of all tasks.
 
-    That is what Eq. (20) asks for wherever each task can be executed exactly in what those before
-    it leave.
+    That is also what Eq. (20) asks for wherever each task can be executed exactly in what those
+    before it leave.
 
     Args:
-        J_first: Jacobian of the first task.
-        dx_first: Its velocity.
-        J_lower: Jacobians of the lower tasks, one below the other.
-        dx_lower: Their velocities.
-        b: As for `closed_form`, and so are the others.
-        W: The weight.
-        form: What W is.
-        fastest: [rad/s]
+        J_first: (m, n) Jacobian of the first task.
+        dx_first: (m,) its velocity.
+        J_lower: (k, n) Jacobians of the lower tasks, one below the other; any array for none.
+        dx_lower: (k,) their velocities.
+        b: (n,) bias.
+        W: The weight as `form` says; (0, 0) for the identity.
+        form: IDENTITY, WEIGHT, FACTOR or SQUARE.
+        size: Singular values of the first task are judged against this, or against the largest one.
+        fastest: Where dq is longer than this, it is not the solution.
         dq: (n,) receives the result.
 
     Returns:
@@ -388,7 +352,7 @@ def closed_form_in_order(
         r[k] = dx_lower[k - first]
         for i in range(n):
             Q[k, i] = J_lower[k - first, i]
-    return solution(Q, r, first, b, W, form, 0.0, fastest, dq)
+    return solution(Q, r, first, b, W, form, size, fastest, dq)
 
 
 @direct
