@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,6 +11,8 @@ import pinocchio as pin
 
 from redres_ros.errors import FileError, RangeError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
+from redres_ros.robots.bodies import Bodies
+from redres_ros.robots.kinematics import Kinematics
 from redres_ros.vectors import finite_vector
 
 # w.dot(_CROSS), as (3, 3), is the matrix K with K v = w x v
@@ -158,6 +161,16 @@ class RobotModel:
     def links(self) -> tuple[str, ...]:
         """Names of the links."""
         return tuple(frame.name for frame in self._model.frames if frame.type == pin.BODY)
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """The moving joints, read from the URDF."""
+        return self.arm.kinematics()
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """The capsules that must not collide, read from the URDF."""
+        return self.arm.bodies()
 
     @property
     def elbow_frame(self) -> str:

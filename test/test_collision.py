@@ -15,6 +15,7 @@ from redres_ros.kernels.distances import FLOOR
 from redres_ros.limits import make_limits
 from redres_ros.limits.collision import CollisionLimit
 from redres_ros.robots import ARMS, Arm
+from redres_ros.robots.urdf import Urdf
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
@@ -307,3 +308,17 @@ def test_an_arm_with_two_tips_is_refused_by_their_names():
 def test_a_clearance_beyond_the_influence_is_refused():
     with pytest.raises(ArrayError, match='expected less than the influence'):
         limit_of('lwr4', clearance=0.2)
+
+
+def test_no_tick_reads_the_urdf_again(monkeypatch):
+    """Reading it takes as long as many ticks: the limit does it when it is made."""
+    controller = Controller(
+        RobotModel.named('fr3'),
+        'minimum_acceleration',
+        T,
+        limits=(*BOX, 'collision'),
+        limit_gains={'collision.influence': 1.0, 'collision.floor': 0.0},
+    )
+    monkeypatch.setattr(Urdf, 'read', None)
+    command = controller.update(np.array(ARMS['fr3'].start), np.array((0.0, 0.0, -10.0)))
+    assert command.active_limits

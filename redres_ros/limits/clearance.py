@@ -8,15 +8,13 @@ import numpy as np
 
 from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
+from redres_ros.kernels.clearance import brake, clearance_rows
 from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
-# Of a row for where the arm comes to rest, beside a velocity damper, where not all can be kept:
-# what cannot be braked any more comes first.
-WEIGHT = 100.0
 
 ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
@@ -61,10 +59,15 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
                 f'expected less than the influence, {self.influence:g} m'
             )
 
+    def _load(self) -> None:
+        """Read the URDF, and load compiled functions: now, and not in the loop."""
+        zeros = np.zeros(self.model.n)
+        self.rows(self.model.unchecked_state(zeros, zeros), 1.0)
+
     @cached_property
     def lever(self) -> float:
         """How far a radian of any joint moves any point of the arm, at most [m]."""
-        return float(np.linalg.norm(self.model.arm.kinematics().ways, axis=1).sum())
+        return float(np.linalg.norm(self.model.kinematics.ways, axis=1).sum())
 
     @abstractmethod
     def approaches(self, q: np.ndarray, reach: float) -> Near:
@@ -132,58 +135,21 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             C (r, n), high (r,), and who approaches whom (r, 2).
         """
         near = self.near(state)
-        C, distance, who = near
-        high = self._rate * (distance - self.clearance)
-        fastest = C.dot(state.dq_prev) + np.abs(C).dot(2.0 * T * self.A)  # in this tick
-        is_needed = fastest > high
-        now = (C[is_needed], high[is_needed], who[is_needed])
-        at_rest = self._rows_at_rest(state, T, near)
-        return now if at_rest is None else _joined(now, at_rest)
-
-    def _rows_at_rest(self, state: ReferenceState, T: float, near: Near) -> ClearanceRows | None:
-        """The second kind of rows, if there are any.
-
-        Args:
-            state: Of the reference at this tick.
-            T: Sampling time [s].
-            near: What is near at this state.
-        """
-        A = self.A
-        speed = np.maximum(np.abs(state.dq_prev) - A * T, 0.0)
-        v = np.copysign(speed, state.dq_prev)
-        q_stop = state.q + state.gap * v * (speed / (2.0 * A) + T / 2.0)
-        slope = state.gap * (speed / A + T)  # S [s]
-        step = 2.0 * T * A  # dq - v at most, in the sense of v
-        C, distance, who = self.approaches(
-            q_stop, self.clearance + self.lever * float(slope.dot(step))
-        )
-        if not len(C):
-            return None
-        # The chord of s that is on the safe side: it becomes steeper with the speed.
-        rows = C * (slope + 0.5 * state.gap * T * np.sign(C * v))
-        margin = distance - self.clearance
-        is_needed = margin < np.abs(rows).dot(step)
-        # What is inside already comes out again as slowly as by the damper.
-        _, distance_now, who_now = near
-        inside = who_now[distance_now < self.clearance].tolist()
-        is_inside = np.array([pair in inside for pair in who.tolist()])
-        margin[(margin < 0.0) & is_inside] *= min(self._rate * T, 1.0)
-        # Of the size of the other rows, times the weight.
-        size = WEIGHT * np.linalg.norm(C, axis=1) / np.linalg.norm(rows, axis=1)
-        high = size * (margin + rows.dot(v))
-        rows *= size[:, None]
-        return rows[is_needed], high[is_needed], who[is_needed]
+        n = len(state.q)
+        q_stop = np.empty(n)
+        v = np.empty(n)
+        slope = np.empty(n)
+        dq_prev = state.dq_prev
+        further = brake(state.q, dq_prev, state.gap, self.A, T, q_stop, v, slope)
+        at_rest = self.approaches(q_stop, self.clearance + self.lever * further)
+        figures = (dq_prev, v, slope, self.A, T, state.gap, self._rate, self.clearance)
+        rows: ClearanceRows = clearance_rows(*near, *at_rest, *figures)
+        return rows
 
     @property
     def _rate(self) -> float:
         """1 / t_d [1/s]."""
         return self.scale / self.time
-
-
-def _joined(first: ClearanceRows, second: ClearanceRows) -> ClearanceRows:
-    """The rows of both."""
-    C, high, who = (np.concatenate(both) for both in zip(first, second, strict=True))
-    return C, high, who
 
 
 @lru_cache(maxsize=1)  # the name of a row is asked for right after the rows

@@ -47,12 +47,12 @@ class CollisionLimit(ClearanceLimit):
                 f'spheres holds {len(self.spheres)} numbers; '
                 'expected four for each sphere: x, y, z and radius'
             )
-        _distances()  # now, and not in the loop
+        self._load()
 
     @cached_property
     def bodies(self) -> Bodies:
         """Of the arm."""
-        return self.model.arm.bodies()
+        return self.model.bodies
 
     @cached_property
     def _scene(self) -> tuple[Any, ...]:
@@ -60,7 +60,7 @@ class CollisionLimit(ClearanceLimit):
 
         Balls are bodies that no joint moves, after those of the arm.
         """
-        joints = self.model.arm.kinematics().joints
+        joints = self.model.kinematics.joints
         bodies = self.bodies
         balls = self._balls
         centres = np.repeat(balls[:, None, :3], 2, axis=1)

@@ -136,9 +136,7 @@ class WorkspaceLimit(ClearanceLimit):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._walls.seen_from(np.zeros((1, 3)))
-        for frame in self._frames:
-            self.model.jacobian(np.zeros(self.model.n), frame)
+        self._load()
 
     def approaches(self, q: np.ndarray, reach: float) -> Near:
         x = np.array([self.model.position(q, frame) for frame in self._frames])  # (points, 3)
