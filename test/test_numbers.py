@@ -65,3 +65,16 @@ def test_every_law_and_damping_has_its_place(numbers: ModuleType) -> None:
 
 def test_the_sweep_is_on_the_page(numbers: ModuleType) -> None:
     assert all(law in on_page(numbers, 1, 'sweep') for law in numbers.SWEPT)
+
+
+def test_the_tables_of_the_study_are_those_of_its_results(
+    numbers: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip('pyarrow')
+    monkeypatch.syspath_prepend(DOCS)
+    evidence = importlib.import_module('make_evidence')
+    short = evidence.read(DOCS / 'studies' / 'laws.parquet')
+    long = evidence.read(DOCS / 'studies' / 'long.parquet')
+    assert not differences(on_page(numbers, 1, 'evidence'), evidence.default_table(short))
+    assert not differences(on_page(numbers, 1, 'evidence_laws'), evidence.table(short))
+    assert not differences(on_page(numbers, 1, 'evidence_long'), evidence.long_table(long))

@@ -137,6 +137,8 @@ class ResultsFile:
         if self._file is not None:
             self._file.close()
             return
+        if len(self._rows) == len(self._before):  # it was only read
+            return
         pyarrow, parquet = _parquet()
         whole = pyarrow.Table.from_pylist(self._rows)
         partial = self._path.with_suffix('.part')

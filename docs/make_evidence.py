@@ -1,0 +1,256 @@
+"""Draws docs/evidence.png and writes the tables of docs/choosing_a_law.md from results of a study.
+
+Run it with: python docs/make_evidence.py docs/studies/laws.parquet docs/studies/long.parquet
+The results come from: redres batch docs/studies/laws.yaml --out docs/studies/laws.parquet
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from make_numbers import replaced
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from redres_ros import LAWS, RobotModel
+from redres_ros.simulation.batch import Result
+from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.results_file import ResultsFile
+from redres_ros.simulation.summary import RATIOS
+
+FOLDER = Path(__file__).parent
+PAGE = FOLDER / 'choosing_a_law.md'
+
+FIRST = 'minimum_velocity'  # the pseudoinverse, which the others are compared with
+DEFAULT = 'minimum_acceleration'
+EDGES = (0.0, 0.01, 0.03, 0.1, 1.0)  # of the smallest singular value on the way over the reach
+NEAR = (0.0, 0.03, 1.0)  # the same, for the table of all laws
+BAND = (0.1, 0.9)  # quantiles
+LESS = 0.8  # ratio to the first law that makes a difference
+MORE = 1.25
+
+Task = tuple[str, str, int]  # arm, kind, seed
+Pair = tuple[Result, Result]  # of one task: under a law, and under the first one
+
+
+def main() -> None:
+    """Read, draw and write."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument('short', type=Path)
+    parser.add_argument('long', type=Path)
+    options = parser.parse_args()
+    short = read(options.short)
+    long = read(options.long)
+    draw(short).savefig(FOLDER / 'evidence.png', dpi=110)
+    page = PAGE.read_text(encoding='utf-8')
+    page = replaced(page, 'evidence', default_table(short))
+    page = replaced(page, 'evidence_laws', table(short))
+    page = replaced(page, 'evidence_long', long_table(long))
+    PAGE.write_text(page, encoding='utf-8')
+
+
+def read(path: Path) -> list[Result]:
+    """The results in a file."""
+    with ResultsFile(path) as file:
+        return file.results()
+
+
+def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:
+    """Each law's motions beside those of the first law on the same task.
+
+    Args:
+        results: Of all laws.
+        limited: Those with limits, or those without.
+    """
+    chosen = [each for each in results if bool(each.case.limits) == limited]
+    firsts = {_task(each): each for each in chosen if each.case.law == FIRST}
+    found: dict[str, list[Pair]] = {law: [] for law in LAWS}
+    for each in chosen:
+        if _task(each) in firsts:
+            found[each.case.law].append((each, firsts[_task(each)]))
+    return found
+
+
+def distance(result: Result) -> float:
+    """The smallest singular value on the way over the reach."""
+    return result.min_singular_value / _reach(result.case.robot)
+
+
+def default_table(results: Sequence[Result]) -> str:
+    """The default beside the first law, by how near the task comes to a singularity."""
+    lines = [
+        '| σ_min / reach | limits | tasks | peak ‖q̈‖ | 20 % lower | 25 % higher '
+        '| finished within limits | mean time lost [s] |',
+        '|---|---|---|---|---|---|---|---|',
+    ]
+    near = distances(results)
+    for lower, upper in pairwise(EDGES):
+        for limited in (False, True):
+            found = _within(pairs(results, limited)[DEFAULT], lower, upper, near)
+            peaks = np.array(ratios(found, 'peak |ddq|'))
+            ours = [law for law, _ in found]
+            firsts = [first for _, first in found]
+            cells = [
+                f'{lower:g}–{upper:g}' if not limited else '',
+                'on' if limited else 'none',
+                f'{len(found)}',
+                shown(peaks),
+                f'{np.mean(peaks < LESS):.0%}',
+                f'{np.mean(peaks > MORE):.0%}',
+                f'{_share(ours)}; {_share(firsts)}',
+                f'{_time_lost(ours)}; {_time_lost(firsts)}' if limited else '–',
+            ]
+            lines.append(f'| {" | ".join(cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def table(results: Sequence[Result]) -> str:
+    """All laws, far from singularities and near them; accelerations also with limits."""
+    heads = [head for head in RATIOS if head != 'RMS |tau|']
+    lines = [
+        '| σ_min / reach | law | within limits | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
+        '| limits on: peak ‖q̈‖ | mean time lost [s] |',
+        '|---|---|---|---|---|---|---|---|---|',
+    ]
+    free = pairs(results, limited=False)
+    limited = pairs(results, limited=True)
+    near = distances(results)
+    for lower, upper in pairwise(NEAR):
+        for law in LAWS:
+            inside = _within(free[law], lower, upper, near)
+            kept = _within(limited[law], lower, upper, near)
+            cells = [
+                f'{lower:g}–{upper:g}' if law == FIRST else '',
+                f'`{law}`',
+                _share([each for each, _ in inside]),
+                *(shown(ratios(inside, head)) for head in heads),
+                shown(ratios(kept, 'peak |ddq|')),
+                _time_lost([each for each, _ in kept]),
+            ]
+            lines.append(f'| {" | ".join(cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def long_table(results: Sequence[Result]) -> str:
+    """All laws on long tasks, with limits."""
+    heads = [head for head in RATIOS if head != 'RMS |tau|']
+    lines = [
+        '| law | finished | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
+        '| closure [rad] | mean time lost [s] |',
+        '|---|---|---|---|---|---|---|---|',
+    ]
+    for law, found in pairs(results, limited=True).items():
+        closures = [each.closure for each, _ in found if each.finished]
+        cells = [
+            f'`{law}`',
+            _share([each for each, _ in found]),
+            *(shown(ratios(found, head)) for head in heads),
+            f'{np.median(closures):.2f}',
+            _time_lost([each for each, _ in found]),
+        ]
+        lines.append(f'| {" | ".join(cells)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def distances(results: Sequence[Result]) -> dict[Task, float]:
+    """How near each task comes to a singularity under the first law without limits."""
+    return {_task(each): distance(each) for each, _ in pairs(results, limited=False)[FIRST]}
+
+
+def ratios(found: Sequence[Pair], head: str) -> list[float]:
+    """Ratios of a figure of RATIOS, of the tasks that both laws finish."""
+    return [RATIOS[head](law) / RATIOS[head](first) for law, first in _both(found)]
+
+
+def shown(values: Sequence[float]) -> str:
+    """Median and band."""
+    if not len(values):
+        return '–'
+    low, high = np.quantile(values, BAND)
+    return f'{np.median(values):.3g} ({low:.3g}–{high:.3g})'
+
+
+def draw(results: Sequence[Result]) -> Figure:
+    """Ratios of the peaks of acceleration over the distance from singularities, a panel a law."""
+    laws = [law for law in LAWS if law != FIRST]
+    figure = Figure(figsize=(11.0, 6.0), layout='constrained')
+    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    found = {limited: pairs(results, limited) for limited in (False, True)}
+    near = distances(results)
+    for ax, law in zip(axes.flat, laws, strict=False):
+        _draw_law(ax, found[False][law], found[True][law], near, law_colour(law))
+        ax.set_title(law, fontsize='medium')
+        ax.grid(alpha=0.3)
+    axes.flat[-1].axis('off')
+    axes.flat[-1].legend(*axes.flat[0].get_legend_handles_labels(), loc='center')
+    figure.supxlabel('smallest singular value on the way / reach, under minimum_velocity')
+    figure.supylabel(f'peak acceleration / that of {FIRST}')
+    return figure
+
+
+def _draw_law(
+    ax: Axes, free: Sequence[Pair], limited: Sequence[Pair], near: Mapping[Task, float], colour: str
+) -> None:
+    """A point for each task that both laws finish.
+
+    Args:
+        ax: Of the law.
+        free: Without limits.
+        limited: With limits.
+        near: Distance of each task from singularities.
+        colour: Of the law.
+    """
+    for found, style in (
+        (free, {'marker': '.', 'color': colour, 'label': 'without limits'}),
+        (limited, {'marker': 'x', 'color': '0.35', 'label': 'with limits'}),
+    ):
+        x = [near[_task(first)] for _, first in _both(found)]
+        ax.loglog(x, ratios(found, 'peak |ddq|'), ls='', ms=3, alpha=0.6, **style)
+    ax.axhline(1.0, color='0.2', lw=0.8)
+    ax.set(xlim=(1e-4, 1.0), ylim=(1e-2, 1e6))
+
+
+def _both(found: Sequence[Pair]) -> list[Pair]:
+    """Pairs of which both motions finish."""
+    return [pair for pair in found if pair[0].finished and pair[1].finished]
+
+
+def _within(
+    found: Sequence[Pair], lower: float, upper: float, near: Mapping[Task, float]
+) -> list[Pair]:
+    """Pairs of tasks that come that near to a singularity.
+
+    Args:
+        found: All.
+        lower: Least distance from it.
+        upper: Largest one.
+        near: Distance of each task, of the first law without limits.
+    """
+    return [pair for pair in found if lower <= near.get(_task(pair[0]), -1.0) < upper]
+
+
+def _share(results: Sequence[Result]) -> str:
+    """Of those that finish and stay within the limits."""
+    kept = [each.finished and each.within_limits for each in results]
+    return f'{np.mean(kept):.0%}' if kept else '–'
+
+
+def _time_lost(results: Sequence[Result]) -> str:
+    return f'{np.mean([each.time_lost for each in results if each.finished]):.2f}'
+
+
+def _task(result: Result) -> Task:
+    """What distinguishes a task from the others."""
+    return result.case.robot, result.case.task, result.case.seed
+
+
+@cache
+def _reach(robot: str) -> float:
+    return RobotModel.named(robot).reach
+
+
+if __name__ == '__main__':
+    main()
