@@ -107,14 +107,14 @@ class Policy:
         else:
             dq, damped = resolve_one(rows, rates, b, W)
         if not damped:
-            return Solution(dq, J, dx, None, W, levels)
+            return Solution(dq, J, dx, None, W, levels, scale)
         executed = J.dot(dq)
         if np.linalg.norm(dx - executed) > _ROUNDING * np.linalg.norm(dx):
             dq = dq + _escape(state, task, J, dx)
             if self.scaling == 'components':
                 dq = self._unlocked(dq, b, W, [(rows, rates), *levels[1:]], state)
             executed = J.dot(dq)
-        return Solution(dq, J, executed, dx - executed, W, levels)
+        return Solution(dq, J, executed, dx - executed, W, levels, scale)
 
     def constrained(self, free: Solution, state: RobotState, T: float) -> Solution:
         """The velocity within the limits that is nearest to a given one; itself if it keeps them.
@@ -129,8 +129,7 @@ class Policy:
         bounds = self.limits.violated(free.dq, state, T)
         if bounds is None:
             return free
-        scale = self.task.row_scale(state.model)
-        level = scaled(free.J, free.executed, scale)
+        level = scaled(free.J, free.executed, free.scale)
         components = () if self.scaling == 'task' else self._components(state)
         if self._boundary_braking:
             rows = slice(None)
@@ -138,7 +137,7 @@ class Policy:
                 rows = self._first_component(_asked(free.wanted, state), state)
             free, level = self._boundary_braking.applied(free, level, state, rows)
             if components:
-                level = scaled(free.J, free.executed, scale)
+                level = scaled(free.J, free.executed, free.scale)
         levels = [level]
         for J, _ in free.levels[1:]:
             levels.append((J, J.dot(free.dq)))

@@ -104,6 +104,7 @@ class Solution:
         unachieved: (m,), the part that a singularity does not let through; None if there is none.
         W: The metric.
         levels: All tasks in order, with comparable rows, if there are several.
+        scale: (m,), what makes the rows of the first task comparable; None where they are.
         s: The fraction of `executed` that limits allow (task scaling).
         active_limits: 'joint: limit' that acts most, or ''.
         dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
@@ -119,6 +120,7 @@ class Solution:
     unachieved: np.ndarray | None = None
     W: Weight = None
     levels: Sequence[Level] = ()
+    scale: np.ndarray | None = None
     s: float = 1.0
     active_limits: str = ''
     dq_old: np.ndarray | None = None

@@ -375,4 +375,4 @@ def test_a_tick_in_which_limits_act_takes_few_python_calls(model):
         q = command.q_ref
     assert command.active_limits
     assert calls.total() <= 35
-    assert len(calls) <= 14
+    assert len(calls) <= 13
