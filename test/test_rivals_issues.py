@@ -134,6 +134,20 @@ def test_cartesian_controllers_170_a_joint_beyond_its_range_is_not_thrown_back_t
     assert (np.abs(first.q_ref - q) <= step * (1.0 + ROUNDING)).all()
 
 
+def test_franka_ros2_168_references_have_no_discontinuity_however_the_twist_jumps() -> None:
+    """There, libfranka's reflexes ended motions by position references: nothing limited them."""
+    random = np.random.default_rng(0)
+    twists = 0.5 * random.normal(size=(20, 3))  # [m/s], a new one every 100 ticks
+    limits = (*BOX, 'jerk')
+    commands = follow(
+        'fr3', start_of('fr3'), lambda tick, x: twists[tick // 100], 2000, limits=limits
+    )
+    assert_speeds_kept('fr3', commands)
+    accelerations = np.array([np.zeros(7), *(command.ddq for command in commands)])
+    jerk = np.abs(np.diff(accelerations, axis=0)) / T
+    assert (jerk <= np.array(ARMS['fr3'].jerk_limit) * (1.0 + ROUNDING)).all()
+
+
 def test_lbr_fri_ros2_stack_194_noise_at_the_end_of_a_range_ends_no_session() -> None:
     """There, a measurement just beyond the range made the client refuse its own command."""
     arm = 'iiwa7'
