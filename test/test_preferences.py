@@ -14,6 +14,7 @@ from redres_ros import (
     Controller,
     ElbowHeight,
     JointCentering,
+    JointLimitAvoidance,
     Manipulability,
     Posture,
     Preference,
@@ -231,6 +232,36 @@ def test_a_joint_without_limits_has_no_middle(model, task):
 
 
 # --- live -----------------------------------------------------------------------------------------
+
+
+def test_limit_avoidance_acts_beside_an_end_in_the_direction_of_motion_only():
+    model = RobotModel.named('lwr4')
+    preference = JointLimitAvoidance(gain=40.0, margin=0.2, horizon=0.5)
+    middle = (model.q_min + model.q_max) / 2.0
+    beside = model.q_max - 0.3
+
+    def acceleration(q: np.ndarray, dq: float) -> np.ndarray:
+        return preference.acceleration(RobotState(model, q, np.full(7, dq)))
+
+    assert not acceleration(middle, 1.0).any()
+    assert not acceleration(beside, 0.0).any()
+    assert not acceleration(beside, -1.0).any()
+    assert acceleration(beside, 1.0) == pytest.approx(-40.0 * 0.4)
+    assert acceleration(-beside, -1.0) == pytest.approx(40.0 * 0.4)
+
+
+def test_limit_avoidance_takes_a_joint_away_from_its_end_and_leaves_the_tip_where_it_is():
+    model = RobotModel.named('lwr4')
+    controller = Controller(
+        model, make_law('minimum_acceleration'), T, preferences=('joint_limit_avoidance',)
+    )
+    start = np.array(model.arm.start)
+    start[2] = model.q_max[2] - 0.05
+    q = start
+    for _ in range(1000):
+        q = controller.update(q, np.zeros(3)).q_ref
+    assert model.q_max[2] - q[2] > 0.1  # twice the distance of the start
+    assert np.linalg.norm(model.tip(q)[0] - model.tip(start)[0]) < 1e-3  # of open-loop drift
 
 
 def test_preferences_are_changed_without_a_jump(model, task):

@@ -85,6 +85,21 @@ def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
     """limit_scale: on velocities and accelerations; None: without limits."""
     import embodik
 
+    solver = _embodik_solver(arm, T, limit_scale)
+    task = solver.add_frame_task('tip', arm.tip_frame, embodik.TaskType.FRAME_POSITION)
+
+    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        task.set_target_velocity(dx)
+        dq: np.ndarray = solver.solve_velocity_dq(q, limit_scale is not None)
+        return dq
+
+    return velocity
+
+
+def _embodik_solver(arm: Arm, T: float, limit_scale: float | None) -> Any:
+    """As for _embodik()."""
+    import embodik
+
     # Its binding complains at the end of whatever the collector has not cleared away.
     atexit.unregister(gc.freeze)
     with tempfile.NamedTemporaryFile('w', suffix='.urdf') as file:
@@ -99,14 +114,7 @@ def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
         solver.enable_acceleration_limits(True)
         for joint, largest in enumerate(limits.velocity):
             solver.set_joint_velocity_limit(joint, limit_scale * float(largest))
-    task = solver.add_frame_task('tip', arm.tip_frame, embodik.TaskType.FRAME_POSITION)
-
-    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
-        task.set_target_velocity(dx)
-        dq: np.ndarray = solver.solve_velocity_dq(q, limit_scale is not None)
-        return dq
-
-    return velocity
+    return solver
 
 
 def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
@@ -193,3 +201,91 @@ def floors(arm: Arm) -> dict[str, Floor]:
         'kinematics, M and n': dynamics,
         'computeAllTerms': everything,
     }
+
+
+TwistPeer = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""(q, dq, dx) -> q in the next tick; q and dq (n,) [rad], [rad/s], dx (6,) [m/s], [rad/s]."""
+
+
+def twist_peers() -> dict[str, Callable[[Arm, float], TwistPeer]]:
+    """What makes each installed peer follow twists of a pose, with all limits that it has."""
+    missing = missing_peers()
+    made: dict[str, Callable[[Arm, float], TwistPeer]] = {}
+    if 'embodik' not in missing:
+        made['embodik'] = _embodik_twists
+    if not {'pink', 'quadprog'} & set(missing):
+        made['pink'] = _pink_twists
+    if not {'mink', 'daqp'} & set(missing):
+        made['mink'] = _mink_twists
+    return made
+
+
+def _embodik_twists(arm: Arm, T: float) -> TwistPeer:
+    """With least error, which keeps the arm moving where its direction cannot be kept."""
+    import embodik
+
+    solver = _embodik_solver(arm, T, 1.0)
+    task = solver.add_frame_task('tip', arm.tip_frame, embodik.TaskType.FRAME_POSE)
+    task.solve_mode = embodik.TaskSolveMode.MIN_ERROR
+
+    def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        task.set_target_velocity(dx)
+        return q + T * solver.solve_velocity_dq(q, True)
+
+    return follow
+
+
+def _pink_twists(arm: Arm, T: float) -> TwistPeer:
+    """Beside joint ends its acceleration limit has no common solution with the others (its #206);
+    such a tick goes without it.
+    """
+    import pinocchio as pin
+    from pink import Configuration, solve_ik
+    from pink.exceptions import NoSolutionFound
+    from pink.limits import AccelerationLimit
+    from pink.tasks import FrameTask
+
+    model = pin.buildModelFromXML(arm.description())
+    configuration = Configuration(model, model.createData(), pin.neutral(model))
+    task = FrameTask(arm.tip_frame, position_cost=1.0, orientation_cost=1.0)
+    acceleration = AccelerationLimit(model, JointLimits.of(arm).acceleration)
+    usual = [model.configuration_limit, model.velocity_limit]
+    options = {'solver': 'quadprog', 'damping': DAMPING, 'safety_break': False}
+
+    def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        configuration.update(q)
+        tip = configuration.get_transform_frame_to_world(arm.tip_frame)
+        R = pin.exp3(T * dx[3:]) @ tip.rotation
+        task.set_target(pin.SE3(R, tip.translation + T * dx[:3]))
+        acceleration.set_last_integration(dq, T)
+        try:
+            v = solve_ik(configuration, (task,), T, limits=[*usual, acceleration], **options)
+        except NoSolutionFound:
+            v = solve_ik(configuration, (task,), T, limits=usual, **options)
+        return q + T * v
+
+    return follow
+
+
+def _mink_twists(arm: Arm, T: float) -> TwistPeer:
+    """Without a limit on accelerations, which it has not got."""
+    from mink import SE3, SO3, Configuration, FrameTask, solve_ik
+    from mink.limits import ConfigurationLimit, VelocityLimit
+
+    model = _bare_mujoco_model(arm)
+    configuration = Configuration(model)
+    task = FrameTask(arm.tip_frame, 'body', position_cost=1.0, orientation_cost=1.0)
+    limits = JointLimits.of(arm)
+    fastest = dict(zip(limits.joint_names, limits.velocity.tolist(), strict=True))
+    kept = [ConfigurationLimit(model), VelocityLimit(model, fastest)]
+
+    def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        configuration.update(q)
+        tip = configuration.get_transform_frame_to_world(arm.tip_frame, 'body')
+        R = SO3.exp(T * dx[3:]) @ tip.rotation()
+        task.set_target(SE3.from_rotation_and_translation(R, tip.translation() + T * dx[:3]))
+        return q + T * solve_ik(
+            configuration, (task,), T, solver='daqp', damping=DAMPING, limits=kept
+        )
+
+    return follow

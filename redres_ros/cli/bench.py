@@ -11,6 +11,8 @@ from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError, UnknownNameError
 
 _ROUNDS = 100.0  # of the ticks, per second of --duration
+_OPERATED = 40.0  # [s] of simulated teleoperation, per second of --duration
+_USUAL = 'tick,loop'  # the operators take an hour
 
 
 def add(commands: Any) -> None:
@@ -19,19 +21,27 @@ def add(commands: Any) -> None:
         commands,
         'bench',
         'how fast it is on this machine, beside others',
-        '# everything, about six minutes',
+        '# tick and loop, about six minutes',
         '--only tick  # without ROS',
+        '--only teleoperation  # simulated operators, about an hour; without ROS',
         '--only loop --rates 500',
     )
     bench.add_argument(
-        '--only', default=','.join(_PARTS), metavar='A,B,...', help='parts to measure'
+        '--only',
+        default=_USUAL,
+        metavar='A,B,...',
+        help=f'parts to measure: {", ".join(_PARTS)}; default: {_USUAL}',
     )
     bench.add_argument(
         '--duration',
         type=float,
         default=3.0,
         metavar='S',
-        help='time for which each kind of loop is measured at each rate [s]; the ticks scale',
+        help='time for which each kind of loop is measured at each rate [s]; the ticks scale, and '
+        f'each operator steers for {_OPERATED:g} times that',
+    )
+    bench.add_argument(
+        '--seeds', type=int, default=1, metavar='N', help='runs of each operator; default: 1'
     )
     bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
     add_out(bench, 'redres_bench', 'bench.json and logs')
@@ -46,6 +56,8 @@ def _bench(options: argparse.Namespace) -> int:
     options.rates = _numbers(options.rates)
     if not 0.01 <= options.duration <= 3600.0:
         raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
+    if not 1 <= options.seeds <= 100:
+        raise RangeError('--seeds', options.seeds, 1, 100)
     if 'loop' in parts:
         import redres_ros.bench.loop  # noqa: F401, that there is no ROS is to be known at once
     made(options.out, 'bench.json')
@@ -62,16 +74,21 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _tick(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
-    from redres_ros.bench.peers import missing_peers
     from redres_ros.bench.tick import measure_tick
+
+    _name_missing()
+    return measure_tick(max(math.ceil(_ROUNDS * options.duration), 1), progress)
+
+
+def _name_missing() -> None:
+    """Print which peers are not installed."""
+    from redres_ros.bench.peers import missing_peers
+    from redres_ros.files.remedy import remedy
 
     if missing_peers():
         missing = missing_peers()
-        from redres_ros.files.remedy import remedy
-
         command = remedy('bench', *missing)
         print(f'not installed, and left out: {", ".join(missing)}; {command}')
-    return measure_tick(max(math.ceil(_ROUNDS * options.duration), 1), progress)
 
 
 def _loop(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
@@ -80,7 +97,14 @@ def _loop(options: argparse.Namespace, progress: Callable[[float], None]) -> Any
     return measure_loop(options.rates, options.duration, options.out, progress)
 
 
-_PARTS = {'tick': _tick, 'loop': _loop}
+def _teleoperation(options: argparse.Namespace, progress: Callable[[float], None]) -> Any:
+    from redres_ros.bench.teleoperation import measure_teleoperation
+
+    _name_missing()
+    return measure_teleoperation(_OPERATED * options.duration, options.seeds, progress)
+
+
+_PARTS = {'tick': _tick, 'loop': _loop, 'teleoperation': _teleoperation}
 
 
 def _names(text: str) -> list[str]:

@@ -4,12 +4,13 @@ from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
 from redres_ros.parameter import make
 from redres_ros.preferences.compliance import Compliance
-from redres_ros.preferences.joints import JointCentering, Posture
+from redres_ros.preferences.joints import JointCentering, JointLimitAvoidance, Posture
 from redres_ros.preferences.preference import Preference
 from redres_ros.preferences.shape import ElbowHeight, Manipulability
 
 PREFERENCES: dict[str, type[Preference]] = {
     'joint_centering': JointCentering,
+    'joint_limit_avoidance': JointLimitAvoidance,
     'posture': Posture,
     'manipulability': Manipulability,
     'elbow_height': ElbowHeight,
@@ -39,6 +40,7 @@ __all__ = [
     'Compliance',
     'ElbowHeight',
     'JointCentering',
+    'JointLimitAvoidance',
     'Manipulability',
     'Posture',
     'Preference',

@@ -28,6 +28,27 @@ class JointCentering(Preference):
 
 
 @dataclass(frozen=True)
+class JointLimitAvoidance(Preference):
+    """Away from the ends of the joint ranges, ahead of time: ddq_N = -k e.
+
+    e is by how much q + t dq, where the joint will be after the horizon t, is beyond the margin
+    before an end. So it acts on a joint that comes near an end, the earlier the faster it is, and
+    on no other: in mid-range the law is left alone.
+    """
+
+    gain: float = param(40.0, 'k of the auxiliary acceleration [1/s^2]', 0.0, 1e4)
+    margin: float = param(0.26, 'distance from the ends in which it acts at rest [rad]', 0.0, 3.0)
+    horizon: float = param(0.5, 't, how far a motion is predicted [s]', 0.0, 5.0)
+
+    def acceleration(self, state: RobotState) -> np.ndarray:
+        predicted = state.q + self.horizon * state.dq_prev  # (n,) [rad]
+        above = np.maximum(predicted - (state.model.q_max - self.margin), 0.0)
+        below = np.maximum(state.model.q_min + self.margin - predicted, 0.0)
+        ddq_N: np.ndarray = self.gain * (below - above)
+        return ddq_N
+
+
+@dataclass(frozen=True)
 class Posture(Preference):
     """A posture q*: ddq_N = -k (q - q*)."""
 
