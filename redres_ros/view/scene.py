@@ -18,7 +18,9 @@ from redres_ros.view.arm_shapes import FIXED, Shape, shapes_of
 _BLACK = (30, 30, 34)
 _BLUE = (31, 119, 180)
 _RED = (214, 39, 40)
+_PALE_RED = (240, 170, 170)
 _GREEN = (44, 160, 44)
+_THIN = 0.002  # [m] of a plane
 _INSIDE = 0.12  # opacity of what the arm stays in
 _OUTSIDE = 0.2  # of what it stays out of
 _STONE = (150, 153, 160)
@@ -49,7 +51,7 @@ class ArmScene:
         self._model = model
         self._kinematics = model.arm.kinematics()
         self._links: list[viser.FrameHandle] = []
-        self._walls: list[viser.MeshHandle] = []
+        self._walls: list[viser.SceneNodeHandle] = []
         self.meshes: list[tuple[str, viser.MeshHandle]] = []  # of links that move, by their names
         for joint in self._kinematics.joints:
             self._add_link(joint)
@@ -103,11 +105,23 @@ class ArmScene:
             handle.remove()
         self._walls = [self._add_wall(number, wall) for number, wall in enumerate(walls)]
 
-    def _add_wall(self, number: int, wall: DrawnShape) -> viser.MeshHandle:
+    def _add_wall(self, number: int, wall: DrawnShape) -> viser.SceneNodeHandle:
+        x, y, z, w = wall.quaternion
+        if wall.size[2] < _THIN:  # a grid, behind which the arm is seen
+            return self._scene.add_grid(
+                f'/walls/{number}',
+                width=wall.size[0],
+                height=wall.size[1],
+                cell_size=0.1,
+                section_size=0.5,
+                cell_color=_PALE_RED,
+                section_color=_RED,
+                position=wall.centre,
+                wxyz=(w, x, y, z),
+            )
         kind = 'sphere' if wall.kind == SPHERE else 'box'
         size = (wall.size[0] / 2.0,) if wall.kind == SPHERE else tuple(wall.size)
         mesh = _mesh(kind, size)
-        x, y, z, w = wall.quaternion
         return self._scene.add_mesh_simple(
             f'/walls/{number}',
             mesh.vertices,

@@ -112,13 +112,12 @@
     return element;
   };
 
-  const button = (parent, word, code) => {
+  const button = (parent, word, code, narrow) => {
     const element = make('button', parent,
       'flex: 1; padding: 6px 2px; border: 1px solid #228be6; border-radius: 4px; '
       + 'background: white; color: #1c7ed6; font: inherit; touch-action: none; '
-      + 'user-select: none; cursor: pointer;', word);
-    const key = code.slice(-1);
-    element.title = `hold to move; or hold Shift + ${key}`;
+      + 'user-select: none; cursor: pointer;', narrow ? word : `${word} (${code.slice(-1)})`);
+    element.title = `hold to move; or hold Shift + ${code.slice(-1)}`;
     const [row, sign] = KEYS[code];
     element.setAttribute('aria-label', `hold: ${sign > 0 ? '+' : '-'}${'xyzabc'[row]}`);
     element.addEventListener('pointerdown', (event) => {
@@ -138,7 +137,7 @@
     const box = make('div', document.body,
       'position: fixed; z-index: 20; font: 13px/1.4 system-ui, sans-serif; background: white; '
       + 'border: 1px solid #ced4da; border-radius: 6px; box-shadow: 0 1px 4px #0003; '
-      + (narrow ? 'top: 8px; left: 8px; width: 230px;'
+      + (narrow ? 'top: 8px; left: 8px; right: 8px;'
         : 'bottom: 12px; left: 50%; width: 300px; margin-left: -150px;'));
     box.id = 'teleop';
     const head = make('button', box, 'width: 100%; padding: 7px; border: 0; border-radius: 6px; '
@@ -153,13 +152,14 @@
     });
     for (const [minus, plus, axis, back, on] of BUTTONS.slice(0, rows)) {
       const line = make('div', body, 'display: flex; gap: 6px; align-items: center; margin: 4px 0;');
-      button(line, `${minus} (${back.slice(-1)})`, back);
+      button(line, minus, back, narrow);
       make('span', line, 'width: 52px; text-align: center; color: #666;', axis);
-      button(line, `${plus} (${on.slice(-1)})`, on);
+      button(line, plus, on, narrow);
     }
     make('div', body, 'color: #666; font-size: 12px;',
-      'Axes of the base. Hold a button, Shift and the key in brackets, or a shoulder button of a '
-      + 'gamepad with its sticks and triggers. Let go, and the arm comes to rest.');
+      narrow ? 'Axes of the base. Hold a button; let go, and the arm comes to rest.'
+        : 'Axes of the base. Hold a button, Shift and the key in brackets, or a shoulder button of a '
+        + 'gamepad with its sticks and triggers. Let go, and the arm comes to rest.');
     status = make('div', box, 'padding: 0 10px; color: #c92a2a;');
   };
 
