@@ -425,7 +425,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
             'the task',
         )
         chromium.get_by_role('button', name='x', exact=True).dispatch_event('click')
-        await_that(lambda: pushes == [60.0, 0.0], 'the push and its end')
+        await_that(lambda: pushes == [40.0, 0.0], 'the push and its end')
         chromium.get_by_role('button', name='stop', exact=True).dispatch_event('click')
         chromium.get_by_role('button', name='home').dispatch_event('click')
         await_that(
