@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from redres_ros import Controller, RobotModel, make_law
 from redres_ros.contact import AdmittanceSettings, ContactControl, minimum_damping
+from redres_ros.contact.contact_control import ContactError
 from redres_ros.fake_robot.environment import EnvironmentSettings
 from redres_ros.fake_robot.mujoco_arm import MujocoSettings
 from redres_ros.fake_robot.plant import MujocoPlant
@@ -23,7 +24,8 @@ BANDWIDTHS = (100.0, 400.0)  # [rad/s]
 DELAYS = (1, 3, 10)  # cycles
 JUDGED = 0.2  # [s]
 STEADY = 1.0  # [N] of ripple, largest less smallest force
-SEARCHED = 1.25  # factor from one damping to the next
+_LAGS = 20.0  # of delay and servo, in which an oscillation has to fade
+SEARCHED = 1.1  # factor between a damping that is steady and one that is not
 
 
 def main() -> None:
@@ -51,7 +53,7 @@ def main() -> None:
 
 
 def least_damping(arm: str, stiffness: float, bandwidth: float, delay: int, bound: float) -> float:
-    """The least damping at which the force comes to rest [N s/m], sought from twice the bound on.
+    """The least damping at which the force comes to rest [N s/m], below four times the bound.
 
     Args:
         arm: Its name.
@@ -60,10 +62,15 @@ def least_damping(arm: str, stiffness: float, bandwidth: float, delay: int, boun
         delay: From a contact to the response [cycles].
         bound: On the damping [N s/m].
     """
-    damping = 2.0 * bound
-    while damping > 0.02 * bound and ripple(arm, stiffness, bandwidth, delay, damping) < STEADY:
-        damping /= SEARCHED
-    return damping * SEARCHED
+    bouncing = 0.02 * bound
+    steady = 4.0 * bound
+    while steady > SEARCHED * bouncing:
+        damping = float(np.sqrt(bouncing * steady))
+        if ripple(arm, stiffness, bandwidth, delay, damping) < STEADY:
+            steady = damping
+        else:
+            bouncing = damping
+    return steady
 
 
 def ripple(arm: str, stiffness: float, bandwidth: float, delay: int, damping: float) -> float:
@@ -92,17 +99,24 @@ def ripple(arm: str, stiffness: float, bandwidth: float, delay: int, damping: fl
     )
     contact = ContactControl(settings, T)
     on_the_way = [q] * (delay - 1)
-    settles = 0.3 + 7.0 * damping / stiffness + 0.25 * FORCE / (stiffness * settings.search_speed)
+    lag = delay * T + 2.0 / bandwidth
+    settles = 0.3 + _LAGS * lag + 7.0 * damping / stiffness
+    settles += 0.25 * FORCE / (stiffness * settings.search_speed)
     forces = []
     for _ in range(round((settles + JUDGED) / T)):
         state = model.state(plant.q, np.zeros(model.n))
         forces.append((state.R @ plant.wrench[:3])[2])
         contact.sensor.enter(plant.wrench)
-        command = controller.update(plant.q, contact.velocity(np.zeros(3), state))
+        try:
+            velocity = contact.velocity(np.zeros(3), state)
+        except ContactError:
+            return np.inf
+        command = controller.update(plant.q, velocity)
         contact.record(command, np.zeros(3))
         on_the_way.append(command.q_ref)
         plant.step(on_the_way.pop(0))
-    return float(np.ptp(forces[-round(JUDGED / T) :]))
+    last = np.array(forces[-round(JUDGED / T) :])
+    return float(np.ptp(last)) if last.mean() > 0.5 * FORCE else np.inf
 
 
 if __name__ == '__main__':

@@ -1,6 +1,7 @@
 """Takes over what `redres reproduce` found: the claims as a table, the figures as small pictures.
 
 Run it with: redres reproduce && python docs/make_paper.py redres_reproduce
+For the claims on contact: redres reproduce contact && python docs/make_paper.py redres_reproduce
 """
 
 import argparse
@@ -18,7 +19,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('found', type=Path, help='the folder that redres reproduce wrote')
     found = parser.parse_args().found
-    shutil.copy(found / 'claims.csv', DOCS / 'claims.csv')
+    for file in found.glob('*.csv'):
+        shutil.copy(file, DOCS / file.name)
     pictures = DOCS / 'paper'
     pictures.mkdir(exist_ok=True)
     for file in sorted(found.glob('figure_*.png')):

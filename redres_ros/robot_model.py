@@ -1,8 +1,8 @@
 """Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -123,18 +123,27 @@ class RobotState:
 class RobotModel:
     """An arm's model in Pinocchio.
 
-    arm: geometry and dynamics. Raises FileError for a URDF that cannot be used, UnknownNameError
-    for a frame that does not exist.
+    Args:
+        arm: Geometry and dynamics.
+        weight: Whether torques carry the arm. False: the robot does that by itself, n is without
+            gravity, and so are torque limits.
+
+    Raises:
+        FileError: A URDF that cannot be used.
+        UnknownNameError: A frame that does not exist.
     """
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: Arm, *, weight: bool = True) -> None:
         self.arm = arm
+        self._weight = weight
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
             raise FileError(f'{arm.source} is no URDF that can be used: {error}') from None
         if arm.armature:
             self._model.armature[:] = arm.armature
+        if not weight:
+            self._model.gravity = pin.Motion.Zero()
         self._portable_arm = arm.with_text()  # now: later the file may have changed, or be gone
         self._data = self._model.createData()
         self._tip = self._frame(arm.tip_frame)
@@ -151,11 +160,11 @@ class RobotModel:
         self.tau_max = self._model.effortLimit.copy()  # (n,) [Nm]
         self.reach = self._reach()
 
-    def __reduce__(self) -> tuple[type['RobotModel'], tuple[Arm]]:
+    def __reduce__(self) -> tuple[Callable[[Arm], 'RobotModel'], tuple[Arm]]:
         """By its arm, for pickle and copy: a copy of Pinocchio's data would no longer be what
         `_tip_x` and `_tip_R` look at.
         """
-        return type(self), (self._portable_arm,)
+        return partial(type(self), weight=self._weight), (self._portable_arm,)
 
     @property
     def links(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """The claims of the paper: what is measured can also come out otherwise."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,9 @@ from redres_ros.paper.claims import (
     theoretical,
     write_csv,
 )
+from redres_ros.paper.claims.claim import ROUNDING
+from redres_ros.paper.contact import claims as contact
+from redres_ros.paper.contact import second_order
 from redres_ros.paper.runs import Runs
 from redres_ros.paper.saturation import LWR_DAMPED, angle_between, run_benchmark
 
@@ -107,6 +111,42 @@ def test_the_command_draws_measures_and_writes(
     assert drawn == [tmp_path]
     assert f'{len(few)} of {len(few)} claims held' in capsys.readouterr().out
     assert len((tmp_path / 'claims.csv').read_text().splitlines()) == 1 + len(few)
+
+
+def test_the_command_measures_contact_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = (contact.keeps_limits,)
+    monkeypatch.setattr(contact, 'CONTACT_CLAIMS', few)
+    assert main(['reproduce', 'contact', '--out', str(tmp_path)]) == 0
+    assert 'contact: 1 of 1 claims held' in capsys.readouterr().out
+    assert len((tmp_path / 'contact.csv').read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize('law', ['minimum_acceleration', 'dynamically_consistent'])
+def test_the_admittance_is_the_impedance_of_second_order_to_rounding(law: str) -> None:
+    finding = contact.same_as_scheme(law)
+    assert finding.held, finding.measured
+
+
+def test_a_wrong_admittance_is_found_out() -> None:
+    wrong = replace(contact.IMPEDANCE, mass=(5.0, 5.001, 5.0))
+    one = second_order.by_velocity('minimum_acceleration', wrong, second_order.pushed_tip)
+    two = second_order.by_scheme('minimum_acceleration', contact.IMPEDANCE, second_order.pushed_tip)
+    assert np.abs(one.dq - two.dq).max() > ROUNDING
+
+
+@pytest.mark.parametrize('claim', [contact.reactions, contact.keeps_limits])
+def test_what_is_promised_about_contact_holds(runs: Runs, claim: Claim) -> None:
+    finding = claim.measure(runs)
+    assert finding.held, finding.measured
+
+
+def test_the_page_lists_every_claim_about_contact() -> None:
+    page = Path(__file__).resolve().parents[1] / 'docs' / 'contact.csv'
+    with page.open(encoding='utf-8', newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [row['claim'] for row in rows] == [claim.says for claim in contact.CONTACT_CLAIMS]
 
 
 def test_a_motion_of_others_is_as_fast_here_and_straighter() -> None:

@@ -1,87 +1,16 @@
 """An elbow that yields to a push while the tip keeps its force, and comes back."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from test_yielding import EPOCH, LIMITS
 
-from redres_ros import Compliance, Controller, Posture, RobotModel, RobotState, make_law
-from redres_ros.contact import AdmittanceSettings, ContactControl
+from redres_ros import Compliance, Controller, Posture, RobotModel, make_law
 from redres_ros.errors import ArrayError
-from redres_ros.fake_robot.environment import EnvironmentSettings
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings
-from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
+from redres_ros.paper.contact.scenes import PUSH, elbow_direction, elbow_pushed
 
 T = 0.002  # [s]
-FORCE = 20.0  # [N] of the tip
-PUSH = 30.0  # [N] on the elbow
-BEGIN = 1.5  # [s] of the push
-END = 2.5  # [s]
-LAST = 8.5  # [s]
-
-
-class Pushed(NamedTuple):
-    """From the push on: how far the elbow gives (N,) [m], what the tip does (N, 3) [m], and the
-    force of the table (N,) [N].
-    """
-
-    elbow: np.ndarray
-    tip: np.ndarray
-    force: np.ndarray
-
-
-def elbow_direction(state: RobotState) -> np.ndarray:
-    """In which the elbow moves most while the tip rests, (3,)."""
-    J = state.J[:3]
-    P = np.eye(len(state.q)) - np.linalg.pinv(J) @ J
-    U, _, _ = np.linalg.svd(state.jacobian(state.model.elbow_frame)[:3] @ P)
-    direction: np.ndarray = U[:, 0]
-    return direction * np.sign(direction[np.abs(direction).argmax()])
-
-
-def pushed(arm: str, presses: bool) -> Pushed:
-    """The elbow is pushed for a second, while the tip presses on a table or is free.
-
-    Args:
-        arm: Its name.
-        presses: Whether there is a table.
-    """
-    model = RobotModel.named(arm)
-    q0 = np.array(model.arm.start)
-    at_rest = np.zeros(model.n)
-    start = model.state(q0, at_rest)
-    surface = tuple(start.x - np.array((0.0, 0.0, 0.001)))
-    shape = 'table' if presses else 'none'
-    servo = MujocoSettings(servo_bandwidth=400.0)
-    plant = MujocoPlant(model.arm, T, q0, servo, EnvironmentSettings(shape, surface))
-    controller = Controller(
-        model,
-        make_law('minimum_acceleration', damping=10.0),
-        T,
-        limits=LIMITS,
-        preferences=(Compliance(), Posture()),
-    )
-    settings = AdmittanceSettings(
-        enabled=presses, damping=(1e6, 1e6, 1000.0), force=(0.0, 0.0, FORCE)
-    )
-    contact = ContactControl(settings, T)
-    direction = elbow_direction(start)
-    rows = []
-    for t in np.arange(0.0, LAST, T):
-        plant.push(PUSH * direction * (BEGIN <= t < END), model.elbow_frame)
-        state = model.state(plant.q, at_rest)
-        elbow = model.position(plant.q, model.elbow_frame) @ direction
-        rows.append((elbow, *state.x, (state.R @ plant.wrench[:3])[2]))
-        contact.sensor.enter(plant.wrench)
-        controller.measurements = {'external_torques': plant.external_torques}
-        command = controller.update(plant.q, contact.velocity(np.zeros(3), state))
-        contact.record(command, np.zeros(3))
-        plant.step(command.q_ref)
-    table = np.array(rows)[round(BEGIN / T) :]
-    return Pushed(table[:, 0] - table[0, 0], table[:, 1:4] - table[0, 1:4], table[:, 4])
 
 
 @pytest.mark.parametrize(
@@ -89,18 +18,18 @@ def pushed(arm: str, presses: bool) -> Pushed:
     ['fr3', *(pytest.param(arm, marks=pytest.mark.nightly) for arm in ('iiwa7', 'lwr4', 'gen3'))],
 )
 def test_the_elbow_gives_while_the_tip_presses_and_comes_back(arm: str) -> None:
-    run = pushed(arm, presses=True)
+    run = elbow_pushed(arm, presses=True)
     assert run.elbow.max() >= 0.03
     # posture 4 and damping 10 leave exp(-0.42 * 6) = 8 % after six seconds
     assert abs(run.elbow[-1]) < 0.15 * run.elbow.max()
-    assert np.sqrt(np.mean((run.force - FORCE) ** 2)) < 0.05
+    assert run.rms < 0.05
     assert np.linalg.norm(run.tip[:, :2], axis=1).max() < 4e-4
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('arm', ['fr3', 'iiwa7', 'lwr4', 'gen3'])
 def test_the_elbow_gives_while_the_tip_rests_in_free_space(arm: str) -> None:
-    run = pushed(arm, presses=False)
+    run = elbow_pushed(arm, presses=False)
     assert run.elbow.max() >= 0.03
     assert np.linalg.norm(run.tip, axis=1).max() < 2e-4
 

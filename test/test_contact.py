@@ -11,6 +11,13 @@ from redres_ros.contact import Admittance, AdmittanceSettings, ContactControl, m
 from redres_ros.contact.contact_control import ContactError, PayloadError
 from redres_ros.contact.force_sensor import ForceSensor, TareError
 from redres_ros.errors import ArrayError, RangeError
+from redres_ros.paper.contact.step_response import (
+    FORCE,
+    STIFFNESS,
+    analytic,
+    in_the_ideal_loop,
+    on_plant_after,
+)
 
 T = 0.002  # [s]
 MODEL = RobotModel.named('fr3')
@@ -98,21 +105,18 @@ def test_the_rate_is_the_implicit_euler_step_of_mass_damper_and_spring() -> None
 
 
 def test_a_step_of_force_is_answered_like_the_analytic_mass_damper_and_spring() -> None:
-    M = 4.0
-    D = 40.0
-    K = 400.0
-    force = 10.0
-    given = settings(mass=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3)
-    loop = IdealLoop(ContactControl(given, T))
-    x0 = MODEL.tip(Q0)[0]
-    steps = 1000
-    moved = np.array([loop.tick(wrench_along(1, force))[1] - x0[1] for _ in range(steps)])
-    t = T * np.arange(1, steps + 1)
-    sigma = D / (2.0 * M)
-    omega = np.sqrt(K / M - sigma**2)
-    decay = np.exp(-sigma * t) * (np.cos(omega * t) + sigma / omega * np.sin(omega * t))
-    analytic = force / K * (1.0 - decay)
-    assert np.abs(moved - analytic).max() < 0.02 * force / K
+    end = FORCE / STIFFNESS
+    assert np.abs(in_the_ideal_loop() - analytic()).max() < 0.02 * end
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('bandwidth', [100.0, 400.0])
+def test_on_the_plant_servos_that_give_way_are_the_whole_difference(bandwidth: float) -> None:
+    response = on_plant_after(bandwidth)
+    end = FORCE / STIFFNESS
+    assert response.error < 0.02 * end
+    # 0.2 %: the lag of servos that know velocity and acceleration of their reference
+    assert response.unexplained < 0.002 * end
 
 
 @pytest.mark.parametrize('task', ['position', 'pose'])

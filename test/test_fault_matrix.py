@@ -20,9 +20,11 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from lifecycle_msgs.msg import Transition
 from nightly import NIGHTLY
 from reference_judge import ReferenceJudge, judge_graph
+from test_contact_nodes import FORCE, ON, force, mode, table_below
 from virtual_graph import Fault, VirtualRun, virtual_run
-from wire_faults import CHANNELS, FAULTS, Channel, late, lossy, make_fault
+from wire_faults import CHANNELS, FAULTS, WRENCH, Channel, late, lossy, make_fault
 
+from redres_ros.loop.modes import Mode
 from redres_ros.nodes.conversions import to_pose, to_twist
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -62,6 +64,7 @@ ONCE = Cell(Outcome.NONE, 'said once a change, on a reliable topic')
 STAYS = Cell(Outcome.STAYS)
 TWIST_AGE = "behind the robot's clock"
 APART = Cell(Outcome.RESTS, 'the arm does not move')
+STALE = Cell(Outcome.HELD, 'no wrench for 0.05 s')
 PROTECTED = Cell(Outcome.STOPS, 'protective stop')
 
 EXPECTED: dict[tuple[str, str], tuple[Cell, ...]] = {
@@ -145,6 +148,41 @@ EXPECTED: dict[tuple[str, str], tuple[Cell, ...]] = {
         ONCE,
         ONCE,
     ),
+    ('wrench', 'controller'): (
+        STALE,
+        STALE,
+        Cell(Outcome.HELD, 'expected finite values'),
+        Cell(Outcome.HELD, 'a force of 200 N on the tip'),
+        STALE,
+        STALE,
+        STALE,
+        GOES_ON,
+    ),
+}
+
+
+class InContact(NamedTuple):
+    """What goes wrong while the arm yields: parameters of the robot and of the controller, and what
+    is on the controller's log as it comes to hold.
+    """
+
+    sim: dict[str, Any]
+    controller: dict[str, Any]
+    words: str
+
+
+IN_CONTACT = {
+    'the wrench is stale': InContact({'wrench_loss': 1.0}, {}, 'no wrench for 0.05 s'),
+    'the wrench is not finite': InContact(
+        {'wrench_not_finite': True}, {}, 'expected finite values'
+    ),
+    'the wrench is saturated': InContact(
+        {'wrench_range': 10.0}, {'admittance.sensor_range': 10.0}, 'the wrench is saturated'
+    ),
+    'a force above `force_limit`': InContact({'push_force_z': 150.0}, {}, 'the tip has retreated'),
+    'nothing touches any more': InContact(
+        {}, {'admittance.force': [0.0, 0.0, -FORCE]}, 'no contact within 0.05 m'
+    ),
 }
 
 
@@ -152,7 +190,7 @@ def cells() -> list[Any]:
     """Channel, fault, and what is expected, for each cell that can be."""
     return [
         pytest.param(channel, name, cell, id=f'{channel.topic}-{channel.listener}-{name}')
-        for channel in CHANNELS
+        for channel in (*CHANNELS, WRENCH)
         for name, cell in zip(FAULTS, EXPECTED[channel.topic, channel.listener], strict=True)
         if cell.outcome is not Outcome.NONE
     ]
@@ -229,7 +267,9 @@ def test_every_fault_of_every_message_ends_as_the_table_says(
     loop = {'rate': RATE}
     sim = {**loop, 'patience': 0.0, 'plant': 'ideal', 'monitor_time': 0.1}
     moves = channel.topic != 'target_pose'
-    with virtual_run(sim=sim, controller=loop, planner={**loop, 'autostart': moves}) as run:
+    yielding = {'admittance.enabled': True, 'admittance.retreat_distance': 1e-3}
+    controller = {**loop, **yielding} if channel is WRENCH else loop
+    with virtual_run(sim=sim, controller=controller, planner={**loop, 'autostart': moves}) as run:
         judge = judge_graph(run.graph, LIMITS, RATE, 'extrapolate')
         scene = Scene(run)
         run.run(1.5)
@@ -254,6 +294,24 @@ def test_every_fault_of_every_message_ends_as_the_table_says(
         assert not scene.stopped
         scene.assert_nothing_jumped()
         judge.assert_followable()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', IN_CONTACT)
+def test_what_goes_wrong_in_contact_ends_in_a_hold_with_its_reason(name: str) -> None:
+    case = IN_CONTACT[name]
+    with table_below(RATE) as run:
+        assert run.set('controller', **ON)
+        run.run(1.5)
+        gate = run.nodes['controller']._loop.gate
+        assert force(run, 0.1) == pytest.approx(FORCE, abs=1.0)
+        assert run.set('controller', **case.controller)
+        assert run.set('sim', **case.sim)
+        run.run(5.0)
+        assert mode(run) is Mode.HOLDING
+        assert any(case.words in line for node, line in run.graph.log if node == 'controller')
+        assert case.words in run.health('controller').message
+        assert gate.count == 0
 
 
 # --- an arm that does something else --------------------------------------------------------------
@@ -463,12 +521,15 @@ def section() -> str:
     """The page's section with the table, in Markdown."""
     lines = [TEXT]
     lines += [f'| message | {" | ".join(FAULTS)} |', '|---' * (len(FAULTS) + 1) + '|']
-    for channel in CHANNELS:
+    for channel in (*CHANNELS, WRENCH):
         row = EXPECTED[channel.topic, channel.listener]
         shown = ' | '.join(map(_shown, row))
         lines.append(f'| {channel.title} | {shown} |')
     lines += ['', 'Wrong is:', '']
-    lines += [f'- {channel.title}: {channel.wrong_words}' for channel in CHANNELS]
+    lines += [f'- {channel.title}: {channel.wrong_words}' for channel in (*CHANNELS, WRENCH)]
+    lines += ['', 'An arm that presses 20 N on a table comes to hold, and reports why:', '']
+    lines += ['| in contact | on the log and on /diagnostics |', '|---|---|']
+    lines += [f'| {name} | *{case.words}* |' for name, case in IN_CONTACT.items()]
     return '\n'.join(lines) + '\n\n'
 
 

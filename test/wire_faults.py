@@ -214,6 +214,20 @@ CHANNELS = (
     ),
 )
 
+# The controller listens to it while the arm yields.
+WRENCH = Channel(
+    'wrench',
+    'controller',
+    (
+        lambda message: setattr(message.wrench.force, 'x', np.nan),
+        lambda message: setattr(message.wrench.torque, 'z', np.inf),
+        lambda message: setattr(message.header, 'frame_id', 'nose'),
+        lambda message: setattr(message.header.stamp, 'sec', 2**31 - 1),
+    ),
+    lambda message: setattr(message.wrench.force, 'z', 200.0),
+    '200 N that are not there',
+)
+
 FAULTS = ('off', 'stuck', 'garbage', 'wrong', 'slow', 'delayed', 'intermittent', 'reordered')
 
 

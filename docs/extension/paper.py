@@ -1,25 +1,29 @@
 """The claims that are measured, and what came of the latest `redres reproduce`."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from sphinx.errors import ExtensionError
 
 from extension.markdown import plain, table
 from redres_ros.paper.claims import CLAIMS, Claim
-from redres_ros.paper.claims.claim import ASSUMPTION, PAPER, PUBLISHED
+from redres_ros.paper.claims.claim import ASSUMPTION, CONTACT, PAPER, PUBLISHED
+from redres_ros.paper.contact.claims import CONTACT_CLAIMS
 
-RESULTS = Path(__file__).resolve().parents[1] / 'claims.csv'  # copied from its output
-SOURCES = {'paper': PAPER, 'assumption': ASSUMPTION, 'published': PUBLISHED}
+DOCS = Path(__file__).resolve().parents[1]
+SOURCES = {'paper': PAPER, 'assumption': ASSUMPTION, 'published': PUBLISHED, 'contact': CONTACT}
 
 Result = dict[str, str]  # a row of the file
 
 
 def claims(source: str) -> Iterator[str]:
     """The table of claims of one source, in our words, with what was measured."""
-    found = {(row['section'], row['claim']): row for row in _results()}
-    wanted = [claim for claim in CLAIMS if claim.source == SOURCES[source]]
+    every = CONTACT_CLAIMS if source == 'contact' else CLAIMS
+    # copied from the output of `redres reproduce`
+    file = DOCS / ('contact.csv' if source == 'contact' else 'claims.csv')
+    found = {(row['section'], row['claim']): row for row in _results(file, every)}
+    wanted = [claim for claim in every if claim.source == SOURCES[source]]
     results = [(claim, found.get((claim.section, claim.says))) for claim in wanted]
     measured = [result for _, result in results if result]
     held = sum(result['held'] == 'yes' for result in measured)
@@ -28,13 +32,18 @@ def claims(source: str) -> Iterator[str]:
     yield from table(('section', 'claim', 'held?', 'measured'), [_row(*each) for each in results])
 
 
-def _results() -> list[Result]:
-    """What was measured, one row a claim."""
-    with RESULTS.open(encoding='utf-8', newline='') as file:
+def _results(path: Path, claims: Iterable[Claim]) -> list[Result]:
+    """What was measured, one row a claim.
+
+    Args:
+        path: Of the file.
+        claims: That it may hold.
+    """
+    with path.open(encoding='utf-8', newline='') as file:
         results = list(csv.DictReader(file))
-    stale = {row['claim'] for row in results} - {claim.says for claim in CLAIMS}
+    stale = {row['claim'] for row in results} - {claim.says for claim in claims}
     if stale:
-        raise ExtensionError(f'{RESULTS} is of an older run; no such claim: {", ".join(stale)}')
+        raise ExtensionError(f'{path} is of an older run; no such claim: {", ".join(stale)}')
     return results
 
 

@@ -10,6 +10,7 @@ from redres_ros.fake_robot.environment import EnvironmentSettings, add_environme
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
 
+SERVO_GROUP = 1  # of the actuators that act on position and velocity
 SAMPLES = 200  # random positions from which the largest inertia is estimated
 
 
@@ -156,6 +157,7 @@ def _add_actuators(spec: mujoco.MjSpec) -> None:
                 trntype=mujoco.mjtTrn.mjTRN_JOINT,
                 dyntype=dynamics,
                 biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+                group=SERVO_GROUP,
             )
     for joint in spec.joints:
         spec.add_actuator(target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)

@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
 from redres_ros.fake_robot.environment import ContactForce, EnvironmentSettings, contact_forces
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings, joint_range, servo_model
+from redres_ros.fake_robot.mujoco_arm import SERVO_GROUP, MujocoSettings, joint_range, servo_model
 from redres_ros.robots import Arm
 
 
@@ -146,6 +146,20 @@ class MujocoPlant:
         mujoco.mj_step(self._model, self._data, self._substeps)
         self._reference = np.array(q_ref, dtype=np.float64)
         self._velocity = velocity
+
+    def step_torque(self, torque: np.ndarray) -> None:
+        """Move for one cycle without servos, by torques beside those that carry the arm's weight.
+
+        Args:
+            torque: (n,) [Nm].
+        """
+        at_rest = np.zeros(2 * self._model.nq)
+        self._data.ctrl[:] = np.concatenate((at_rest, torque))
+        self._model.opt.disableactuator = 1 << SERVO_GROUP
+        mujoco.mj_step(self._model, self._data, self._substeps)
+        self._model.opt.disableactuator = 0
+        self._reference = self.q
+        self._velocity = self.dq
 
     def check_link(self, link: str) -> None:
         """Raise UnknownNameError for a link that the arm does not have; '' is the tip."""

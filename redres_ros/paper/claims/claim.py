@@ -15,6 +15,7 @@ ROUNDING = 1e-9  # [rad/s] what 'zero up to numerical rounding' means here
 PAPER = 'the paper'
 ASSUMPTION = 'our reading of the paper'
 PUBLISHED = "others' published figures"
+CONTACT = 'contact'
 
 _WIDTH = 118
 
