@@ -42,6 +42,7 @@ def stretched(arm: str) -> tuple[np.ndarray, np.ndarray]:
     q = minimize(
         smallest_singular_value, start, bounds=bounds, options={'ftol': 1e-15, 'gtol': 1e-10}
     ).x
+    q = np.round(q, 5)  # the digits after these change from version to version of the search
     x, _ = model.tip(q)
     return q, x / np.linalg.norm(x)
 
