@@ -16,7 +16,10 @@ from redres_ros.kernels.boxes import (
     VELOCITY,
     fill_boxes,
 )
+from redres_ros.limits import make_limits
 from redres_ros.limits.joint import JerkLimit
+from redres_ros.robot_model import RobotState
+from redres_ros.robots.joint_limits import JointLimits
 
 ALL = ('position', 'velocity', 'acceleration', 'jerk')
 ROUNDING = 1e-9
@@ -212,3 +215,33 @@ def test_an_arm_without_figures_needs_an_argument(model):
     arm = replace(model.arm, acceleration_limit=())
     with pytest.raises(ArrayError, match='jerk'):
         JerkLimit(RobotModel(arm))
+
+
+def test_near_the_ends_of_its_ranges_an_fr3_is_no_faster_than_the_robot_allows() -> None:
+    """To either end, to a velocity, or anywhere, at both positions of a tick; and with no joint
+    left without a velocity.
+    """
+    model = RobotModel.named('fr3')
+    limits = make_limits((*ALL, 'end_speed'), model)
+    robot = JointLimits.of(model.arm)
+    T = 0.001
+    random = np.random.default_rng(0)
+    q = np.array(model.arm.start)
+    dq = np.zeros(model.n)
+    ddq = np.zeros(model.n)
+    for k in range(4000):
+        if k % 50 == 0:
+            target = random.uniform(-5.0, 5.0, model.n)
+        if k % 400 == 0:
+            kind = random.integers(0, 3, model.n)
+        bounds = limits.at(RobotState(model, q, dq, ddq), T)
+        assert bounds.kept
+        lower, upper = bounds.box
+        v = np.select([kind == 0, kind == 1], [upper, lower], np.clip(target, lower, upper))
+        for place in (q, q + T * v):
+            slowest, fastest = robot.velocities_at(place)
+            assert (slowest - ROUNDING <= v).all()
+            assert (v <= fastest + ROUNDING).all()
+        ddq = (v - dq) / T
+        dq = v
+        q = q + T * v

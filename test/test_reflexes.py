@@ -219,7 +219,7 @@ def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
         model,
         make_law(law),
         T,
-        limits=('position', 'velocity', 'acceleration', 'jerk'),
+        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
         limit_gains={'jerk.lost': 2 if lost else 0},
     )
     recording = closed_loop.run(controller, load_task(find_arm('fr3').task))

@@ -105,7 +105,7 @@ class CommandValidator:
         self._acceleration = acceleration
         return (
             self._position_violation(position)
-            or self._velocity_violation(velocity)
+            or self._velocity_violation(position, velocity)
             or self._braking_violation(position, velocity)
             or self._acceleration_violation(np.abs(change) / (self._cycles * self.period))
             or self._jerk_violation(np.abs(jerk))
@@ -124,15 +124,18 @@ class CommandValidator:
             f'{position[j]:.4g} rad, allowed {lower[j]:.4g} to {upper[j]:.4g}',
         )
 
-    def _velocity_violation(self, velocity: np.ndarray) -> str:
-        allowed = self.limits.velocity
+    def _velocity_violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
         if not self._velocity_stops:
             return ''
-        j = _first_false(np.abs(velocity) <= allowed + _ROUNDING)
+        slowest, fastest = self.limits.velocities_at(position)
+        j = _first_false((slowest - _ROUNDING <= velocity) & (velocity <= fastest + _ROUNDING))
         if j is None:
             return ''
         return self._reason(
-            Reflex.VELOCITY, j, f'{velocity[j]:.3g} rad/s, allowed {allowed[j]:.3g}'
+            Reflex.VELOCITY,
+            j,
+            f'{velocity[j]:.3g} rad/s at {position[j]:.4g} rad, '
+            f'allowed {slowest[j]:.3g} to {fastest[j]:.3g}',
         )
 
     def _braking_violation(self, position: np.ndarray, velocity: np.ndarray) -> str:

@@ -10,7 +10,13 @@ from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
 from redres_ros.limits.clearance import ClearanceLimit
 from redres_ros.limits.collision import CollisionLimit
-from redres_ros.limits.joint import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
+from redres_ros.limits.joint import (
+    AccelerationLimit,
+    EndSpeedLimit,
+    JerkLimit,
+    PositionLimit,
+    VelocityLimit,
+)
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.torque import TorqueLimit
@@ -23,6 +29,7 @@ LIMITS: dict[str, type[Limit]] = {
     'velocity': VelocityLimit,
     'acceleration': AccelerationLimit,
     'jerk': JerkLimit,
+    'end_speed': EndSpeedLimit,
     'collision': CollisionLimit,
     'workspace': WorkspaceLimit,
     'torque': TorqueLimit,

@@ -17,6 +17,12 @@ from redres_ros.parameter import param
 # an acceleration 10 and a jerk 9 at 1 kHz.
 _SHOWN = 1.0 - 1e-7
 
+# An arm brakes at its ends with this fraction of the deceleration that the robot counts on. The
+# smaller, the less of the range is lost: offset^2 / (2 (deceleration - that of the arm)).
+_GENTLER = 0.7
+_CYCLE = 1e-3  # [s] of robots that limit velocities by position: they judge a joint one step ahead
+_TOLERANCE = 1e-3  # [rad/s] below their limits, as libfranka's rate limiter
+
 RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
 
 
@@ -230,3 +236,31 @@ class PositionLimit(AccelerationFigures, JointLimit):
     @property
     def figures(self) -> np.ndarray:
         return np.stack((self.q_min, self.q_max, self.A))
+
+
+@dataclass(frozen=True, eq=False)
+class EndSpeedLimit(AccelerationFigures, JointLimit):
+    """A joint near the end of its range is no faster than the robot allows there.
+
+    The robot allows v <= sqrt(2 D d) - v_0 at a distance d. The joint brakes with less than D, with
+    D', and stops before the end, by
+
+        v_0^2 / (2 (D - D')),
+
+    the least for which sqrt(2 D' d') stays below the robot's limit at every speed. It is the limit
+    on positions with these figures. An arm without end_speeds keeps to the ends of its range.
+    """
+
+    order = 3
+    kind = POSITION
+
+    @property
+    def figures(self) -> np.ndarray:
+        if not self.model.arm.end_speeds:
+            return np.stack((self.model.q_min, self.model.q_max, self.A))
+        lower, upper, D, offset = np.array(self.model.arm.end_speeds).T
+        A = np.minimum(self.A, _GENTLER * D)
+        v = offset + _TOLERANCE
+        touching = v * A / (D - A)  # the speed at which both curves touch [rad/s]
+        before = v**2 / (2.0 * (D - A)) + _CYCLE * touching
+        return np.stack((lower + before, upper - before, A))

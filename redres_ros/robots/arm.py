@@ -20,8 +20,27 @@ OF_EACH_JOINT = (
     'effort_limit',
     'acceleration_limit',
     'jerk_limit',
+    'end_speeds',
     'start',
 )  # fields of an arm
+
+
+class EndSpeed(NamedTuple):
+    """How fast a robot allows a joint to be at a distance d from the ends of its range.
+
+    sqrt(2 deceleration d) - offset, at least 0, and at most the velocity limit.
+
+    Attributes:
+        lower: From where d counts [rad].
+        upper: The same.
+        deceleration: [rad/s^2].
+        offset: [rad/s].
+    """
+
+    lower: float
+    upper: float
+    deceleration: float
+    offset: float
 
 
 @dataclass(frozen=True)
@@ -43,6 +62,7 @@ class Arm:
             empty: 0.06 m each.
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
         jerk_limit: Of each joint, (n,) [rad/s^3]; empty: 100 1/s times the acceleration limit.
+        end_speeds: Of each joint, (n,); empty: the robot allows the velocity limit everywhere.
         effort_limit: Of each joint, (n,) [Nm], or [N] of a prismatic one; empty: the URDF's own.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
@@ -64,6 +84,7 @@ class Arm:
     body_radius: tuple[float, ...] = ()
     acceleration_limit: tuple[float, ...] = ()
     jerk_limit: tuple[float, ...] = ()
+    end_speeds: tuple[EndSpeed, ...] = ()
     start: tuple[float, ...] = ()
     task: str = ''
     pose_task: str = ''

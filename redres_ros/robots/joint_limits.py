@@ -6,6 +6,7 @@ import numpy as np
 
 from redres_ros.errors import ArrayError
 from redres_ros.robots import Arm
+from redres_ros.robots.arm import EndSpeed
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +19,7 @@ class JointLimits:
         upper: Positions, (n,) [rad].
         velocity: Either way, (n,) [rad/s].
         acceleration: Either way, (n,) [rad/s^2]; infinite where there is no limit.
+        end_speeds: Of each joint, near the ends of its range; empty: the velocity everywhere.
     """
 
     joint_names: tuple[str, ...]
@@ -25,6 +27,7 @@ class JointLimits:
     upper: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
+    end_speeds: tuple[EndSpeed, ...] = ()
 
     @classmethod
     def of(cls, arm: Arm) -> 'JointLimits':
@@ -44,4 +47,21 @@ class JointLimits:
                 f'acceleration_limit is {arm.acceleration_limit}; expected values above zero'
             )
         names = tuple(joint.name for joint in kinematics.joints)
-        return cls(names, kinematics.lower, kinematics.upper, kinematics.velocity, acceleration)
+        return cls(
+            names,
+            kinematics.lower,
+            kinematics.upper,
+            kinematics.velocity,
+            acceleration,
+            arm.end_speeds,
+        )
+
+    def velocities_at(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the largest velocity at q (n,) [rad], both (n,) [rad/s]."""
+        V = self.velocity
+        if not self.end_speeds:
+            return -V, V
+        lower, upper, deceleration, offset = np.array(self.end_speeds).T
+        down = np.sqrt(2.0 * deceleration * np.maximum(q - lower, 0.0)) - offset
+        up = np.sqrt(2.0 * deceleration * np.maximum(upper - q, 0.0)) - offset
+        return -np.clip(down, 0.0, V), np.clip(up, 0.0, V)

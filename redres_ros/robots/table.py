@@ -10,7 +10,7 @@ import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.robots import defaults
-from redres_ros.robots.arm import FOLDER, OF_EACH_JOINT, Arm
+from redres_ros.robots.arm import FOLDER, OF_EACH_JOINT, Arm, EndSpeed
 
 FEWEST_JOINTS = 3  # of an arm from a URDF
 
@@ -68,6 +68,16 @@ _FR3 = Arm(
     # has the same. The robot ends a motion beyond them.
     acceleration_limit=(10.0,) * 7,
     jerk_limit=(5000.0,) * 7,
+    # Position-based velocity limits, of the same page and computeUpperLimitsJointVelocity().
+    end_speeds=(
+        EndSpeed(-2.7501, 2.7501, 6.0, 0.30),
+        EndSpeed(-1.7918, 1.7918, 2.585, 0.20),
+        EndSpeed(-2.9065, 2.9065, 3.5, 0.20),
+        EndSpeed(-3.0481, -0.1458, 4.0, 0.30),
+        EndSpeed(-2.8101, 2.8101, 17.0, 0.35),
+        EndSpeed(0.54092, 4.5205, 5.5, 0.35),
+        EndSpeed(-3.0196, 3.0196, 17.0, 0.35),
+    ),
     start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',
     pose_task='fr3_pose',
@@ -130,7 +140,9 @@ def find_arm(name: str, **changes: object) -> Arm:
 
 def _with_another_tip(arm: Arm) -> Arm:
     """An arm of the table without its tasks, and without figures of joints beyond its tip."""
-    bare = replace(arm, rotor_inertia=(), acceleration_limit=(), jerk_limit=(), start=())
+    bare = replace(
+        arm, rotor_inertia=(), acceleration_limit=(), jerk_limit=(), end_speeds=(), start=()
+    )
     n = bare.kinematics().n
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
     body_radius = arm.body_radius[: n + 1]
