@@ -108,9 +108,8 @@ def result(case: Case, _: Callable[[float], None] = lambda share: None) -> Resul
     task = load_task(case.task)
     model = RobotModel.named(task.robot)
     law = make_law(case.law, damping=case.damping)
-    recording = run(
-        Controller(model, law, T, limits=case.limits, limit_scale=case.limit_scale), task
-    )
+    controller = Controller(model, law, T, limits=case.limits, limit_scale=case.limit_scale)
+    recording = run(controller, task, greedy=False)  # as the nodes do
     return Result(recording, Effort.of(recording, model))
 
 

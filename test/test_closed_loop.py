@@ -257,7 +257,7 @@ LIMITED = pytest.mark.parametrize(
 @cache
 def limited(law: str, scale: float) -> Recording:
     controller = Controller(MODEL, make_law(law), T, limits=BOX, limit_scale=scale)
-    return run(controller, TASK, greedy=True)
+    return run(controller, TASK)
 
 
 @LIMITED

@@ -316,7 +316,7 @@ def run_case(case: Case, arm: Arm, task: WaypointTask | None) -> Result:
     try:
         model = _model(arm)
         task = task or make_random_task(case.task, model, case.robot, case.seed)
-        recording = run(_controller(case, model, task), task)
+        recording = run(_controller(case, model, task), task, greedy=False)
         return _result(case, recording, model, task)
     except RedresError as error:
         return Result(case, error=str(error), versions=versions())

@@ -47,7 +47,7 @@ def run(
     task: WaypointTask,
     *,
     delay: int = 0,
-    greedy: bool = False,
+    greedy: bool = True,
     switches: Mapping[int, Law] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
@@ -62,7 +62,7 @@ def run(
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
-            leave (planning/path_speed.py).
+            leave; False: brake the path as the planner node does (planning/path_speed.py).
         switches: Tick -> law to go over to.
         progress: Called with the fraction of the nominal duration that is over.
 
@@ -113,9 +113,7 @@ class _Loop:
         greedy: As of PathSpeed.
     """
 
-    def __init__(
-        self, controller: Client, task: WaypointTask, delay: int, greedy: bool = False
-    ) -> None:
+    def __init__(self, controller: Client, task: WaypointTask, delay: int, greedy: bool) -> None:
         self._controller = controller
         self._planner = Planner(task)
         self._speed = PathSpeed(greedy=greedy)

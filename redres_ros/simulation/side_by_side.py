@@ -73,7 +73,7 @@ def compare(
     for each in as_tuple(laws):
         law = make_law(each) if isinstance(each, str) else each
         name = label(law)
-        recordings[name] = run(Controller(model, law, T, limits=limits), task)
+        recordings[name] = run(Controller(model, law, T, limits=limits), task, greedy=False)
         efforts[name] = Effort.of(recordings[name], model)
     if not recordings:
         raise ArrayError('laws is empty; expected at least one')
