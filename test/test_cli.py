@@ -130,7 +130,7 @@ REFUSED = [
     (('--tip', 'hand'), "unknown frame 'hand'; allowed: "),
     (
         ('--limits', 'speed'),
-        "unknown limit 'speed'; allowed: acceleration, collision, jerk, none, ",
+        "unknown limit 'speed'; allowed: acceleration, collision, end_speed, jerk, none, ",
     ),
     (('--limits', 'position,position'), "limit 'position' is named twice; allowed: once"),
     (('--limits', 'none,velocity'), '--limits none,velocity; expected names, or none alone'),

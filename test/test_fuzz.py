@@ -298,7 +298,8 @@ class TestCallbacks:
         for limits in (*descriptor.floating_point_range, *descriptor.integer_range):
             assert limits.from_value <= value <= limits.to_value
         if descriptor.additional_constraints:
-            assert value in descriptor.additional_constraints
+            words = [value] if isinstance(value, str) else value
+            assert all(word in descriptor.additional_constraints for word in words)
 
 
 # --- over DDS -------------------------------------------------------------------------------------

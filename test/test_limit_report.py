@@ -25,10 +25,26 @@ def test_a_joint_at_its_end_is_named_with_the_axis_that_leads_away(scaling):
     command = at_the_end_of_joint_4(scaling)
     said = report(command)
     assert said.limit == 'fr3_joint4: position'
-    away = command.J[:3, 3]  # of the joint, upward
-    axis = int(np.abs(away).argmax())
-    assert said.away == ('+' if away[axis] > 0.0 else '-') + 'xyz'[axis]
+    upward = np.linalg.pinv(command.J)[3, :3]  # of the joint, for a tip along each axis
+    axis = int(np.abs(upward).argmax())
+    assert said.away == ('+' if upward[axis] > 0.0 else '-') + 'xyz'[axis]
     assert ('translation' in said.scaling) == (scaling == 'components')
+
+
+@pytest.mark.parametrize('seed', [2, 8, 48])  # joints would move the tip along z, y and z
+def test_a_wall_is_left_along_its_normal_whatever_posture_the_arm_has(seed):
+    model = RobotModel.named('fr3')
+    arm = model.arm
+    q = np.array(arm.start) + np.random.default_rng(seed).uniform(-0.8, 0.8, model.n)
+    q = np.clip(q, model.q_min + 0.1, model.q_max - 0.1)
+    x, _ = model.tip(q)
+    wall = {'workspace.half_spaces': (1.0, 0.0, 0.0, float(x[0]) + 1e-4)}
+    limits = {'limits': (*BOX, 'workspace'), 'limit_gains': wall}
+    controller = Controller(model, 'minimum_velocity', 0.002, task='pose', **limits)
+    command = controller.update(q, np.array((0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    said = report(command)
+    assert said.limit.endswith('workspace')
+    assert said.away == '-x'
 
 
 def test_a_text_is_read_as_it_was_written():

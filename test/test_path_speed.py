@@ -28,8 +28,10 @@ def test_the_speed_falls_with_what_is_executed_and_not_suddenly() -> None:
 
 def test_the_speed_rises_again_with_a_limited_acceleration() -> None:
     """From half the speed the rest takes sqrt(2 0.5 / RESUME)."""
-    speed = PathSpeed(0.5)
-    fractions = [0.5]
+    speed = PathSpeed()
+    while speed.fraction > 0.5:
+        speed.advance(0.5, T)  # limits act
+    fractions = [speed.fraction]
     while fractions[-1] < 1.0:
         speed.advance(1.0, T)
         fractions.append(speed.fraction)

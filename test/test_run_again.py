@@ -163,7 +163,7 @@ def test_a_target_on_the_way_home_is_refused() -> None:
         run.graph.publish('target_pose', to_pose(0, '', np.array((0.3, 0.3, 0.5)), np.eye(3)))
         run.run(0.1)
         assert state(run) is TaskState.HOMING
-        assert any('planner/stop ends it' in line for _, line in run.graph.log)
+        assert any('planner/stop ends that' in line for _, line in run.graph.log)
 
 
 def test_an_obstacle_on_the_way_home_is_not_hit_and_named() -> None:

@@ -16,6 +16,7 @@ _AXES = ('x', 'y', 'z')
 _SEPARATOR = '; '
 _AWAY = 'away'
 _S = 's'
+_SINGULAR = 0.01  # of the largest singular value; along directions below it the tip hardly moves
 
 
 class LimitReport(NamedTuple):
@@ -74,10 +75,12 @@ def read(text: str) -> LimitReport:
 
 
 def _axis_away(command: Command) -> str:
-    """The axis along which the tip moves if the joints leave the limit."""
+    """The axis along which the tip leaves the limit."""
     if command.escape is None or len(command.J) < len(_AXES):
         return ''
-    direction = command.J[: len(_AXES)].dot(command.escape)  # (3,)
+    # The velocity v of the tip whose least joint motion J^+ v leaves the limit fastest.
+    v, *_ = np.linalg.lstsq(command.J.T, command.escape, _SINGULAR)
+    direction = v[: len(_AXES)]
     if not direction.any():
         return ''
     axis = int(np.abs(direction).argmax())

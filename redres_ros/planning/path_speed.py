@@ -15,13 +15,13 @@ class PathSpeed:
     the law a null space in which joints calm down. A sudden s, of a few ticks, changes little.
 
     Args:
-        fraction: To begin with; 0: from a standstill.
+        fraction: To begin with; below 1 it rises at once: no limit has acted.
         greedy: Always the nominal speed.
     """
 
     def __init__(self, fraction: float = 1.0, greedy: bool = False) -> None:
         self.fraction = 1.0 if greedy else fraction
-        self._rate = 0.0  # [1/s] at which it rises
+        self._rate = FALL if self.fraction < 1.0 else 0.0  # [1/s] at which it rises
         self._greedy = greedy
 
     def advance(self, s: float, seconds: float) -> None:
