@@ -129,6 +129,7 @@ def test_the_arm_wipes_a_table_with_the_force_of_its_spring(tmp_path: Path) -> N
     done = demo(tmp_path, *IN_LOCKSTEP, '--task', 'wipe', '--save', str(tmp_path / 'run.mcap'))
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / 'contact.png').stat().st_size > 0
+    assert 'pressing with 20' in ' '.join(done.stdout.split())
     rows = motion(tmp_path)
     slides = (column(rows, 't') > 3.5) & (column(rows, 't') < 8.5)
     depth = 0.5403 - column(rows, 'z')[slides]

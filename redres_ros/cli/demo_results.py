@@ -12,7 +12,7 @@ from redres_ros.cli.parser import OptionError
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.options import DemoOptions
-    from redres_ros.demo.outcome import Outcome
+    from redres_ros.demo.outcome import MotionFigures, Outcome
     from redres_ros.robot_model import RobotModel
 
 _PAGE = '.html'
@@ -74,8 +74,7 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
         return ''
     acceleration, at = outcome.motion.acceleration
     text = (
-        'The arm finished the task, at most '
-        f'{1e3 * outcome.motion.path_deviation[0]:.1f} mm off its path. '
+        f'The arm finished the task, {_how_well(outcome, outcome.motion)}. '
         f'The joint acceleration peaked at {acceleration:.1f} rad/s² after {at:.1f} s.'
     )
     if is_papers and options.law != 'minimum_velocity':
@@ -84,6 +83,16 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
             'velocity in every cycle, and is stopped.'
         )
     return text
+
+
+def _how_well(outcome: 'Outcome', motion: 'MotionFigures') -> str:
+    """How far the tip was from its path; in contact, where it is to give way, the force."""
+    import numpy as np
+
+    forces = np.linalg.norm(outcome.forces[:, 1:], axis=1)
+    if forces.any():
+        return f'pressing with {np.median(forces[forces > 0.0]):.1f} N (median) while it touched'
+    return f'at most {1e3 * motion.path_deviation[0]:.1f} mm off its path'
 
 
 def check_files(paths: Iterable[Path]) -> None:
