@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
@@ -17,7 +18,7 @@ PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'li
 def outcome(**given: Any) -> Any:
     motion = SimpleNamespace(path_deviation=(0.0004, 3.0), acceleration=(8.7, 7.3))
     usual = {'motion': motion, 'interrupted': False, 'stop_reason': '', 'succeeded': True}
-    return SimpleNamespace(**{**usual, **given})
+    return SimpleNamespace(**{'forces': np.zeros((0, 4)), **usual, **given})
 
 
 def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel) -> None:
@@ -31,6 +32,7 @@ def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel)
     ('given', 'words'),
     [
         ({}, ('finished the task', '0.4 mm', '8.7 rad/s²', 'minimum_velocity')),
+        ({'forces': np.array([(2.0, 0.0, 0.0, -21.5)])}, ('finished the task', '21.5 N')),
         ({'stop_reason': 'acceleration of A1', 'succeeded': False}, ('stopped', 'limits')),
         ({'stop_reason': 'timing: 6 missed', 'succeeded': False}, ('too busy', '--lockstep')),
     ],
