@@ -31,6 +31,7 @@ NEAR = (0.0, 0.03, 1.0)  # the same, for the table of all laws
 BAND = (0.1, 0.9)  # quantiles
 LESS = 0.8  # ratio to the first law that makes a difference
 MORE = 1.25
+HEADS = tuple(head for head in RATIOS if head != 'RMS |tau|')  # of the columns of a table
 
 Task = tuple[str, str, int]  # arm, kind, seed
 Pair = tuple[Result, Result]  # of one task: under a law, and under the first one
@@ -109,7 +110,6 @@ def default_table(results: Sequence[Result]) -> str:
 
 def table(results: Sequence[Result]) -> str:
     """All laws, far from singularities and near them; accelerations also with limits."""
-    heads = [head for head in RATIOS if head != 'RMS |tau|']
     lines = [
         '| σ_min / reach | law | within limits | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
         '| limits on: peak ‖q̈‖ | mean time lost [s] |',
@@ -126,7 +126,7 @@ def table(results: Sequence[Result]) -> str:
                 f'{lower:g}–{upper:g}' if law == FIRST else '',
                 f'`{law}`',
                 _share([each for each, _ in inside]),
-                *(shown(ratios(inside, head)) for head in heads),
+                *(shown(ratios(inside, head)) for head in HEADS),
                 shown(ratios(kept, 'peak |ddq|')),
                 _time_lost([each for each, _ in kept]),
             ]
@@ -136,7 +136,6 @@ def table(results: Sequence[Result]) -> str:
 
 def long_table(results: Sequence[Result]) -> str:
     """All laws on long tasks, with limits."""
-    heads = [head for head in RATIOS if head != 'RMS |tau|']
     lines = [
         '| law | finished | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
         '| closure [rad] | mean time lost [s] |',
@@ -147,7 +146,7 @@ def long_table(results: Sequence[Result]) -> str:
         cells = [
             f'`{law}`',
             _share([each for each, _ in found]),
-            *(shown(ratios(found, head)) for head in heads),
+            *(shown(ratios(found, head)) for head in HEADS),
             f'{np.median(closures):.2f}',
             _time_lost([each for each, _ in found]),
         ]
