@@ -61,8 +61,8 @@ class ReferenceJudge:
         period: The robot's cycle T [s].
         bridging: What the robot does in a cycle without a reference: 'hold' or 'extrapolate'.
         dynamic: Whether velocity and acceleration are judged; not with `limits: none`.
-        complete: Whether every reference is seen. Else those after a gap are judged by range and
-            mean velocity alone.
+        complete: Whether every reference is seen. Else the first one, which may be of a moving
+            arm, and those after a gap are judged by range and mean velocity alone.
     """
 
     def __init__(
@@ -218,7 +218,7 @@ class ReferenceJudge:
         lowest = np.minimum(limits.lower, last)
         highest = np.maximum(limits.upper, last)
         outside = np.maximum(r - highest, lowest - r)
-        if cycles > 1 and not self._complete:
+        if not self._complete and (cycles > 1 or self._last is None):
             self._judge_excess('range', stamp, cycles, outside)
             self._judge_excess('velocity', stamp, cycles, np.abs(r - last) - cycles * self._step)
             self._v_is_known = False

@@ -21,8 +21,8 @@ BOTH = pytest.mark.parametrize('bridging', ['hold', 'extrapolate'])
 class Publisher:
     """Publishes references of joint a, one a cycle."""
 
-    def __init__(self, bridging: str) -> None:
-        self.judge = ReferenceJudge(LIMITS, T, bridging)
+    def __init__(self, bridging: str, *, complete: bool = True) -> None:
+        self.judge = ReferenceJudge(LIMITS, T, bridging, complete=complete)
         self.cycle = 100
         self.q = 0.0  # [rad]
 
@@ -52,6 +52,17 @@ def test_the_fastest_allowed_motion_is_well(bridging: str) -> None:
     arm.accelerate(0.99 * V)
     arm.to(arm.q + V * T)
     assert arm.rules == set()
+
+
+@BOTH
+def test_a_judge_who_comes_late_takes_the_first_velocity_as_it_is(bridging: str) -> None:
+    arm = Publisher(bridging, complete=False)
+    arm.judge.enter_state(round(1e9 * T * (arm.cycle + 1)), np.zeros(2))
+    for cycle in range(1, 5):  # the reference is ahead of the measurement by more than A T^2
+        arm.to(0.9 * V * T * cycle)
+    assert arm.rules == set()
+    arm.to(arm.q + 0.9 * V * T - 1.001 * A * T**2)
+    assert arm.rules == {'acceleration'}
 
 
 def too_fast(arm: Publisher) -> None:
