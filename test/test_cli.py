@@ -193,6 +193,17 @@ def test_what_is_no_name_of_a_topic_is_refused(words, capsys):
     assert 'expected a topic, as joint_states' in capsys.readouterr().err
 
 
+def test_a_name_that_is_too_long_for_the_graph_is_refused(capsys):
+    with pytest.raises(SystemExit, match='2'):
+        main(['watch', '--namespace', 'x' * 121])
+    assert 'got 121 characters; expected at most 120' in capsys.readouterr().err
+
+
+def test_a_kind_of_tasks_without_their_number_is_refused(capsys):
+    assert main(['compare', '--kind', 'long']) == 1
+    assert 'expected --tasks N beside it' in capsys.readouterr().err
+
+
 def test_an_empty_value_is_blamed_on_its_own_option(capsys):
     with pytest.raises(SystemExit, match='2'):
         main(['simulate', '--law', ''])

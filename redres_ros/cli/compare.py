@@ -66,9 +66,9 @@ def add(commands: Any) -> None:
     )
     many.add_argument(
         '--kind',
-        default='random',
         metavar='KIND|FILE.yaml,...',
-        help='of these tasks: random, near_singular, long (a minute there and back), or task files',
+        help='of these tasks: random (default), near_singular, long (a minute there and back), or '
+        'task files',
     )
     loop = add_loop(compare)
     add_pictures_out(loop, 'redres_compare', 'plots and data')
@@ -76,7 +76,11 @@ def add(commands: Any) -> None:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    return _compare_one(options) if options.tasks is None else _compare_many(options)
+    if options.tasks is not None:
+        return _compare_many(options)
+    if options.kind is not None:
+        raise OptionError(f'--kind {options.kind} is of many tasks; expected --tasks N beside it')
+    return _compare_one(options)
 
 
 def _compare_many(options: argparse.Namespace) -> int:
@@ -98,7 +102,7 @@ def _compare_many(options: argparse.Namespace) -> int:
     check_gains(options, in_use(options, *(each.name for each in contenders.values())))
     tasks = [
         (kind, seed)
-        for kind in options.kind.split(',')
+        for kind in (options.kind or 'random').split(',')
         for seed in range(options.tasks if kind in RANDOM_TASKS else 1)
     ]
     cases = [

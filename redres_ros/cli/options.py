@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.parser import NONE, Parser
-from redres_ros.errors import RangeError
+from redres_ros.errors import RangeError, quoted
 
 if TYPE_CHECKING:
     from redres_ros.cli.gains import Gain
@@ -18,6 +18,7 @@ GAINS_HELP = '--help-gains'
 
 _LONGEST = 1e6  # [s]
 _NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
+_LONGEST_NAME = 120  # characters; DDS takes 247 for a namespace and a topic in it
 
 
 def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) -> None:
@@ -292,12 +293,25 @@ def add_namespace(parser: argparse.ArgumentParser) -> None:
 
 def topic_name(text: str) -> str:
     """A topic's name as it is. Raises argparse's own error."""
-    if not re.fullmatch(f'/?{_NAMES}', text, re.ASCII):
-        raise argparse.ArgumentTypeError(f'{text!r}; expected a topic, as joint_states')
-    return text
+    return _checked_name(text, f'/?{_NAMES}', 'a topic, as joint_states')
 
 
 def _namespace(text: str) -> str:
-    if not re.fullmatch(f'/?({_NAMES})?', text, re.ASCII):
-        raise argparse.ArgumentTypeError(f'{text!r}; expected names with / between them, as left')
+    return _checked_name(text, f'/?({_NAMES})?', 'names with / between them, as left')
+
+
+def _checked_name(text: str, pattern: str, expected: str) -> str:
+    """A name of the graph as it is. Raises argparse's own error.
+
+    Args:
+        text: The name.
+        pattern: What it has to match.
+        expected: The same in words.
+    """
+    if not re.fullmatch(pattern, text, re.ASCII):
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
+    if len(text) > _LONGEST_NAME:
+        raise argparse.ArgumentTypeError(
+            f'got {len(text)} characters; expected at most {_LONGEST_NAME}'
+        )
     return text
