@@ -100,6 +100,7 @@ class Controller:
         self.bridging = bridging
         self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences
         self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
+        self.longest_gap = 1  # the same, once on the way to the end of a range
         self.moving = True  # whether the policy is followed, or being faded in; not after hold()
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
         policy = make_policy(
@@ -350,6 +351,7 @@ class Controller:
         at = q if self._policy.limits is None else start
         state = RobotState(self.model, at, dq_prev, ddq_prev)
         state.gap = self.gap
+        state.longest_gap = self.longest_gap
         state.measurements = self.measurements
         state.correction = correction
         motion = self._motion_at(state, (missed + 1) * self.T)

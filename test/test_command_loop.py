@@ -289,6 +289,28 @@ def test_after_seconds_of_silence_a_reference_that_is_held_is_the_same(
     np.testing.assert_array_equal(answer.command.q_ref, reference)
 
 
+@pytest.mark.parametrize('before_the_gap', range(100, 400, 30))
+def test_a_robot_that_goes_on_by_itself_in_a_gap_does_not_leave_its_range(
+    before_the_gap: int,
+) -> None:
+    longest = 20  # cycles
+    robot = limited(restart_after=longest)
+    model = RobotModel.named('lwr4_paper')
+    to_the_ends = np.sign(START) * model.dq_max
+    for cycle in range(before_the_gap + 400):
+        if 0 <= cycle - before_the_gap < longest:
+            robot.cycle += 1
+            robot.q = robot.q + (robot.references[-1] - robot.references[-2])
+        else:
+            robot.ask()
+            with contextlib.suppress(TwistAgeError):  # right after the gap
+                robot.following.enter_joint_velocity(0, to_the_ends, robot.now)
+        assert (robot.q <= model.q_max).all()
+        assert (robot.q >= model.q_min).all()
+    assert robot.following.gate.count == 0
+    assert robot.following.error == ''
+
+
 def test_of_two_answers_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
     robot = at_speed(bridging='hold')
     before = robot.q

@@ -50,7 +50,8 @@ class Joints:
     def box(self) -> tuple[np.ndarray, np.ndarray, bool]:
         boxes = np.empty((5, 2, len(self.q)))
         v = self.v
-        kept, _ = fill_boxes(v, self.q, v, self.a, self.T, self.kinds, self.figures, boxes)
+        figures = self.figures
+        kept, _ = fill_boxes(v, self.q, v, self.a, self.T, self.kinds, figures, boxes, 1.0, 1.0)
         return *boxes[-1], kept
 
     def move(self, v: np.ndarray) -> None:

@@ -13,6 +13,7 @@ from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
 from redres_ros.resolution import resolve
+from redres_ros.robot_model import RobotState
 
 T = 0.002  # [s]
 EVERY_PERIOD = pytest.mark.parametrize('T', [0.0005, 0.001, 0.002, 0.01])
@@ -84,6 +85,29 @@ def test_from_every_speed_that_stops_in_time_the_next_tick_has_one(T):
         v = stopping_speed(d, A, T) * (1.0 if random.random() < 0.5 else random.uniform(-1.0, 1.0))
         after = stopping_speed(d - T * v, A, T)
         assert v - A * T <= after + 1e-12 / T  # d has 16 digits, d / T thirteen
+
+
+@pytest.mark.parametrize('gap', [1, 3])
+@pytest.mark.parametrize('names', [BOXES, (*BOXES, 'jerk')])
+def test_with_distance_left_for_a_gap_the_box_of_the_next_tick_is_never_empty(names, gap):
+    model = RobotModel.named('fr3')
+    limits = make_limits(names, model)
+    random = np.random.default_rng(0)
+    q = np.array(model.arm.start)
+    dq = np.zeros(model.n)
+    ddq = dq
+    for tick in range(4000):
+        state = RobotState(model, q, dq, ddq)
+        state.gap = gap
+        state.longest_gap = 12
+        bounds = limits.at(state, T)
+        assert bounds.kept
+        if tick % 300 == 0:
+            towards = random.random(model.n) < 0.5
+        new = np.where(towards, *bounds.box)
+        ddq = (new - dq) / T
+        dq = new
+        q = q + T * dq
 
 
 # --- each limit -----------------------------------------------------------------------------------

@@ -22,6 +22,29 @@ JERK = 4  # J [rad/s^3], A [rad/s^2], and the changes J T by which A is lowered
 _FIGURES = types.Array(types.float64, 3, 'C')
 
 
+@part
+def speed_to_stop(d: float, A: float, T: float, first: float) -> float:
+    """As stopping_speed(), for a joint that goes on at its speed for some ticks before it brakes.
+
+    Args:
+        d: As of stopping_speed().
+        A: The same.
+        T: The same.
+        first: These ticks, at least 1; not of a joint that comes back.
+    """
+    if not np.isfinite(d):
+        return d
+    if d < 0.0:
+        first = 1.0
+    way = abs(d)
+    if not np.isfinite(A):
+        return d / (first * T)
+    step = A * T
+    h = 2.0 * first - 1.0
+    N = np.floor((np.sqrt(h * h + 8.0 * way / (step * T)) - h) / 2.0)  # ticks beside the first
+    return np.copysign((way / T + step * N * (N + 1.0) / 2.0) / (first + N), d)
+
+
 @compiled(float64(float64, float64, float64))
 def stopping_speed(d: float, A: float, T: float) -> float:
     """beta(d), the largest speed from which a joint stops within the distance d.
@@ -38,17 +61,7 @@ def stopping_speed(d: float, A: float, T: float) -> float:
     Returns:
         The speed [rad/s].
     """
-    if d < 0.0:
-        return -stopping_speed(-d, A, T)
-    if not np.isfinite(d):
-        return d
-    if not np.isfinite(A):
-        return d / T
-    step = A * T
-    N = np.floor(
-        (np.sqrt(1.0 + 8.0 * d / (step * T)) - 1.0) / 2.0
-    )  # ticks it takes beside the first
-    return (d / T + step * N * (N + 1.0) / 2.0) / (N + 1.0)
+    return speed_to_stop(d, A, T, 1.0)
 
 
 @compiled(float64(*(float64,) * 5))
@@ -89,7 +102,7 @@ def braking_distance(v: float, a: float, A: float, J: float, T: float) -> float:
 
 
 @part
-def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float) -> float:
+def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float, first: float) -> float:
     """By how much a joint that takes a velocity stops beyond the end, [rad]; negative: before.
 
     Args:
@@ -99,9 +112,10 @@ def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float) -> 
         A: Largest acceleration [rad/s^2].
         J: Largest jerk [rad/s^3].
         T: Sampling time [s].
+        first: Ticks for which it goes on at that velocity.
     """
     a = (dq - dq_prev) / T
-    left = d - T * dq
+    left = d - first * T * dq
     rising = max(a, 0.0)
     w = max(dq, 0.0) + rising * (rising / J + T)
     if w * (w / A + (rising + 2.0 * A) / J + 2.0 * T) <= left:  # far from the end
@@ -111,7 +125,14 @@ def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float) -> 
 
 @part
 def largest_speed(
-    d: float, lower: float, upper: float, dq_prev: float, A: float, J: float, T: float
+    d: float,
+    lower: float,
+    upper: float,
+    dq_prev: float,
+    A: float,
+    J: float,
+    T: float,
+    first: float,
 ) -> float:
     """The largest velocity in [lower, upper] from which a joint stops before the end, [rad/s].
 
@@ -123,6 +144,7 @@ def largest_speed(
         A: Largest acceleration [rad/s^2].
         J: Largest jerk [rad/s^3].
         T: Sampling time [s].
+        first: Ticks for which it goes on at a velocity before it brakes.
 
     Returns:
         The velocity; infinity if all do, -infinity if none does. Beyond the end, the velocity
@@ -130,16 +152,17 @@ def largest_speed(
     """
     side = 1.0
     if d < -_ENOUGH / T:
+        first = 1.0
         side = -1.0
         d = -d
         dq_prev = -dq_prev
         most = -lower
         lower = -upper
         upper = most
-    beyond = stops(upper, d, dq_prev, A, J, T)
+    beyond = stops(upper, d, dq_prev, A, J, T, first)
     if not beyond > 0.0:
         return side * np.inf
-    before = stops(lower, d, dq_prev, A, J, T)
+    before = stops(lower, d, dq_prev, A, J, T, first)
     if before > 0.0:
         return side * (lower if before < _ENOUGH else -np.inf)
     for count in range(_MOST_GUESSES):  # Illinois, and bisection every third time
@@ -147,7 +170,7 @@ def largest_speed(
             break
         share = 0.5 if count % 3 == 2 else before / (before - beyond)
         guess = lower + min(max(share, 0.01), 0.99) * (upper - lower)
-        value = stops(guess, d, dq_prev, A, J, T)
+        value = stops(guess, d, dq_prev, A, J, T, first)
         if value > 0.0:
             upper = guess
             beyond = value
@@ -168,6 +191,8 @@ def box_of_joint(
     jerk: tuple[float, float, float],
     box: tuple[float, float],
     T: float,
+    gap: float,
+    first: float,
 ) -> tuple[float, float]:
     """The least and the largest velocity of joint i under one limit [rad/s].
 
@@ -182,6 +207,8 @@ def box_of_joint(
             acceleration [rad/s^2] that goes with it; by how much that is lowered [rad/s^2].
         box: What the limits before allow [rad/s].
         T: Sampling time [s].
+        gap: As of fill_boxes().
+        first: The same.
     """
     dq_prev, ddq_prev = last
     J, A_most, lowered = jerk
@@ -198,15 +225,17 @@ def box_of_joint(
         return least, dq_prev + T * stopping_speed(V - dq_prev, J, T)
     if kind == VELOCITY:  # |dq| <= V
         return -figures[k, 0, i], figures[k, 0, i]
-    if kind == POSITION and J < np.inf:
-        A = min(figures[k, 2, i], A_most)
-        lower, upper = box
-        least = -largest_speed(q - figures[k, 0, i], -upper, -lower, -dq_prev, A, J, T)
-        return least, largest_speed(figures[k, 1, i] - q, lower, upper, dq_prev, A, J, T)
     if kind == POSITION:  # -beta(q - q_min) <= dq <= beta(q_max - q)
-        A = figures[k, 2, i]
-        least = -stopping_speed(q - figures[k, 0, i], A, T)
-        return least, stopping_speed(figures[k, 1, i] - q, A, T)
+        # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops
+        # within d from the speed from which it otherwise stops within d / gap.
+        below = (q - figures[k, 0, i]) / gap
+        above = (figures[k, 1, i] - q) / gap
+        A = min(figures[k, 2, i], A_most)
+        if J < np.inf:
+            lower, upper = box
+            least = -largest_speed(below, -upper, -lower, -dq_prev, A, J, T, first)
+            return least, largest_speed(above, lower, upper, dq_prev, A, J, T, first)
+        return -speed_to_stop(below, A, T, first), speed_to_stop(above, A, T, first)
     return figures[k, 0, i], figures[k, 1, i]
 
 
@@ -259,7 +288,8 @@ def within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
 @direct
 @compiled(
     several(boolean, boolean)(
-        *(vector(), vector(), vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES)
+        *(vector(), vector(), vector(), vector(), float64, vector(int64), _FIGURES, _FIGURES),
+        *(float64, float64),
     )
 )
 def fill_boxes(
@@ -271,6 +301,8 @@ def fill_boxes(
     kinds: np.ndarray,
     figures: np.ndarray,
     boxes: np.ndarray,
+    gap: float,
+    first: float,
 ) -> tuple[bool, bool]:
     """Write the box of each limit, and last the one that is in all of them.
 
@@ -286,6 +318,8 @@ def fill_boxes(
         kinds: (k,) what each limit is.
         figures: (k, 3, n) of each limit.
         boxes: (k + 1, 2, n) receives them.
+        gap: Cycles between two commands, with which a joint must be able to stop.
+        first: Of these so many cycles, or 1, may pass before the next command.
 
     Returns:
         Whether they have something in common in every joint; and whether dq is in all of them.
@@ -308,7 +342,7 @@ def fill_boxes(
                 A_most = max(A - lowered, _LEAST_ACCELERATION * A)
             box = (lower, upper)
             least, most = box_of_joint(
-                kinds[k], figures, k, i, q[i], last, (J, A_most, lowered), box, T
+                kinds[k], figures, k, i, q[i], last, (J, A_most, lowered), box, T, gap, first
             )
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most

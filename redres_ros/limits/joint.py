@@ -41,7 +41,7 @@ class JointLimit(BoxLimit):
         boxes = np.empty((2, 2, self.model.n))
         kinds = np.array([self.kind])
         dq = state.dq_prev
-        fill_boxes(dq, state.q, dq, state.ddq_prev, T, kinds, self.figures[None], boxes)
+        fill_boxes(dq, state.q, dq, state.ddq_prev, T, kinds, self.figures[None], boxes, 1.0, 1.0)
         return boxes[0, 0], boxes[0, 1]
 
 

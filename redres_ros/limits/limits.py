@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
-from redres_ros.kernels.boxes import GIVEN, POSITION, fill_boxes, stopping_speed, within
+from redres_ros.kernels.boxes import GIVEN, fill_boxes, stopping_speed, within
 from redres_ros.limits.component_scaling import solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
@@ -233,14 +233,18 @@ class Limits:
         figures = self._figures
         for k in self._given:
             figures[k, :2] = self.box_limits[k].box(state, T)
-        if state.gap > 1:
-            # Each command changes a velocity by A T. With one command in `gap` cycles a joint stops
-            # within d from the speed from which it otherwise stops within d / gap.
-            figures = figures.copy()
-            for k in np.flatnonzero(self._kinds == POSITION).tolist():
-                figures[k, :2] = state.q + (figures[k, :2] - state.q) / state.gap
+        first = max(state.longest_gap / state.gap, 1.0)
         found: tuple[bool, bool] = fill_boxes(
-            dq, state.q, state.dq_prev, state.ddq_prev, T, self._kinds, figures, self._boxes
+            dq,
+            state.q,
+            state.dq_prev,
+            state.ddq_prev,
+            T,
+            self._kinds,
+            figures,
+            self._boxes,
+            state.gap,
+            first,
         )
         return found
 

@@ -87,6 +87,7 @@ class CommandLoop:
         self.skipped = 0  # cycles whose state did not come
         self.input = VelocityInput(controller, settings, twists or TwistBufferSettings())
         controller.bridging = settings.bridging
+        controller.longest_gap = settings.longest_gap
         self._pose_hold = PoseHold(controller.T, twists or TwistBufferSettings())
         self.mode = Mode.HOLDING
         self.gate = Gate(controller)

@@ -84,3 +84,9 @@ class LoopSettings:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    @property
+    def longest_gap(self) -> int:
+        """Cycles until the next command, at most, in which the robot goes on by itself."""
+        goes_on = self.bridging == 'extrapolate' and not self.lockstep
+        return self.restart_after + 1 if goes_on else 1
