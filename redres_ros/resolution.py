@@ -16,6 +16,7 @@ from redres_ros.errors import ArrayError
 from redres_ros.kernels.closed_form import (
     FACTOR,
     IDENTITY,
+    INCOMPLETE,
     INDEFINITE,
     NOT_FINITE,
     SINGULAR_RATIO,
@@ -187,8 +188,8 @@ def resolve_in_order(
     J, dx = levels[0]
     dq = np.empty(len(b))
     outcome = _solve(levels[0], stacked(levels[1:], len(b)), b, W, 0.0, FASTEST, dq)
-    if outcome == SOLVED:
-        return dq, False
+    if outcome in (SOLVED, INCOMPLETE):
+        return dq, outcome == INCOMPLETE
     _check_outcome(outcome, dq, J, dx, b, W)
     return _resolve_in_order_carefully(levels, b, W)
 
@@ -217,13 +218,9 @@ def resolve_one(
     """
     dq = np.empty(len(b))
     outcome = _solve((J, dx), _NO_TASK, b, W, size, fastest, dq)
-    if outcome == SOLVED:
-        return dq, False
+    if outcome in (SOLVED, INCOMPLETE):
+        return dq, outcome == INCOMPLETE
     _check_outcome(outcome, dq, J, dx, b, W)
-    rows = J.any(axis=1)
-    if rows.any() and not rows.all():  # as of a planar arm, in every tick: the others are regular
-        dq, _ = resolve_one(J[rows], dx[rows], b, W, size, fastest)
-        return dq, True
     dq, damped = _resolve_carefully(J, dx, b, W, size, fastest)
     if not math.isfinite(sum(dq.tolist())):
         raise ArrayError(_complaint(J, dx, b, W, dq))

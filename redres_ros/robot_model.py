@@ -73,7 +73,7 @@ class RobotState:
     def J(self) -> np.ndarray:
         """Jacobian of the tip in the base frame, (6, n): the linear rows, then the angular ones."""
         if self._J is None:
-            self._J = self.model._jacobian(self.q, self.model._tip)
+            self._J = self.model._tip_jacobian(self.q)
         return self._J
 
     @property
@@ -150,8 +150,10 @@ class RobotModel:
         self._tip = self._frame(arm.tip_frame)
         self._tip_x = self._data.oMf[self._tip].translation  # in the data: changes with them
         self._tip_R = self._data.oMf[self._tip].rotation
-        # The q that these two belong to, if any. What computes M, n or a torque leaves them.
-        self._placed: np.ndarray | None = None
+        self._tip_J = np.empty((6, 0))
+        # The bytes of the q that these three belong to, or nothing. What computes M, n or a torque
+        # leaves them.
+        self._placed = b''
         self.base_frame = self._model.frames[1].name  # the root link; x and J are expressed in it
         self.n = self._model.nv
         self.joint_names = tuple(self._model.names[1:])
@@ -278,7 +280,7 @@ class RobotModel:
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
         tau = finite_vector(tau, self.n, 'tau')
-        self._placed = None
+        self._placed = b''
         return pin.aba(self._model, self._data, q, dq, tau)  # a copy
 
     def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -300,7 +302,7 @@ class RobotModel:
         """
         q = finite_vector(q, self.n, 'q')
         dq = finite_vector(dq, self.n, 'dq')
-        self._placed = None
+        self._placed = b''
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
         ddx = pin.getFrameClassicalAcceleration(
             self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED
@@ -320,7 +322,7 @@ class RobotModel:
             frame: Name of a link.
         """
         q = finite_vector(q, self.n, 'q')
-        self._placed = None
+        self._placed = b''
         pin.forwardKinematics(self._model, self._data, q)
         placement = pin.updateFramePlacement(self._model, self._data, self._frame(frame))
         return placement.translation.copy(), placement.rotation.copy()
@@ -342,7 +344,7 @@ class RobotModel:
             frame: Name of a link.
         """
         index = self._frame(frame)
-        self._placed = None
+        self._placed = b''
         x = np.empty((len(q), 3))
         for k, each in enumerate(q):
             pin.forwardKinematics(self._model, self._data, each)
@@ -356,7 +358,7 @@ class RobotModel:
             q: (ticks, n) [rad].
             dq: (ticks, n) [rad/s].
         """
-        self._placed = None
+        self._placed = b''
         pairs = zip(q, dq, strict=True)
         energies = [pin.computeKineticEnergy(self._model, self._data, *pair) for pair in pairs]
         return np.array(energies)
@@ -400,23 +402,29 @@ class RobotModel:
         return root, length
 
     def _tip_position(self, q: np.ndarray) -> np.ndarray:
-        if self._placed is not q:
-            self._place_tip(q)
+        self._place_tip(q)
         return self._tip_x.copy()
 
     def _tip_orientation(self, q: np.ndarray) -> np.ndarray:
-        if self._placed is not q:
-            self._place_tip(q)
+        self._place_tip(q)
         return self._tip_R.copy()
 
+    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
+        self._place_tip(q)
+        return self._tip_J.copy()
+
     def _place_tip(self, q: np.ndarray) -> None:
-        """Compute the tip's pose at q in the data, as its Jacobian does."""
-        pin.forwardKinematics(self._model, self._data, q)
-        pin.updateFramePlacement(self._model, self._data, self._tip)
-        self._placed = q
+        """Compute the tip's Jacobian and pose, unless they were last computed for the same q.
+
+        A tick asks for all of them: each alone takes as long as they do together.
+        """
+        key = q.tobytes()
+        if self._placed != key:
+            self._tip_J = self._jacobian(q, self._tip)
+            self._placed = key
 
     def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
-        self._placed = q if frame == self._tip else None
+        self._placed = b''
         return pin.computeFrameJacobian(  # a copy
             self._model, self._data, q, frame, pin.LOCAL_WORLD_ALIGNED
         )

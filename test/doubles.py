@@ -26,9 +26,7 @@ class FloatingArm:
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return self._M
 
-    _tip = 0
-
-    def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
+    def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
         return np.zeros((6, self.n))
 
     def _bias_torque(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from redres_ros.resolution import (
     project,
     resolve,
     resolve_in_order,
+    resolve_one,
 )
 
 SHAPES = ((1, 7), (3, 7), (6, 7), (7, 7), (2, 3))
@@ -137,6 +138,17 @@ def test_a_row_of_zeros_as_of_a_planar_arm_changes_nothing(weighted):
             continue
         dq = resolve(np.insert(J, 1, 0.0, axis=0), np.insert(dx, 1, 0.5), b, W)
         assert dq == pytest.approx(resolve(J, dx, b, W), abs=ROUNDING)
+
+
+@WEIGHTS
+def test_a_planar_arm_is_damped_only_where_it_is_asked_to_leave_its_plane(weighted):
+    for J, dx, b, W in problems(weighted):
+        if len(J) == len(b):
+            continue
+        flat = np.insert(J, 1, 0.0, axis=0)
+        _, damped_in_plane = resolve_one(flat, np.insert(dx, 1, 0.0), b, W)
+        _, damped = resolve_one(flat, np.insert(dx, 1, 0.5), b, W)
+        assert (damped_in_plane, damped) == (False, True)
 
 
 def test_arguments_are_left_as_they_are():

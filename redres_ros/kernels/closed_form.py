@@ -15,6 +15,7 @@ SOLVED = 0
 SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the solution
 INDEFINITE = 2  # W is not positive definite, or holds NaN
 NOT_FINITE = 3
+INCOMPLETE = 4  # solved without rows of zeros, whose velocity is not zero
 
 # What a weight is given as.
 IDENTITY = 0  # nothing: the weight is I
@@ -322,7 +323,7 @@ def closed_form(
     """Write b + J_W^# (dx - J b), Eq. (A.13), into dq, with the J and dx of all tasks.
 
     That is also what Eq. (20) asks for wherever each task can be executed exactly in what those
-    before it leave.
+    before it leave. Rows of zeros in the first task, as of a planar arm, are left out.
 
     Args:
         J_first: (m, n) Jacobian of the first task.
@@ -337,22 +338,32 @@ def closed_form(
         dq: (n,) receives the result.
 
     Returns:
-        SOLVED, SINGULAR, INDEFINITE or NOT_FINITE.
+        SOLVED, INCOMPLETE, SINGULAR, INDEFINITE or NOT_FINITE.
     """
-    first = len(dx_first)
-    m = first + len(dx_lower)
     n = len(b)
-    Q = np.empty((m, n))
-    r = np.empty(m)
-    for k in range(first):
-        r[k] = dx_first[k]
+    Q = np.empty((len(dx_first) + len(dx_lower), n))
+    r = np.empty(len(Q))
+    first = 0
+    complete = True
+    for k in range(len(dx_first)):
+        is_zero = True
         for i in range(n):
-            Q[k, i] = J_first[k, i]
+            Q[first, i] = J_first[k, i]
+            is_zero = is_zero and J_first[k, i] == 0.0
+        r[first] = dx_first[k]
+        if is_zero:
+            complete = complete and dx_first[k] == 0.0
+        else:
+            first += 1
+    if first == 0:
+        return SINGULAR
+    m = first + len(dx_lower)
     for k in range(first, m):
         r[k] = dx_lower[k - first]
         for i in range(n):
             Q[k, i] = J_lower[k - first, i]
-    return solution(Q, r, first, b, W, form, size, fastest, dq)
+    outcome = solution(Q[:m], r[:m], first, b, W, form, size, fastest, dq)
+    return INCOMPLETE if outcome == SOLVED and not complete else outcome
 
 
 @direct

@@ -101,9 +101,8 @@ class Planner:
             self._approach_from(x_start, R_start)
         if self._turns is None and R_start is not None:
             self._hold(R_start)
-        self._index = 0
         self._t_segment = 0.0
-        self._finished = False
+        self._begin_segment(0)
 
     def reference(
         self,
@@ -132,21 +131,20 @@ class Planner:
         if R is not None and self._turns is None:
             self._hold(R)
         while not self._finished and self._is_over(x, t, R, unachieved):
-            self._index += 1
             self._t_segment = t
-            self._finished = self._index == len(self._points) - 1
+            self._begin_segment(self._index + 1)
         T_AB = self._T_AB
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
         start = min(self._index, len(self._points) - 2)
         x_d, way = self._on_the_line(start, s)
         error = x_d - x
-        dx = way / T_AB * (rate * ds) + self._feedback(error)  # Eq. (36), (37)
+        dx = way * (rate * ds / T_AB) + self._feedback(error)  # Eq. (36), (37)
         segment = start + self._first_segment
         if R is None or self._turns is None:
             return Reference(dx, x_d, error, segment, self._finished)
         R_d, turn = self._on_the_arc(self._turns, start, s)
         turn_left = orientation_error(R_d, R)
-        w = turn / T_AB * (rate * ds) + self._feedback(turn_left)
+        w = turn * (rate * ds / T_AB) + self._feedback(turn_left)
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
@@ -176,11 +174,12 @@ class Planner:
         first = self._approach_time if self._first_segment == 0 else self._task.segment_time
         return first + (index - 1) * self._task.segment_time
 
-    @property
-    def _T_AB(self) -> float:
-        """How long the segment under way takes [s]."""
-        is_approach = self._index + self._first_segment == 0
-        return self._approach_time if is_approach else self._task.segment_time
+    def _begin_segment(self, index: int) -> None:
+        """Go over to a segment; after the last one all is finished."""
+        self._index = index
+        self._finished = index == len(self._points) - 1
+        is_approach = index + self._first_segment == 0
+        self._T_AB = self._approach_time if is_approach else self._task.segment_time  # [s]
 
     def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
         """x_d, (3,), at the fraction s of the line to the next point, and that line, (3,)."""
@@ -200,7 +199,7 @@ class Planner:
         self, x: np.ndarray, t: float, R: np.ndarray | None, unachieved: np.ndarray | None
     ) -> bool:
         is_early = not self.is_due(t)
-        if t <= self._t_segment or (self._task.switching == 'at_rest' and is_early):
+        if (is_early and self._task.switching == 'at_rest') or t <= self._t_segment:
             return False
         end = self._index + 1
         errors = [self._points[end] - x]

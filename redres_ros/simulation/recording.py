@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.command import FIGURES, Command, norm
+from redres_ros.command import FIGURES, Command
 from redres_ros.errors import FileError
+from redres_ros.kernels.closed_form import SINGULAR_RATIO
 from redres_ros.planning.planner import Reference
 
-_BLOCK = 1000  # ticks: a command holds on to a kilobyte or more, until its figures are computed
+_BLOCK = 100  # ticks: so many commands, with their states, stay in a processor's cache
 
 
 def columns(n: int, pose: bool = False) -> tuple[str, ...]:
@@ -65,7 +66,7 @@ class MotionRecorder:
             command: Of this tick.
             reference: Where the task is.
         """
-        command.state.x  # noqa: B018 (while the model has the arm there, it costs half as much)
+        command.state.x  # noqa: B018 (while the model has the arm there, it costs little)
         self._ticks.append((t, command, reference))
         if len(self._ticks) == _BLOCK:
             self._compute()
@@ -97,12 +98,13 @@ def _block(ticks: Sequence[tuple[float, Command, Reference]], pose: bool) -> np.
     moves = zip(states, ddq, strict=True)
     tau = [state.model.torque(state.q, state.dq_prev, each) for state, each in moves]  # Eq. (6)
     J = np.array([command.J for command in commands])  # (ticks, m, n)
+    _, sigma, Vt = np.linalg.svd(J, full_matrices=False)
     figures = {
         'joint_velocity_norm': _norms(dq),
         'joint_acceleration_norm': _norms(ddq),
-        'null_velocity_norm': np.array([norm(command.null) for command in commands]),
+        'null_velocity_norm': _norms(_null_velocities(commands, dq, sigma, Vt)),
         'joint_torque_norm': _norms(tau),
-        'min_singular_value': np.linalg.svd(J, compute_uv=False)[:, -1],
+        'min_singular_value': sigma[:, -1],
         'task_scaling': np.array([command.s for command in commands]),
     }
     turns = [_norms([each.orientation_error for each in references])] if pose else []
@@ -118,6 +120,26 @@ def _block(ticks: Sequence[tuple[float, Command, Reference]], pose: bool) -> np.
         np.array([reference.segment for reference in references]),
     ]
     return np.column_stack(vectors)
+
+
+def _null_velocities(
+    commands: Sequence[Command], dq: np.ndarray, sigma: np.ndarray, Vt: np.ndarray
+) -> np.ndarray:
+    """Their null-space terms, (ticks, n) [rad/s]: in arrays where the weight is the identity and
+    J is regular.
+
+    Args:
+        commands: One a tick.
+        dq: Theirs, (ticks, n) [rad/s].
+        sigma: Singular values of J, (ticks, m).
+        Vt: Its right singular vectors, (ticks, m, n).
+    """
+    null: np.ndarray = dq - np.einsum('kmi,km->ki', Vt, np.einsum('kmi,ki->km', Vt, dq))
+    is_regular = sigma[:, -1] >= SINGULAR_RATIO * sigma[:, 0]
+    for k, command in enumerate(commands):
+        if command.W is not None or not is_regular[k]:
+            null[k] = command.null
+    return null
 
 
 def _norms(vectors: Any) -> np.ndarray:
