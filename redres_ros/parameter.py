@@ -5,6 +5,7 @@ and docs.
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
+from functools import cache
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -77,7 +78,12 @@ def param(
 
 def parameters(of: Any) -> dict[Field[Any], Parameter]:
     """The fields of a dataclass, or of an instance, that were declared with `param`."""
-    return {f: f.metadata[_KEY] for f in fields(of) if _KEY in f.metadata}
+    return _declared(of if isinstance(of, type) else type(of))
+
+
+@cache
+def _declared(cls: Any) -> dict[Field[Any], Parameter]:
+    return {f: f.metadata[_KEY] for f in fields(cls) if _KEY in f.metadata}
 
 
 def check_parameters(instance: Any) -> None:

@@ -461,7 +461,7 @@ def _limits(
         return None
     from redres_ros.limits import gain_names, make_limits  # compiled: loaded only if in use
 
-    own = {key: gains[key] for key in gains if key in others or key in gain_names()}
+    own = {key: gains[key] for key in gains.keys() & (others | set(gain_names()))}
     made = make_limits(
         given, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
     )  # refuses gains of nothing

@@ -65,9 +65,10 @@ def make_limits(
     """
     names = tuple(names)
     check_once('limit', names)
+    known = gain_names()
     for gain in gains:
-        if gain not in gain_names():
-            raise UnknownNameError('gain of a limit', gain, gain_names())
+        if gain not in known:
+            raise UnknownNameError('gain of a limit', gain, known)
     given = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
     made = []
     for name in names:

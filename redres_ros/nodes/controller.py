@@ -260,12 +260,13 @@ class ControllerNode(ManagedNode):
         self._loop.forget()
 
     def _check(self, changes: dict[str, Any]) -> None:
-        self._policy.changed(changes)
+        self._policy.check(changes)
+        with_changes(self._loop.settings, changes)
         self._sensors.check(changes)
 
     def _apply(self, changes: dict[str, Any]) -> None:
         before = self._policy.policy
-        policy = self._policy.apply(changes)
+        policy = self._policy.adopt()
         if policy != before:
             self._controller.set_policy(policy)
         self._sensors.apply(changes, policy.preferences)

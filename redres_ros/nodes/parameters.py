@@ -1,6 +1,6 @@
 """Dataclass fields as ROS parameters: name, default, description and range are the field's."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
@@ -118,7 +118,7 @@ def on_live_change(
     node.add_post_set_parameters_callback(lambda changed: apply(_values(changed)))
 
 
-def with_changes(settings: P, changes: dict[str, Any]) -> P:
+def with_changes(settings: P, changes: Mapping[str, Any]) -> P:
     """A dataclass after changes of parameters; those that are no fields of it do not matter.
 
     Args:

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS, gain_names
-from redres_ros.nodes.parameters import NONE, declare, declare_one
+from redres_ros.nodes.parameters import NONE, declare, declare_one, with_changes
 from redres_ros.parameter import (
     SHARED_GAINS,
     Names,
@@ -93,17 +93,37 @@ class PolicyParameters:
         self._gains: dict[str, Any] = {}
         for key, default, parameter in all_gains(T):
             self._gains[key] = declare_one(node, key, default, parameter)
-        self.policy = self.changed({})
+        self.policy = self._made(self._settings, self._gains)
+        self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
 
-    def changed(self, changes: Mapping[str, Any]) -> Policy:
-        """The policy after changes of parameters. Changes of other parameters are passed over.
+    def check(self, changes: Mapping[str, Any]) -> None:
+        """Make the policy after changes of parameters, for adopt(). Changes of other parameters are
+        passed over.
 
         Raises:
             RedresError: A value that is not allowed, limits that the arm has no figures for, or a
                 frame or joint that it has not got.
         """
-        settings = self._changed_settings(changes)
-        gains = self._changed_gains(changes)
+        self._next = (self._settings, self._gains, self.policy)
+        settings = with_changes(self._settings, changes)
+        own = self._gains.keys() & changes.keys()
+        if settings == self._settings and not own:
+            return
+        gains = {**self._gains, **{key: changes[key] for key in own}}
+        policy = self._made(settings, gains)
+        self._check_unused(own, settings.law, gains)
+        if _of_limits(settings, gains) == _of_limits(self._settings, self._gains):
+            policy = replace(policy, limits=self.policy.limits)
+        self._next = (settings, gains, policy)
+
+    def adopt(self) -> Policy:
+        """The policy of the changes that were checked last, from now on in force; limits that did
+        not change stay the same.
+        """
+        self._settings, self._gains, self.policy = self._next
+        return self.policy
+
+    def _made(self, settings: PolicySettings, gains: Mapping[str, Any]) -> Policy:
         policy = make_policy(
             self._model,
             settings.law,
@@ -116,46 +136,26 @@ class PolicyParameters:
             gains=gains,
         )
         policy.check(self._model, self._T)
-        self._check_unused(changes, gains)
         return policy
 
-    def apply(self, changes: Mapping[str, Any]) -> Policy:
-        """The policy after changes, which it keeps; limits that did not change stay the same."""
-        policy = self.changed(changes)
-        before = self._of_limits()
-        self._settings = self._changed_settings(changes)
-        self._gains = self._changed_gains(changes)
-        if self._of_limits() == before:
-            policy = replace(policy, limits=self.policy.limits)
-        self.policy = policy
-        return policy
-
-    def _check_unused(self, changed: Iterable[str], gains: Mapping[str, Any]) -> None:
+    def _check_unused(self, changed: Iterable[str], law: str, gains: Mapping[str, Any]) -> None:
         """Refuse a gain that its owner could not be made with, also while that is not in use."""
-        owners = {key.partition('.')[0] for key in changed if key in gains}
-        for law in (LAWS.keys() & owners) or {self._settings.law}:
+        owners = {key.partition('.')[0] for key in changed}
+        for name in (LAWS.keys() & owners) or {law}:
             make_policy(
                 self._model,
-                law,
+                name,
                 limits=sorted(LIMITS.keys() & owners),
                 preferences=sorted(PREFERENCES.keys() & owners),
                 secondary_tasks=sorted(TASKS.keys() & owners),
                 gains=gains,
             )
 
-    def _of_limits(self) -> tuple[Any, ...]:
-        """All that the limits depend on."""
-        settings = self._settings
-        gains = [value for key, value in self._gains.items() if key in gain_names()]
-        return (settings.limits, settings.limit_scale, settings.torque_scale, *gains)
 
-    def _changed_settings(self, changes: Mapping[str, Any]) -> PolicySettings:
-        names = {field.name for field in parameters(PolicySettings)}
-        values = {name: changes[name] for name in names & changes.keys()}
-        return replace(self._settings, **values)
-
-    def _changed_gains(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        return {key: changes.get(key, value) for key, value in self._gains.items()}
+def _of_limits(settings: PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:
+    """All that the limits depend on."""
+    values = [gains.get(name) for name in gain_names()]
+    return (settings.limits, settings.limit_scale, settings.torque_scale, *values)
 
 
 def all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
