@@ -212,3 +212,16 @@ def test_a_robot_without_efforts_is_refused_in_words() -> None:
         said = [line for node, line in run.graph.log if node == 'controller']
         assert run.commanding
     assert any('external_torques refused' in line and 'efforts' in line for line in said)
+
+
+def test_a_push_ends_unless_it_is_set_again() -> None:
+    with table_below(100.0) as run:
+        plant = run.nodes['sim']._plant
+        assert run.set('sim', push_force_y=30.0, push_time=1.0)
+        run.run(0.9)
+        assert run.set('sim', push_force_y=30.0)  # renewed
+        run.run(0.9)
+        assert plant.faults.push_force_y == 30.0
+        run.run(0.2)
+        assert plant.faults.push_force_y == 0.0
+        assert run.nodes['sim'].get_parameter('push_force_y').value == 0.0

@@ -10,6 +10,7 @@ from redres_ros.fake_robot.network_model import Link
 from redres_ros.parameter import check_parameters, param
 
 LONGEST = 1000  # cycles
+PUSHES = ('push_force_x', 'push_force_y', 'push_force_z')
 _NOISE = np.repeat((1.0, 0.1), 3)  # of forces and moments
 
 
@@ -64,6 +65,13 @@ class Faults:
         0.0, 'force on the tip along z of the base [N]', -500.0, 500.0, live=True
     )
     push_link: str = param('', 'link on whose origin these forces act; empty: the tip', live=True)
+    push_time: float = param(
+        0.0,
+        'how long a push lasts unless it is set again; 0: until it is set to 0 [s]',
+        0.0,
+        1e3,
+        live=True,
+    )
     wrench_delay: int = param(0, 'delay of the measured wrench [cycles]', 0, LONGEST, live=True)
     wrench_loss: float = param(0.0, 'fraction of the wrenches that are lost', 0.0, 1.0, live=True)
     wrench_noise: float = param(
@@ -124,7 +132,7 @@ class Faults:
     @property
     def push_force(self) -> np.ndarray:
         """Force on `push_link`, (3,) [N], in the base frame."""
-        return np.array([self.push_force_x, self.push_force_y, self.push_force_z])
+        return np.array([getattr(self, name) for name in PUSHES])
 
     def _link(self, of: str) -> Link:
         return Link(**{field.name: getattr(self, f'{of}_{field.name}') for field in fields(Link)})

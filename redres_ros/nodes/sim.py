@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -16,7 +17,7 @@ from std_srvs.srv import Trigger
 from redres_ros.fake_robot.command_receiver import CommandReceiver
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.environment import EnvironmentSettings
-from redres_ros.fake_robot.faults import Faults
+from redres_ros.fake_robot.faults import PUSHES, Faults
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
 from redres_ros.fake_robot.mujoco_arm import MujocoSettings
 from redres_ros.fake_robot.network_model import NetworkModel
@@ -53,6 +54,7 @@ LOCKSTEP_EPOCH = NANOSECONDS
 # Fraction of a cycle left to the client before the arm moves on: the two would compete for the
 # processor.
 _HEADSTART = 0.5
+_LOOK = 0.02  # [s] between looks at whether a push is over
 _ASK_AGAIN = 0.05  # [s] after which a state that is not answered is sent again: it may be lost
 
 
@@ -139,6 +141,7 @@ class SimNode(ManagedNode):
         self._client_lives = False
         self._cycles_waited = 0
         self._reset_wanted = False
+        self._pushed_at = time.monotonic()
         self._create_interfaces(arm)
         self._start_life()
 
@@ -168,6 +171,7 @@ class SimNode(ManagedNode):
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
         create_steady_timer(self, 0.1, self._count_commanders)
+        create_steady_timer(self, _LOOK, self._end_push)
         on_live_change(
             self,
             lambda changes: self._plant.check(with_changes(self._plant.faults, changes)),
@@ -307,8 +311,18 @@ class SimNode(ManagedNode):
     def _count_commanders(self) -> None:
         self._receiver.publishers = self.count_publishers('joint_command')
 
+    def _end_push(self) -> None:
+        """End a push that was not set again: the page that pushed may be gone."""
+        faults = self._plant.faults
+        age = time.monotonic() - self._pushed_at
+        if faults.push_time and age > faults.push_time and faults.push_force.any():
+            ended = [Parameter(name, value=0.0) for name in (*PUSHES, 'push_time')]
+            self.set_parameters_atomically(ended)
+
     def _set_faults(self, changes: dict[str, Any]) -> None:
         faults = with_changes(self._plant.faults, changes)
+        if not changes.keys().isdisjoint(PUSHES):
+            self._pushed_at = time.monotonic()
         self._plant.faults = faults
         self._states.link = faults.states
         self._wrenches.link = faults.wrenches

@@ -31,6 +31,7 @@ _MOST_FORCE = 200.0  # [N]
 _SPEED = (0.05, 0.5)  # [m/s] at first, and at most
 _TURN = (0.3, 2.0)  # [rad/s]
 _PUSH_TIME = 0.4  # [s] of a push by a button
+_RENEWED = (0.5, 2.0)  # [s] when a push of the mouse is set again, and when it ends without that
 _LED = {'mass': (5.0, 0.05), 'damping': (30.0, 1.0), 'stiffness': (0.0, 0.0), 'force': (0.0, 0.0)}
 _HINTS = {
     'inactive': 'the controller is inactive; activate it first',
@@ -69,6 +70,7 @@ class Teleoperation:
         self._asked_at = 0.0  # [s] since when a velocity is asked for; 0: none is
         self._was_dragged = False
         self._pushed = np.zeros(3)  # sent to the robot last [N]
+        self._pushed_at = 0.0  # [s]
         self._orders = ThreadPoolExecutor(max_workers=1)
         self._order: Future[Any] | None = None  # under way
         self._tip = TipHandle(server, monitor, model, self._turns, self._is_held)
@@ -135,7 +137,8 @@ class Teleoperation:
             if not self._was_dragged:
                 return self._orders.submit(self._stop_task)
         force = self._link.force
-        if np.array_equal(force, self._pushed):
+        is_fresh = not force.any() or time.monotonic() - self._pushed_at < _RENEWED[0]
+        if is_fresh and np.array_equal(force, self._pushed):
             return None
         return self._orders.submit(self._push_link, force, self._link.link)
 
@@ -151,9 +154,11 @@ class Teleoperation:
             notify(self._link.event, str(error))
         else:
             self._pushed = force
+            self._pushed_at = time.monotonic()
 
     def _set_force(self, force: np.ndarray, link: str) -> None:
         values = {f'push_force_{axis}': f for axis, f in zip(_AXES, force.tolist(), strict=True)}
+        values['push_time'] = _RENEWED[1] if force.any() else 0.0
         self._bindings.client.set_parameters('sim', {'push_link': link, **values})
 
     def _add_inputs(self, gui: viser.GuiApi) -> None:
@@ -207,7 +212,5 @@ class Teleoperation:
 
     def _push(self, event: Any, axis: str, force: float) -> None:
         """Push for a moment."""
-        set_force = self._bindings.set
-        parameter = f'push_force_{axis}'
-        set_force(event, 'sim', {parameter: force})
-        threading.Timer(_PUSH_TIME, set_force, (event, 'sim', {parameter: 0.0})).start()
+        push = {f'push_force_{axis}': force, 'push_time': _PUSH_TIME}
+        self._bindings.set(event, 'sim', push)
