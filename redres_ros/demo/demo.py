@@ -298,7 +298,7 @@ class Demo:
             cycles = count_cycles(messages, period, (stamps[0], stamps[-1]))
         self.remove_recordings()
         forces = [
-            ((stamp - stamps[0]) / 1e9, *log.forces[stamp])
+            ((stamp - stamps[0]) / 1e9, *(self.model.tip(log.states[stamp])[1] @ log.forces[stamp]))
             for stamp in stamps
             if stamp in log.forces
         ]
@@ -313,6 +313,7 @@ class Demo:
             endurance=ending.endurance,
             interrupted=ending.interrupted,
             forces=np.array(forces).reshape(-1, 4),
+            desired_force=self.task.nodes.get('controller', {}).get('admittance.force', ()),
         )
 
     def remove_recordings(self) -> None:

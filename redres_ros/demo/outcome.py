@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -19,6 +19,7 @@ MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and ag
 STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still
 
 _START = 0.1  # [s] that count as the start
+_SETTLING = 1.0  # [s] from the first touch until the force is judged
 _QUIET = 0.95  # of the cycles are answered in time on a computer that does nothing else
 
 # What a robot does in its session states, for those who do not know their names.
@@ -121,6 +122,45 @@ class MotionFigures:
 
 
 @dataclass(frozen=True)
+class PressingFigures:
+    """How well a desired force was kept, along its direction.
+
+    Attributes:
+        rms: Of its error, from a second after the first touch on [N].
+        largest: Error then [N].
+        peak: Force before [N].
+        contact_lost: Number of states without contact after the first touch.
+    """
+
+    rms: float
+    largest: float
+    peak: float
+    contact_lost: int
+
+    @classmethod
+    def of(cls, forces: np.ndarray, desired: np.ndarray) -> 'PressingFigures | None':
+        """The figures; None without a second of contact.
+
+        Args:
+            forces: Times [s], and forces [N], (N, 4).
+            desired: Force, (3,) [N].
+        """
+        size = float(np.linalg.norm(desired))
+        force = forces[:, 1:] @ desired / size
+        touched = np.cumsum(force > 0.0) > 0
+        t = forces[:, 0] - forces[touched, 0].min(initial=np.inf)
+        errors = force[t >= _SETTLING] - size
+        if not errors.size:
+            return None
+        return cls(
+            rms=float(np.sqrt(np.mean(errors**2))),
+            largest=float(np.abs(errors).max()),
+            peak=float(force[t < _SETTLING].max()),
+            contact_lost=int(np.count_nonzero(force[touched] <= 0.0)),
+        )
+
+
+@dataclass(frozen=True)
 class Outcome:
     """The outcome of a demo.
 
@@ -134,8 +174,9 @@ class Outcome:
         switches: (time [s], law before, law after).
         endurance: Where the task was repeated to the end.
         interrupted: By Ctrl-C.
-        forces: Times [s], and forces of the environment on the tip [N], (N, 4); none without a
-            controller that yields.
+        forces: Times [s], and forces of the environment on the tip in the base frame [N], (N, 4);
+            none without a controller that yields.
+        desired_force: Of them; empty: none.
     """
 
     recording: Recording
@@ -148,6 +189,14 @@ class Outcome:
     endurance: Endurance | None = None
     interrupted: bool = False
     forces: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    desired_force: Sequence[float] = ()
+
+    @property
+    def pressing(self) -> PressingFigures | None:
+        """How well the desired force was kept; None without one, or without contact."""
+        if not any(self.desired_force):
+            return None
+        return PressingFigures.of(self.forces, np.array(self.desired_force[:3]))
 
     @property
     def succeeded(self) -> bool:
@@ -180,6 +229,8 @@ class Outcome:
         ]
         if self.motion:
             rows += _motion_rows(self.motion)
+        if self.pressing:
+            rows += _pressing_rows(self.pressing)
         if self.cycles:
             rows += _cycle_rows(self.cycles)
             rows.append(('not seen by the planner', str(self.planner_missed)))
@@ -199,6 +250,7 @@ class Outcome:
             'session': self.session,
             'switches': self.switches,
             'motion': asdict(self.motion) if self.motion else None,
+            'pressing': asdict(self.pressing) if self.pressing else None,
             'cycles': asdict(self.cycles) if self.cycles else None,
             'planner_missed': self.planner_missed,
             'endurance': asdict(self.endurance) if self.endurance else None,
@@ -226,6 +278,16 @@ def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
         *rows,
         ('largest step at the start', f'{motion.jump:.2g} rad/s of one joint, in one cycle'),
         ('time at rest', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
+    ]
+
+
+def _pressing_rows(pressing: PressingFigures) -> list[tuple[str, ...]]:
+    error = f'{pressing.rms:.3f} N RMS, at most {pressing.largest:.3f} N'
+    return [
+        ('pressing',),
+        ('error of the force', f'{error}, from {_SETTLING:g} s after the first touch on'),
+        ('peak at first', f'{pressing.peak:.2f} N'),
+        ('states without contact', f'{pressing.contact_lost} after the first touch'),
     ]
 
 
