@@ -18,8 +18,8 @@ from typing import NamedTuple, Protocol
 from unittest import mock
 
 import numpy as np
-import rclpy
 from graph_helpers import to_joint_state
+from own_ros import ros
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +28,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from virtual_graph import Graph, VirtualTime, _Wired
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.robots.joint_limits import JointLimits
@@ -333,11 +332,10 @@ def behind_ros2_control(
     else:
         words = [word for parameter in parameters for word in ('-p', parameter)]
     with (
-        own_domain(),
+        ros(*words),
         mock.patch('time.monotonic', clock.monotonic),
         mock.patch('time.time_ns', clock.time_ns),
     ):
-        rclpy.init(args=['--ros-args', *words])
         nodes: list[Node] = []
         try:
             if description:
@@ -347,7 +345,6 @@ def behind_ros2_control(
         finally:
             for node in nodes:
                 node.destroy_node()
-            rclpy.shutdown()
 
 
 def _wired(cls: type[Node], graph: Graph) -> type[Node]:

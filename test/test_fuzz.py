@@ -32,6 +32,7 @@ from graph_helpers import (
     to_joint_state,
 )
 from nightly import NIGHTLY
+from own_ros import ros
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
@@ -39,7 +40,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
@@ -146,26 +146,24 @@ class Recorder:
 
 
 @pytest.fixture(scope='class')
-def ros() -> Iterator[None]:
+def lockstep() -> Iterator[None]:
     """A context for nodes in this process."""
-    with own_domain():
-        rclpy.init(args=['--ros-args', '--log-level', 'fatal', '-p', 'planner:lockstep:=true'])
+    with ros('--log-level', 'fatal', '-p', 'planner:lockstep:=true'):
         yield
-        rclpy.shutdown()
 
 
 @pytest.fixture(scope='class')
-def controller(ros: None) -> ControllerNode:
+def controller(lockstep: None) -> ControllerNode:
     return ControllerNode()
 
 
 @pytest.fixture(scope='class')
-def planner(ros: None) -> PlannerNode:
+def planner(lockstep: None) -> PlannerNode:
     return PlannerNode()
 
 
 @pytest.fixture(scope='class')
-def sim(ros: None) -> SimNode:
+def sim(lockstep: None) -> SimNode:
     return SimNode()
 
 

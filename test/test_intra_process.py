@@ -14,10 +14,10 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 import rclpy
 from geometry_msgs.msg import TwistStamped
 from graph_helpers import PATIENCE, START, Observer, await_that, graph
+from own_ros import ros
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.composed import IntraProcess
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.qos import NEWEST, PUBLISH
@@ -56,10 +56,8 @@ class Listener(Node):
 @pytest.fixture
 def intra_process() -> Iterator[IntraProcess]:
     """In a domain of its own."""
-    with own_domain():
-        rclpy.init()
+    with ros():
         yield IntraProcess(('inner',), open_topics=('open',))
-        rclpy.shutdown()
 
 
 def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(

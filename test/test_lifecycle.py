@@ -9,15 +9,14 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-import rclpy
 from geometry_msgs.msg import PoseStamped
 from graph_helpers import START, Probe, call, nodes, to_joint_state
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from own_ros import ros
 from rclpy.lifecycle import TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
 
@@ -128,11 +127,8 @@ class TestWithin:
 
     @pytest.fixture
     def start_inactive(self) -> Iterator[None]:
-        with own_domain():
-            arguments = ['--log-level', 'fatal', '-p', 'initial_state:=inactive']
-            rclpy.init(args=['--ros-args', *arguments])
+        with ros('--log-level', 'fatal', '-p', 'initial_state:=inactive'):
             yield
-            rclpy.shutdown()
 
     def test_an_inactive_planner_refuses_to_start_and_to_go_to_a_pose(
         self, start_inactive: None
@@ -163,8 +159,7 @@ class TestWithin:
 
 
 def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> None:
-    with own_domain():
-        rclpy.init(args=['--ros-args', '--log-level', 'fatal', '-p', 'lockstep:=true'])
+    with ros('--log-level', 'fatal', '-p', 'lockstep:=true'):
         sim = SimNode()
         sim.trigger_deactivate()
         stopped = threading.Event()
@@ -176,6 +171,5 @@ def test_the_sim_of_a_lockstep_run_waits_for_nobody_while_it_is_inactive() -> No
                 stopped.set()
 
         sim.run(stopped, Waiting())
-        rclpy.shutdown()
     assert len(naps) == 1
     assert sim._robot.tick == 0

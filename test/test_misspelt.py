@@ -6,11 +6,10 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
-import rclpy
+from own_ros import ros
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes import runtime
 from redres_ros.nodes.parameters import misspelt
 
@@ -20,15 +19,13 @@ GIVEN = {'law': 'minimum_velocity', 'limit_scael': 0.5, 'camera.exposure': 3.0}
 @pytest.fixture(scope='module')
 def node() -> Iterator[Node]:
     """One with two parameters, started with three."""
-    with own_domain():
-        rclpy.init()
+    with ros():
         overrides = [Parameter(name, value=value) for name, value in GIVEN.items()]
         node = Node('arm', parameter_overrides=overrides)
         node.declare_parameter('law', '')
         node.declare_parameter('limit_scale', 1.0)
         yield node
         node.destroy_node()
-        rclpy.shutdown()
 
 
 def test_the_nearest_name_is_reported(node):

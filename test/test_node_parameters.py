@@ -1,10 +1,10 @@
 """Names and parameters of nodes, as files and command lines give them."""
 
+import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import yaml
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
+from own_ros import ros
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from virtual_graph import _Cycles, virtual_run
@@ -34,15 +35,12 @@ pytestmark = pytest.mark.slow
 UNDER_WAY = {state.value for state in STATES}
 
 
-@contextmanager
-def ros(*arguments: str) -> Iterator[None]:
-    """ROS with these arguments of a command line, in a domain of its own."""
-    with own_domain():
-        rclpy.init(args=['--ros-args', *arguments])
-        try:
-            yield
-        finally:
-            rclpy.shutdown()
+def test_a_signal_ends_the_tests_and_not_ros_beneath_one() -> None:
+    with ros():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        time.sleep(0.5)  # in which rclpy's own handler, in a thread, would act
+        assert rclpy.ok()
 
 
 @pytest.fixture

@@ -9,34 +9,32 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
+from own_ros import ros
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes import real_time
 from redres_ros.nodes.planner import LonePlannerNode, PlannerNode
 
 
 @pytest.fixture
-def ros(request: pytest.FixtureRequest) -> Iterator[None]:
+def context(request: pytest.FixtureRequest) -> Iterator[None]:
     """A context with a parameter of the nodes."""
-    with own_domain():
-        rclpy.init(args=['--ros-args', '--log-level', 'fatal', '-p', request.param])
+    with ros('--log-level', 'fatal', '-p', request.param):
         yield
-        rclpy.shutdown()
 
 
 @pytest.mark.parametrize(
-    ('ros', 'cls', 'slept'),
+    ('context', 'cls', 'slept'),
     [
         ('rate:=500.0', LonePlannerNode, [0.15 / 500.0]),
         ('lockstep:=true', LonePlannerNode, []),  # the controller waits for it
         ('rate:=500.0', PlannerNode, []),  # as in one process: the others would sleep, too
     ],
-    indirect=['ros'],
+    indirect=['context'],
 )
 def test_only_a_planner_that_nobody_waits_for_leaves_time(
-    ros: None,
+    context: None,
     cls: type[PlannerNode],
     slept: list[float],
     monkeypatch: pytest.MonkeyPatch,
@@ -49,9 +47,9 @@ def test_only_a_planner_that_nobody_waits_for_leaves_time(
     planner.destroy_node()
 
 
-@pytest.mark.parametrize('ros', ['keep_awake:=true'], indirect=True)
+@pytest.mark.parametrize('context', ['keep_awake:=true'], indirect=True)
 def test_a_node_that_keeps_the_processors_awake_asks_for_a_latency_of_zero(
-    ros: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    context: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     device = tmp_path / 'latency'
     device.touch()
@@ -62,9 +60,9 @@ def test_a_node_that_keeps_the_processors_awake_asks_for_a_latency_of_zero(
     node.destroy_node()
 
 
-@pytest.mark.parametrize('ros', ['keep_awake:=true'], indirect=True)
+@pytest.mark.parametrize('context', ['keep_awake:=true'], indirect=True)
 def test_without_permission_one_line_says_which_to_give(
-    ros: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    context: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(real_time, 'LATENCY', Path('/nowhere/latency'))
     rclpy.logging.set_logger_level('arm', rclpy.logging.LoggingSeverity.WARN)

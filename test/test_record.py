@@ -16,12 +16,12 @@ import yaml
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 pytest.importorskip('mcap_ros2', reason='needs mcap-ros2-support, the independent reader')
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovariance, TwistStamped
 from graph_helpers import PATIENCE, Probe, await_that, graph, to_joint_state, udp_sockets
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from own_ros import ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
@@ -160,14 +160,12 @@ def test_layouts_show_what_is_recorded() -> None:
 def published_topics() -> set[str]:
     """Full names of all topics that sim, controller and planner publish on."""
     topics: set[str] = set()
-    with own_domain():
-        rclpy.init()
+    with ros():
         for cls in (SimNode, ControllerNode, PlannerNode):
             node = cls()
             found = node.get_publisher_names_and_types_by_node(node.get_name(), '/')
             topics |= {topic for topic, _ in found}
             node.destroy_node()
-        rclpy.shutdown()
     return topics
 
 

@@ -216,10 +216,11 @@ class TestStopped:
         observer.await_standstill(observer.at)
         refused = 'joint_command refused: joint_command has 2 publishers'
         await_that(lambda: moving.lines('sim', refused) > 0, 'the refusal')
-        assert moving.lines('sim', refused) == 1
         second.end()
+        # On a busy machine one of the two may pause, and both be refused once more.
+        accepted = 'joint_command accepted again'
         await_that(
-            lambda: moving.lines('sim', 'joint_command accepted again') == 1, 'one controller'
+            lambda: moving.lines('sim', accepted) == moving.lines('sim', refused), 'one controller'
         )
         observer.commands.clear()  # of both
         observer.modes.clear()

@@ -12,10 +12,10 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 import rclpy
 from graph_helpers import PATIENCE
+from own_ros import ros
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import LOOK_PERIOD, Telemetry
 
@@ -52,12 +52,8 @@ class Speaker:
 
 @pytest.fixture
 def speaker() -> Iterator[Speaker]:
-    with own_domain():
-        rclpy.init()
-        try:
-            yield Speaker(Node('speaker'))
-        finally:
-            rclpy.shutdown()
+    with ros():
+        yield Speaker(Node('speaker'))
 
 
 def test_while_nobody_listens_nothing_is_made(speaker: Speaker) -> None:

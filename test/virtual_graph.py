@@ -17,15 +17,14 @@ from itertools import count
 from typing import Any, NamedTuple
 from unittest import mock
 
-import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from own_ros import ros
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
@@ -371,16 +370,15 @@ def virtual_run(**parameters: Any) -> Iterator[VirtualRun]:
     """The nodes, with parameters by node and name, as sim={'patience': 0.0}."""
     clock = VirtualTime()
     graph = Graph(clock)
-    words = ['--ros-args']
+    words = []
     for node, values in parameters.items():
         for name, value in values.items():
             words += ['-p', f'{node}:{name}:={_as_yaml(value)}']
     with (
-        own_domain(),
+        ros(*words),
         mock.patch.object(time, 'monotonic', clock.monotonic),
         mock.patch.object(time, 'time_ns', clock.time_ns),
     ):
-        rclpy.init(args=words)
         nodes: dict[str, Any] = {}
         try:
             for cls in (SimNode, ControllerNode, PlannerNode):
@@ -391,7 +389,6 @@ def virtual_run(**parameters: Any) -> Iterator[VirtualRun]:
         finally:
             for node in nodes.values():
                 node.destroy_node()
-            rclpy.shutdown()
 
 
 def _as_yaml(value: Any) -> str:
