@@ -224,6 +224,28 @@ def test_a_cycle_that_was_missed_is_passed_on_to_the_controller() -> None:
     assert robot.following.skipped == before + 2
 
 
+@pytest.mark.parametrize('of_joints', [False, True])
+@pytest.mark.parametrize('every', [1, 10])
+def test_a_second_source_of_velocities_makes_no_jump_of_the_reference(
+    every: int, of_joints: bool
+) -> None:
+    """A planner, and 0.3 s later somebody with a joystick who wants to go the other way."""
+    robot = limited(switch_time=0.0)
+    following = robot.following
+    for cycle in range(1000):
+        robot.ask()
+        robot.steer(np.array((0.0, -0.4, 0.0)))
+        if cycle * T < 0.3 or cycle % every:
+            continue
+        if of_joints:
+            following.enter_joint_velocity(0, np.full(7, 0.5), robot.now + 6e-4)
+        else:
+            robot.steer(np.array((0.0, 0.4, 0.3)), stamp=0)
+    assert_gentle(robot)
+    assert following.gate.count == 0
+    assert following.error == ''
+
+
 # --- states that are not as they should be --------------------------------------------------------
 
 
