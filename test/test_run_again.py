@@ -1,8 +1,6 @@
 """A task runs again and again: joints go to its start first. The real nodes, in virtual time."""
 
 import sys
-from collections.abc import Iterator
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ from redres_ros.robots import ARMS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
 
-from run_again import RUNS, SWINGS, run_again
+from run_again import RUNS, run_again
 
 pytestmark = pytest.mark.slow
 
@@ -88,15 +86,9 @@ def test_other_arms_run_their_tasks_again(robot: str, law: str) -> None:
             run_once(run)
 
 
-def pairs() -> Iterator[Any]:
-    """Every arm with every law; this one swings, and takes 22 s or more than 90 s for its task."""
-    for robot, law in product(ARMS, LAWS):
-        swings = (robot, law) in SWINGS
-        yield pytest.param(robot, law, marks=pytest.mark.xfail(strict=False) if swings else ())
-
-
 @pytest.mark.nightly
-@pytest.mark.parametrize(('robot', 'law'), list(pairs()))
+@pytest.mark.parametrize('law', LAWS)
+@pytest.mark.parametrize('robot', ARMS)
 def test_every_task_runs_ten_times_with_every_law_after_a_switch_and_a_hold(
     robot: str, law: str
 ) -> None:
