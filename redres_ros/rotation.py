@@ -27,7 +27,7 @@ def rotation_matrix(vector: np.ndarray) -> np.ndarray:
 
 def from_quaternion(quaternion: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) of a quaternion x, y, z, w of any length but zero."""
-    x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
+    x, y, z, w = (quaternion / math.hypot(*quaternion)).tolist()  # of 1e200 too
     return np.array(
         (
             (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),

@@ -35,7 +35,9 @@ def test_half_a_turn_has_one_of_two_axes():
 
 def test_quaternions_are_x_y_z_w():
     for turn in RANDOM:
-        assert from_quaternion(3.0 * turn.as_quat()) == pytest.approx(turn.as_matrix(), abs=1e-12)
+        for length in (1e-300, 3.0, 1e300):  # the squares of which are no numbers any more
+            R = from_quaternion(length * turn.as_quat())
+            assert R == pytest.approx(turn.as_matrix(), abs=1e-12)
 
 
 def test_a_quaternion_of_a_matrix_gives_the_matrix_back():

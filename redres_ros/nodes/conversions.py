@@ -192,7 +192,7 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[np.ndarray
     turn = message.pose.orientation
     x = np.array((position.x, position.y, position.z))
     direction = np.array((turn.x, turn.y, turn.z, turn.w))
-    size = float(np.linalg.norm(direction))
+    size = math.hypot(*direction)
     if not (np.isfinite(x).all() and 0.0 < size < np.inf):
         raise ArrayError(f'target_pose is {x.tolist()}, {direction.tolist()}; expected a pose')
     return x, from_quaternion(direction)
