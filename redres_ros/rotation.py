@@ -4,14 +4,15 @@ import math
 
 import numpy as np
 
-from redres_ros.kernels.rotation_error import rotation_error
-
 _NO_TURN = np.eye(3)
 
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:
     """The logarithm of R (3, 3): its axis times its angle, (3,) [rad], the angle at most pi."""
-    return rotation_error(_NO_TURN, R)
+    from redres_ros.kernels.rotation_error import rotation_error  # for which many need not wait
+
+    turn: np.ndarray = rotation_error(_NO_TURN, R)
+    return turn
 
 
 def rotation_matrix(vector: np.ndarray) -> np.ndarray:

@@ -4,6 +4,8 @@ receive.
 `python -m redres_ros.demo.recorded NODE FILE.mcap TOPICS --ros-args ...` runs the executable NODE;
 TOPICS are names with commas between them, or `all`. A listener in another process would be a load
 itself, and does not know when a command reached the robot.
+
+Only the node that is run is loaded: the others would take a second of each process.
 """
 
 import sys
@@ -16,11 +18,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
 from redres_ros.graph.mcap_file import McapFile
-from redres_ros.nodes.composed import run_composed
-from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.planner import LonePlannerNode
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.sim import SimNode
 
 ALL = 'all'
 _RECEIVED = 'joint_command'  # the one topic of which it matters what has arrived, and when
@@ -102,10 +100,20 @@ def main() -> int:
 
 def _run(name: str, adapt: Callable[[type[Node]], type[Node]]) -> int:
     if name == 'composed':
+        from redres_ros.nodes.composed import run_composed
+
         return run_composed(adapt)
     if name == 'sim':
+        from redres_ros.nodes.sim import SimNode
+
         return run_nodes(adapt(SimNode), one_thread=True)
-    return run_nodes(adapt({'controller': ControllerNode, 'planner': LonePlannerNode}[name]))
+    if name == 'controller':
+        from redres_ros.nodes.controller import ControllerNode
+
+        return run_nodes(adapt(ControllerNode))
+    from redres_ros.nodes.planner import LonePlannerNode
+
+    return run_nodes(adapt(LonePlannerNode))
 
 
 if __name__ == '__main__':

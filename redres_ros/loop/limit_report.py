@@ -5,11 +5,12 @@ at the end of its range, the tip moves away from that along -z, and of the task 
 executed as a whole, of its components what follows.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from redres_ros.command import Command
+if TYPE_CHECKING:  # who reads a report needs no compiled formulas
+    from redres_ros.command import Command
 
 _COMPONENTS = ('translation', 'rotation')
 _AXES = ('x', 'y', 'z')
@@ -51,7 +52,7 @@ class LimitReport(NamedTuple):
         return _SEPARATOR.join(parts)
 
 
-def report(command: Command) -> LimitReport:
+def report(command: 'Command') -> LimitReport:
     """The report on a command."""
     scaling = {_S: command.s, **dict(zip(_COMPONENTS, command.component_scaling, strict=False))}
     return LimitReport(command.active_limits, _axis_away(command), scaling)
@@ -74,7 +75,7 @@ def read(text: str) -> LimitReport:
     return LimitReport(limit, away, scaling)
 
 
-def _axis_away(command: Command) -> str:
+def _axis_away(command: 'Command') -> str:
     """The axis along which the tip leaves the limit."""
     if command.escape is None or len(command.J) < len(_AXES):
         return ''

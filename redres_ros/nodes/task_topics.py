@@ -1,5 +1,7 @@
 """The planner's topics: latched ones as they change, and figures for displays."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
@@ -10,7 +12,9 @@ from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
+
+if TYPE_CHECKING:  # who watches the topics needs no planner
+    from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
 
 TASK_STATE = 'planner/state'
 TASK_BEGUN = 'planner/begun'
@@ -26,7 +30,7 @@ class TaskTopics:
         run: Whose state is published.
     """
 
-    def __init__(self, node: Node, frame: str, run: TaskExecutor) -> None:
+    def __init__(self, node: Node, frame: str, run: 'TaskExecutor') -> None:
         self._frame = frame
         self._run = run
         self._state_publisher = node.create_publisher(String, TASK_STATE, LATCHED)
@@ -46,7 +50,7 @@ class TaskTopics:
             self._published_state = self._run.state
             self._state_publisher.publish(String(data=self._published_state.value))
 
-    def show(self, step: Step, R: np.ndarray) -> None:
+    def show(self, step: 'Step', R: np.ndarray) -> None:
         """Publish the reference of the task.
 
         Args:
