@@ -7,8 +7,8 @@
 from inside their limits, from their ends and from outside. The box of the single joints is computed
 here once more, from its definition in docs/limits.md. `problems` are those of
 test/test_constrained.py,
-of the distribution that sns_ik uses: each answer is held against weak duality and the conditions of
-its optimum, and every twentieth against linear programming. Exit status 1 tells of any failure.
+of the distribution that sns_ik uses: each solution is held against weak duality and the conditions
+of its optimum, and every twentieth against linear programming. Exit status 1 tells of any failure.
 Needs the extra test.
 """
 
@@ -155,7 +155,7 @@ class Motion:
             try:
                 command = controller.update(q_ref - lag, dx)
             except DivergedError:
-                yield '' if 'velocity' not in self.names else 'no answer'
+                yield '' if 'velocity' not in self.names else 'no command'
                 return
             excess = max((command.dq - box[1]).max(), (box[0] - command.dq).max())
             yield fault(command.dq, excess)

@@ -102,11 +102,11 @@ def loop_table(figures: Mapping[str, Any]) -> str:
                     name,
                     f'{trips["median_us"]:.0f} µs',
                     f'{trips["p99_us"]:.0f} µs',
-                    f'{trips["answered_in_cycle_percent"]:.2f} %',
+                    f'{trips["in_cycle_percent"]:.2f} %',
                     ', '.join(f'{process} {share:.0f} %' for process, share in shares),
                 )
             )
-    return table(('rate', 'answered by', 'median', 'p99', 'in cycle', 'of a core'), rows)
+    return table(('rate', 'commanded by', 'median', 'p99', 'in cycle', 'of a core'), rows)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -145,7 +145,7 @@ def solvers() -> dict[str, Solve]:
 
 
 def faults(problem: Problem, dq: np.ndarray | None, share: float) -> Iterator[str]:
-    """What is wrong with an answer, of which the largest share is known."""
+    """What is wrong with a command, of which the largest share is known."""
     if dq is None or not np.isfinite(dq).all():
         yield 'failed'
         return
@@ -182,7 +182,7 @@ def main() -> None:
 
 
 def count_of(solve: Solve, problem: Problem, share: float) -> set[str]:
-    """The faults of one answer."""
+    """The faults of one command."""
     try:
         dq = solve(problem)
     except Exception:  # noqa: BLE001 (whatever a peer raises is a failure of it)

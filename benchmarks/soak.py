@@ -212,7 +212,7 @@ class Soak:
         try:
             act()
         except CallError as error:
-            self._judge.books.events[f'no answer: {str(error)[:60]}'] += 1
+            self._judge.books.events[f'no command: {str(error)[:60]}'] += 1
 
     def _call(self, kind: type, service: str, **request: Any) -> None:
         self._client.call(kind, service, kind.Request(**request))  # type: ignore[attr-defined]

@@ -136,7 +136,7 @@ def limits_table(results: Results) -> str:
     """Laws and tasks: the first joint beyond a limit without limits, the end with them."""
     rows = []
     for law in LAWS:
-        cells = [_answer(results, law, task) for task in TASKS]
+        cells = [_cell(results, law, task) for task in TASKS]
         rows.append([f'`{law}`', *cells])
     return _table('law | ' + ' | '.join(f'`{task}`' for task in TASKS), rows)
 
@@ -210,7 +210,7 @@ def sweep_table(results: Sequence[Trials]) -> str:
     return _table(heads, rows)
 
 
-def _answer(results: Results, law: str, task: str) -> str:
+def _cell(results: Results, law: str, task: str) -> str:
     without = results[Case(law, task)].effort
     bounded = results[Case(law, task, limits=LIMITS)]
     free = f'no: {_short(without.violation)}' if without.violation else 'yes'

@@ -90,7 +90,7 @@ robot = Robot(options.rate)
 with contextlib.suppress(KeyboardInterrupt):
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     run(robot, options.seconds)
-print(f'answered {100.0 * len(robot.way) / max(robot.states, 1):.1f} % of {robot.states} states')
+print(f'commanded {100.0 * len(robot.way) / max(robot.states, 1):.1f} % of {robot.states} states')
 if robot.way:
     moved = float(np.abs(robot.way[-1] - robot.way[0]).max())
     print(f'one joint has moved by {moved:.3f} rad')

@@ -43,7 +43,7 @@ class UpAndDown(Node):
         self.commanding = message.data == 'CMD'
 
     def on_state(self, message: JointState) -> None:
-        """Answer a state."""
+        """Respond to a state."""
         positions = dict(zip(message.name, message.position, strict=True))
         q = np.array([positions[name] for name in self.model.joint_names])
 
@@ -55,7 +55,7 @@ class UpAndDown(Node):
         self.heights.append(float(self.model.tip(q)[0][2]))
 
         answer = JointState(name=self.model.joint_names)
-        answer.header.stamp = message.header.stamp  # which state this answers
+        answer.header.stamp = message.header.stamp  # the state that it responds to
         answer.position = command.q_ref.tolist()
         answer.velocity = command.dq.tolist()
         self.commands.publish(answer)

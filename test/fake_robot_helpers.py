@@ -21,12 +21,12 @@ class Door:
         )
 
     def send(self, tick: int, q: np.ndarray, names: tuple[str, ...] | None = None) -> None:
-        """Send q [rad] as the answer to the state of a tick."""
+        """Send q [rad] as the command to the state of a tick."""
         names = self.robot.joint_names if names is None else names
         self.receiver.put(self.clock.stamp(tick), names, np.asarray(q))
 
     def advance(self) -> None:
         """Let the robot have what has come, send its next state and move on by a cycle."""
-        answers = self.receiver.take(self.robot.tick)
+        commands = self.receiver.take(self.robot.tick)
         self.clock.send(self.robot.tick)
-        self.robot.advance(*answers)
+        self.robot.advance(*commands)

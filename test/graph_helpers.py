@@ -74,21 +74,21 @@ def read_parameters(node: Node, of: str) -> dict[str, Any]:
 
 
 class Probe(Node):
-    """Plays robot and planner to the controller, and keeps what it answers by the stamp that is
-    answered.
+    """Plays robot and planner to the controller, and keeps its responses by the stamp
+    of the state.
     """
 
     def __init__(self) -> None:
         super().__init__('probe')
         self.stamp = 10**12
-        self.answers: dict[int, JointState] = {}
+        self.responses: dict[int, JointState] = {}
         self.received: dict[str, list[Any]] = {}
         self._states = self.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
         self._twists = self.create_publisher(
             TwistStamped, 'cartesian_velocity', QoSProfile(depth=1)
         )
         self.create_subscription(
-            JointState, 'joint_command', self._on_answer, QoSProfile(depth=1000)
+            JointState, 'joint_command', self._on_response, QoSProfile(depth=1000)
         )
 
     def listen(self, kind: type, topic: str, qos: QoSProfile | int = 100) -> list[Any]:
@@ -107,16 +107,16 @@ class Probe(Node):
         return to_joint_state(self.stamp, names, np.asarray(q, dtype=float), np.zeros(len(q)))
 
     def ask(self, q: np.ndarray, names: tuple[str, ...] = NAMES) -> tuple[np.ndarray, np.ndarray]:
-        """Send the next state until it is answered; q_ref and dq of the answer, both (n,)."""
-        return self.answer(self.state(q, names))
+        """Send the next state until a response comes; q_ref and dq of the response, both (n,)."""
+        return self.response_to(self.state(q, names))
 
-    def answer(self, message: JointState) -> tuple[np.ndarray, np.ndarray]:
-        """q_ref and dq of the answer to the newest state, both (n,), which is sent until then."""
+    def response_to(self, message: JointState) -> tuple[np.ndarray, np.ndarray]:
+        """q_ref and dq of the response to the newest state, both (n,), which is sent until then."""
         await_that(
-            lambda: self._asked(message), f'an answer to the state of {self.stamp} ns', every=0.05
+            lambda: self._asked(message), f'a response to the state of {self.stamp} ns', every=0.05
         )
-        answer = self.answers[self.stamp]
-        return np.array(answer.position), np.array(answer.velocity)
+        response = self.responses[self.stamp]
+        return np.array(response.position), np.array(response.velocity)
 
     def steer(self, dx: np.ndarray, frame: str = 'world', stamp: int | None = None) -> None:
         """Publish a task velocity, stamped as the last state by default, and wait until
@@ -128,27 +128,27 @@ class Probe(Node):
         self.settle()
 
     def settle(self) -> None:
-        """Wait until the controller has received all that was published: it answers in order."""
+        """Wait until the controller has received all that was published: it responds in order."""
         call(self, GetParameters, 'controller/get_parameters', GetParameters.Request())
 
-    def is_answered(self, message: JointState) -> bool:
-        """Send the newest state; whether the controller answers it."""
+    def is_responded_to(self, message: JointState) -> bool:
+        """Send the newest state; whether the controller responds to it."""
         for _ in range(3):  # one may get lost
             self.send(message)
             self.settle()
-            if self.stamp in self.answers:
+            if self.stamp in self.responses:
                 return True
         return False
 
     def _asked(self, message: JointState) -> bool:
         self._states.publish(message)
         until = time.monotonic() + 0.2
-        while self.stamp not in self.answers and time.monotonic() < until:
+        while self.stamp not in self.responses and time.monotonic() < until:
             time.sleep(0.0005)
-        return self.stamp in self.answers
+        return self.stamp in self.responses
 
-    def _on_answer(self, message: JointState) -> None:
-        self.answers[to_nanoseconds(message.header.stamp)] = message
+    def _on_response(self, message: JointState) -> None:
+        self.responses[to_nanoseconds(message.header.stamp)] = message
 
 
 class Observer(Node):
@@ -262,7 +262,7 @@ class Observer(Node):
 
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)
-        if stamp != self.at:  # a robot that waits for an answer asks again
+        if stamp != self.at:  # a robot that waits for a response asks again
             self.at = stamp
             self.states.append((stamp, np.array(message.position)))
 

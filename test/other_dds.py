@@ -89,23 +89,23 @@ def main(domain: int, wanted: int) -> None:
         participant, Topic(participant, 'rt/cartesian_velocity', TwistStamped), RELIABLE
     )
     asked: Received = {}
-    answered: Received = {}
+    returned: Received = {}
     while len(asked) < wanted:
         received = by_stamp(states)
-        answered |= by_stamp(commands)
-        if answered:  # how long the controller takes to come does not matter
+        returned |= by_stamp(commands)
+        if returned:  # how long the controller takes to come does not matter
             asked |= received
         # A zero stamp means now.
         twists.write(TwistStamped(Header(Time(0, 0), ''), SLOW))
         time.sleep(0.01)
-    answered |= by_stamp(commands)
+    returned |= by_stamp(commands)
     first, *_, last = asked.values()
     ways = [abs(b - a) for a, b in zip(first.position, last.position, strict=True)]
     print(
         json.dumps(
             {
                 'states': len(asked),
-                'answered': len(asked.keys() & answered.keys()),
+                'returned': len(asked.keys() & returned.keys()),
                 'joints': list(first.name),
                 'moved': max(ways),
                 'ros': 'rclpy' in sys.modules,

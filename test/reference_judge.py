@@ -37,7 +37,7 @@ class Violation(NamedTuple):
     """A reference that should not have been published.
 
     Attributes:
-        stamp: Of the state that it answers [ns].
+        stamp: Of the state that it is for [ns].
         mode: Of the controller; empty if it has published none.
         rule: Which one it breaks.
         joint: Counted from 0.
@@ -120,7 +120,7 @@ class ReferenceJudge:
         """Judge a reference.
 
         Args:
-            stamp: Of the state that it answers [ns].
+            stamp: Of the state that it is for [ns].
             r: Position, (n,) [rad].
         """
         self.judged += 1

@@ -95,7 +95,7 @@ def test_late_lost_and_skipped_cycles_are_counted_apart() -> None:
     some = trips([0.5, 1.0, 2.5, np.inf], skipped=1)
     assert (some.in_cycle, some.lost) == (0.5, 0.25)
     assert sorted(some.times.samples) == pytest.approx([0.5e-3, 1e-3, 2.5e-3])
-    assert some.figures()['answered_in_cycle_percent'] == 50.0
+    assert some.figures()['in_cycle_percent'] == 50.0
 
 
 def test_repetitions_are_weighed_by_their_states() -> None:
@@ -112,7 +112,7 @@ def test_a_pause_of_the_robot_is_skipped_cycles() -> None:
     assert RoundTrips.from_times(PERIOD, [], [], {}).skipped == 0
 
 
-def test_a_recording_gives_the_first_answers_to_the_states_of_its_window() -> None:
+def test_a_recording_gives_the_first_commands_for_the_states_of_its_window() -> None:
     messages = []
     for milliseconds, tick, is_received in (
         (0, 1, False),  # before the window
@@ -120,7 +120,7 @@ def test_a_recording_gives_the_first_answers_to_the_states_of_its_window() -> No
         (10, 2, False),
         (11, 2, True),
         (13, 2, True),  # again: does not count
-        (14, 3, False),  # one cycle was skipped; never answered
+        (14, 3, False),  # one cycle was skipped; no command
         (15, 9, True),  # to a state that never went out
         (30, 4, False),  # after the window
     ):
@@ -212,7 +212,7 @@ def test_a_peer_gives_the_velocities_of_the_least_velocity_law(
             assert deviation(peer, model, stretch) < SAME, label
 
 
-def test_a_peer_with_another_answer_is_found_out(model: RobotModel) -> None:
+def test_a_peer_with_another_solution_is_found_out(model: RobotModel) -> None:
     stretch = recorded(model, 50)
     assert deviation(lambda q, x_d, dx: np.full(7, 0.5), model, stretch) > SAME
 

@@ -55,7 +55,7 @@ class Robot:
         return self.cycle * T
 
     def ask(self, stamp: int | None = None) -> Response | None:
-        """The answer to the next state."""
+        """The response to the next state."""
         self.cycle += 1
         at = self.stamp if stamp is None else stamp
         return self.take(self.following.enter_state(at, self.q, self.now))
@@ -65,12 +65,12 @@ class Robot:
         at = self.stamp if stamp is None else stamp
         return self.take(self.following.enter_twist(at, dx, self.now + 3e-4))
 
-    def take(self, answer: Response | None) -> Response | None:
-        if answer is not None:
-            self.q = answer.command.q_ref
+    def take(self, response: Response | None) -> Response | None:
+        if response is not None:
+            self.q = response.command.q_ref
             self.references.append(self.q)
             self.cycles.append(self.cycle)
-        return answer
+        return response
 
     def follow(self, cycles: int, source: Callable[[int], np.ndarray] = velocity) -> None:
         """State and task velocity, for some cycles."""
@@ -122,9 +122,9 @@ def assert_gentle(robot: Robot) -> None:
         v = dq
 
 
-def speed(answer: Response | None) -> float:
-    assert answer is not None
-    return float(np.linalg.norm(answer.command.dq))
+def speed(response: Response | None) -> float:
+    assert response is not None
+    return float(np.linalg.norm(response.command.dq))
 
 
 # --- a run as it should be ------------------------------------------------------------------------
@@ -147,7 +147,7 @@ def test_the_loop_is_that_of_the_controller_with_task_velocities_some_cycles_lat
         np.testing.assert_array_equal(q, robot.references[cycle - 1])
 
 
-def test_in_lock_step_each_state_is_answered_with_its_own_task_velocity() -> None:
+def test_in_lock_step_each_state_is_commanded_with_its_own_task_velocity() -> None:
     robot = make(lockstep=True)
     controller = make_controller()
     q = START
@@ -165,15 +165,15 @@ def test_jitter_drift_and_a_clock_that_is_set_leave_every_reference_as_it_is() -
     robot = make()
     random = np.random.default_rng(3)
     stamps = []
-    answered = []
+    responses = []
     for cycle in range(1, 901):
         drifted = cycle * 1.005
         set_by = 0.3 if cycle > 450 else 0.0  # [s]
         jitter = random.uniform(-0.45, 0.45)
         stamps.append(EPOCH + round((drifted + jitter) * NS + set_by * 1e9))
-        answered.append(robot.ask(stamps[-1]) is not None)
+        responses.append(robot.ask(stamps[-1]) is not None)
         robot.steer(velocity(cycle), stamps[-1])
-    assert all(answered)
+    assert all(responses)
     np.testing.assert_array_equal(robot.references, perfect.references)
 
 
@@ -184,10 +184,10 @@ def test_after_missed_cycles_the_reference_goes_on_from_where_the_robot_is(
     robot = at_speed(bridging=bridging)
     before, last = robot.references[-2:]
     robot.cycle += 3
-    answer = robot.ask()
-    assert answer is not None
-    expected = last + cycles * (last - before) + T * answer.command.dq
-    np.testing.assert_allclose(answer.command.q_ref, expected, rtol=0.0, atol=1e-12)
+    response = robot.ask()
+    assert response is not None
+    expected = last + cycles * (last - before) + T * response.command.dq
+    np.testing.assert_allclose(response.command.q_ref, expected, rtol=0.0, atol=1e-12)
     assert robot.following.skipped >= 3
 
 
@@ -256,10 +256,10 @@ def test_a_state_without_a_stamp_is_refused() -> None:
     assert robot.ask() is not None
 
 
-def test_the_same_state_again_gets_the_same_answer_and_another_one_with_its_stamp_none() -> None:
+def test_the_same_state_again_gets_the_same_response_and_another_one_with_its_stamp_none() -> None:
     robot = at_speed()
-    answer = robot.ask()
-    assert robot.following.enter_state(robot.stamp, robot.following.q, robot.now) is answer
+    response = robot.ask()
+    assert robot.following.enter_state(robot.stamp, robot.following.q, robot.now) is response
     with pytest.raises(ClockError, match='other positions'):
         robot.following.enter_state(robot.stamp, START + 0.1, robot.now)
 
@@ -277,8 +277,8 @@ def test_a_state_out_of_order_leaves_the_motion_as_it_is() -> None:
 def test_after_a_long_gap_the_controller_begins_anew_and_says_why() -> None:
     robot = at_speed()
     robot.cycle += 100
-    answer = robot.ask()
-    assert answer is not None
+    response = robot.ask()
+    assert response is not None
     assert 'no state came in 100 cycles, allowed 5' in robot.following.warning
     robot.ask()
     assert robot.following.warning == ''
@@ -289,11 +289,11 @@ def test_an_arm_that_is_held_goes_on_from_its_reference_after_a_gap_however_far_
     reference = robot.q
     robot.cycle += 50
     robot.q = reference - 0.01  # [rad] more than any joint may move in a cycle
-    answer = robot.ask()
-    assert answer is not None
+    response = robot.ask()
+    assert response is not None
     assert 'from the last reference' in robot.following.warning
-    assert np.abs(answer.command.q_ref - reference).max() < 1e-4
-    assert speed(answer) < 0.05  # and at rest
+    assert np.abs(response.command.q_ref - reference).max() < 1e-4
+    assert speed(response) < 0.05  # and at rest
 
 
 @pytest.mark.parametrize(('bridging', 'held'), [('hold', False), ('extrapolate', True)])
@@ -306,9 +306,9 @@ def test_after_seconds_of_silence_a_reference_that_is_held_is_the_same(
     reference = robot.q
     robot.cycle += round(1.5 / T)
     robot.q = reference - 0.01
-    answer = robot.ask()
-    assert answer is not None
-    np.testing.assert_array_equal(answer.command.q_ref, reference)
+    response = robot.ask()
+    assert response is not None
+    np.testing.assert_array_equal(response.command.q_ref, reference)
 
 
 @pytest.mark.parametrize('before_the_gap', range(100, 400, 30))
@@ -333,26 +333,26 @@ def test_a_robot_that_goes_on_by_itself_in_a_gap_does_not_leave_its_range(
     assert robot.following.error == ''
 
 
-def test_of_two_answers_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
+def test_of_two_responses_in_one_cycle_of_a_robot_that_holds_the_first_does_not_count() -> None:
     robot = at_speed(bridging='hold')
     before = robot.q
     robot.ask()
-    # That answer was held up, and the robot had published its next state by then.
+    # That response was held up, and the robot had published its next state by then.
     robot.following.note_sent(robot.now + 0.95 * T)
-    answer = robot.ask()
-    assert answer is not None
-    np.testing.assert_allclose(answer.command.q_ref, before + T * answer.command.dq, atol=1e-15)
+    response = robot.ask()
+    assert response is not None
+    np.testing.assert_allclose(response.command.q_ref, before + T * response.command.dq, atol=1e-15)
 
 
 @pytest.mark.parametrize('bridging', ['hold', 'extrapolate'])
-def test_answers_in_time_count_each_on_its_own(bridging: str) -> None:
+def test_responses_in_time_count_each_on_its_own(bridging: str) -> None:
     robot = at_speed(bridging=bridging)
     robot.ask()
     before = robot.q
     robot.following.note_sent(robot.now + 0.5 * T)
-    answer = robot.ask()
-    assert answer is not None
-    np.testing.assert_allclose(answer.command.q_ref, before + T * answer.command.dq, atol=1e-15)
+    response = robot.ask()
+    assert response is not None
+    np.testing.assert_allclose(response.command.q_ref, before + T * response.command.dq, atol=1e-15)
 
 
 def test_a_single_state_to_which_no_arm_can_have_leapt_is_refused_and_changes_nothing() -> None:
@@ -407,11 +407,11 @@ def test_a_robot_that_executes_nothing_is_noticed_within_50_ms_and_then_mirrored
         robot.steer(velocity(robot.cycle))
     assert (robot.cycle - begun) * T <= 0.05
     for _ in range(100):
-        answer = robot.ask()
+        response = robot.ask()
         robot.q = stuck
         robot.steer(velocity(robot.cycle))
-        np.testing.assert_array_equal(answer.command.q_ref, stuck)
-        assert answer.scaling == 0.0
+        np.testing.assert_array_equal(response.command.q_ref, stuck)
+        assert response.scaling == 0.0
 
 
 def test_an_arm_that_does_not_follow_never_gets_far_from_its_commands() -> None:
@@ -436,11 +436,11 @@ def test_a_clock_that_jumps_after_a_silence_makes_the_controller_begin_where_the
     robot.follow(300)
     moving = robot.q
     stamp = robot.stamp + jump * 10**9
-    answer = robot.following.enter_state(stamp, moving, robot.now + 0.6)
-    assert answer is not None
+    response = robot.following.enter_state(stamp, moving, robot.now + 0.6)
+    assert response is not None
     # At most the first share of a blend from standing still.
-    np.testing.assert_allclose(answer.command.q_ref, moving, rtol=0.0, atol=1e-6)
-    assert speed(answer) < 1e-3
+    np.testing.assert_allclose(response.command.q_ref, moving, rtol=0.0, atol=1e-6)
+    assert speed(response) < 1e-3
 
 
 def test_before_an_inactive_controller_is_silent_it_repeats_its_last_reference() -> None:
@@ -461,9 +461,9 @@ def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None
     q = np.array(model.arm.start) + 0.3 * np.random.default_rng(1).normal(size=model.n)
     for cycle in range(1, 800):
         stamp = EPOCH + cycle * round(1e9 * period)
-        answer = loop.enter_state(stamp, q, cycle * period)
-        assert answer is not None
-        q = answer.command.q_ref
+        response = loop.enter_state(stamp, q, cycle * period)
+        assert response is not None
+        q = response.command.q_ref
         dx = np.array((0.0, 0.05 if cycle < 50 else 0.0, 0.0))  # [m/s]
         loop.enter_twist(stamp, dx, cycle * period)
     assert loop.mode is Mode.HOLDING
@@ -542,16 +542,16 @@ def test_a_task_velocity_of_no_state_ends_with_the_timeout_though_the_robots_clo
         robot.steer(GENTLE, 0)
     assert speed(robot.ask()) > 0.0
     robot.cycle += 1
-    answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
-    assert speed(answer) == 0.0
-    assert answer is not None and answer.scaling == 0.0
+    response = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    assert speed(response) == 0.0
+    assert response is not None and response.scaling == 0.0
 
 
 def test_a_task_velocity_of_a_state_does_not_age_while_the_robots_clock_stands() -> None:
     robot = at_speed()
     robot.cycle += 1
-    answer = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
-    assert answer is not None and answer.scaling == 1.0
+    response = robot.following.enter_state(robot.stamp, robot.q, robot.now + 3.0)
+    assert response is not None and response.scaling == 1.0
 
 
 # --- waiting --------------------------------------------------------------------------------------
@@ -562,14 +562,14 @@ def test_with_patience_a_state_waits_for_its_task_velocity_however_late_it_is() 
     robot = at_speed(twist_patience=1.0)
     random = np.random.default_rng(4)
     for _ in range(100):
-        robot.ask()  # answered, as the one of the last state has come
+        robot.ask()  # commanded, as the one of the last state has come
         robot.cycle += 1  # of this state none has come when the next one does
         late = robot.following.enter_state(robot.stamp, robot.q, robot.now)
         if late is None:
             robot.take(robot.following.respond_if_due(robot.now + random.uniform(0.0, 0.9)))
             robot.steer(velocity(robot.cycle - 1), robot.stamp - NS)
         else:
-            pytest.fail('answered without its task velocity')
+            pytest.fail('a command without its task velocity')
         robot.steer(velocity(robot.cycle))
     perfect.follow(200)
     np.testing.assert_array_equal(robot.references, perfect.references)
@@ -590,7 +590,7 @@ def test_patience_ends_and_then_nothing_waits_until_task_velocities_come_again()
     assert robot.following.enter_state(robot.stamp, robot.q, robot.now) is None
 
 
-def test_a_robot_that_goes_on_without_the_answer_is_not_kept_waiting() -> None:
+def test_a_robot_that_goes_on_without_the_response_is_not_kept_waiting() -> None:
     robot = at_speed(twist_patience=1.0)
     robot.ask()
     assert robot.ask() is None
@@ -605,13 +605,15 @@ def test_the_arm_follows_from_where_the_robot_begins_to_take_commands() -> None:
     robot = make(switch_time=0.0)
     robot.following.enter_session('MON')
     robot.follow(20, lambda _: GENTLE)
-    answer = robot.ask()
-    assert answer is not None and answer.scaling == 0.0
-    np.testing.assert_allclose(answer.command.dq, answer.command.ddq * T)  # as from a standstill
+    response = robot.ask()
+    assert response is not None and response.scaling == 0.0
+    np.testing.assert_allclose(
+        response.command.dq, response.command.ddq * T
+    )  # as from a standstill
     robot.steer(GENTLE)
     robot.following.enter_session('CMD')
-    answer = robot.ask()
-    assert answer is not None and answer.scaling == 1.0
+    response = robot.ask()
+    assert response is not None and response.scaling == 1.0
 
 
 def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() -> None:
@@ -623,18 +625,18 @@ def test_another_robot_must_say_that_it_takes_commands_unless_none_ever_did() ->
         robot.cycle += 5_000
         robot.ask()
         robot.steer(GENTLE)
-        answer = robot.ask()
-        assert answer is not None and answer.scaling == expected
+        response = robot.ask()
+        assert response is not None and response.scaling == expected
 
 
 def test_hold_makes_the_arm_stand_and_says_so_by_a_scaling_of_nothing() -> None:
     robot = at_speed()
     robot.following.hold(True)
     for _ in range(3):
-        answer = robot.ask()
+        response = robot.ask()
         robot.steer(velocity(robot.cycle))
-    assert speed(answer) == 0.0
-    assert answer is not None and answer.scaling == 0.0
+    assert speed(response) == 0.0
+    assert response is not None and response.scaling == 0.0
 
 
 def test_limits_that_hold_the_task_up_for_a_second_are_reported_with_the_joint() -> None:

@@ -98,7 +98,7 @@ def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
     assert arm.loop.gate.count == 0
 
 
-def test_torques_of_another_length_stop_the_arm_and_every_state_is_answered() -> None:
+def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command() -> None:
     arm = TorqueLoop()
     arm.run(0.5, np.full(7, 5.0))
     assert arm.loop.mode is Mode.MOVING

@@ -381,7 +381,7 @@ def nasty(random: np.random.Generator) -> tuple:
     return dq_free, W, [(J, dx)], (lower, upper), rows
 
 
-def test_every_tick_has_an_answer_in_the_box():
+def test_every_tick_has_a_velocity_in_the_box():
     random = np.random.default_rng(0)
     unsolved = 0
     for _ in range(1_000_000 if NIGHTLY else 3000):

@@ -57,7 +57,7 @@ class Drive:
         return other
 
     def step(self) -> tuple[Command, np.ndarray]:
-        """One tick: the command and the task velocity that it answers."""
+        """One tick: the command and the task velocity that it is for."""
         dx = self._planner.reference(self.controller.model.tip(self.q)[0], self.tick * T).dx
         command = self.controller.update(self.q, dx)
         self.q = command.q_ref

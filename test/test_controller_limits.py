@@ -302,7 +302,7 @@ def test_a_law_that_runs_away_is_refused_once_and_starts_anew(model):
     q = np.zeros(7)
     q[3] = 1e-3
     dx = np.array((0.3, 0.1, 0.2))
-    reasons: list[str] = []  # of every tick, empty where it is answered
+    reasons: list[str] = []  # of every tick, empty where it has a command
     for _ in range(3000):
         # beside a singularity dx itself asks for too much in this norm; its sender stops
         wanted = 0.0 * dx if reasons[-1:] == ['dx'] else dx

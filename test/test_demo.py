@@ -137,7 +137,7 @@ def test_the_arm_wipes_a_table_with_the_force_of_its_spring(tmp_path: Path) -> N
     assert depth == pytest.approx(np.full(depth.size, 2e-3), abs=2e-4)
 
 
-def test_lockstep_answers_every_state_and_records_every_answer(lockstep: Path) -> None:
+def test_lockstep_commands_every_state_and_records_every_command(lockstep: Path) -> None:
     rows = motion(lockstep)
     np.testing.assert_allclose(rows[:, 0], PERIOD * np.arange(len(rows)), atol=1e-9)
     cycles = summary(lockstep)['cycles']
@@ -214,10 +214,10 @@ def test_the_summary_explains_every_cycle(real_time: tuple[Path, str]) -> None:
     out, _ = real_time
     rows = motion(out)
     cycles = summary(out)['cycles']
-    answered = cycles['in_time'] + cycles['waited_for'] + cycles['late']
-    # A state that nobody answered has no row, and neither has one whose answer got lost.
-    assert answered <= len(rows) <= answered + cycles['missed']
-    assert answered + cycles['missed'] == round(rows[-1, 0] / 0.002) + 1
+    returned = cycles['in_time'] + cycles['waited_for'] + cycles['late']
+    # A state that got no command has no row, and neither has one whose command got lost.
+    assert returned <= len(rows) <= returned + cycles['missed']
+    assert returned + cycles['missed'] == round(rows[-1, 0] / 0.002) + 1
 
 
 @pytest.mark.realtime

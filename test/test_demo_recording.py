@@ -144,13 +144,13 @@ def recorded(topic: str, time: int, data: bytes, *, is_received: bool = False) -
 
 
 def exchange(*times: tuple[float, float | None]) -> list[RecordedMessage]:
-    """States that went out and answers that came at some times [ms], by tick."""
+    """States that went out and commands that came at some times [ms], by tick."""
     messages = []
-    for tick, (sent, answered) in enumerate(times):
+    for tick, (sent, returned) in enumerate(times):
         data = serialize_message(joint_state(tick))
         messages.append(recorded('/joint_states', int(sent * MS), data))
-        if answered is not None:
-            at = int(answered * MS)
+        if returned is not None:
+            at = int(returned * MS)
             messages.append(recorded('/joint_command', at, data, is_received=True))
     return messages
 
@@ -159,7 +159,7 @@ def test_every_cycle_is_counted_as_one_of_four() -> None:
     messages = exchange(
         (0.0, 1.0),  # in time
         (2.0, 5.0),  # late: the next state went out at 4
-        (4.0, None),  # never answered
+        (4.0, None),  # no command
         (6.0, 9.0),  # the clock waited
         (9.5, 10.0),  # in time
     )
@@ -180,7 +180,7 @@ def test_in_lock_step_there_is_no_clock_to_be_late_for() -> None:
 
 
 @pytest.mark.parametrize(('waited_for', 'says'), [(10, False), (2000, True)])
-def test_late_answers_are_put_down_to_a_busy_computer(
+def test_late_commands_are_put_down_to_a_busy_computer(
     waited_for: int, says: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cycles = CycleCounts(4000 - waited_for, waited_for, late=0, missed=0, stood_still=1.0)

@@ -1,4 +1,4 @@
-"""docs/when_things_go_wrong.md: every row is shown by a test that exists, and nothing that can go
+"""docs/troubleshooting.md: every row is shown by a test that exists, and nothing that can go
 wrong is left out.
 """
 
@@ -14,7 +14,7 @@ from redres_ros.fake_robot.session import Refusal
 from redres_ros.robots import ARMS
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / 'docs' / 'when_things_go_wrong.md'
+PAGE = HERE.parent / 'docs' / 'troubleshooting.md'
 
 
 _COLUMNS = 4  # of a table of what to do

@@ -157,7 +157,7 @@ def test_every_example_has_a_test() -> None:
 
 
 @pytest.mark.realtime
-def test_behind_ros2_control_the_controller_answers_and_moves_the_arm(
+def test_behind_ros2_control_the_controller_responds_and_moves_the_arm(
     tmp_path: Path,
 ) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
@@ -174,11 +174,11 @@ def test_behind_ros2_control_the_controller_answers_and_moves_the_arm(
             for name, values in own.items()
         ]
         try:
-            answered, moved = run('behind_ros2_control', '--seconds', '4').splitlines()
+            responses, moved = run('behind_ros2_control', '--seconds', '4').splitlines()
         finally:
             for node in nodes:
                 node.end()
-    share, states = numbers(answered)
+    share, states = numbers(responses)
     assert share > 50.0  # 99.4 beside ten other processes; in bad moments a machine stalls for long
     assert states == 400
     assert numbers(moved)[0] > 0.1

@@ -101,7 +101,7 @@ def test_no_joint_exceeds_its_speed_limit_though_the_command_does(finished):
 # --- the loop -------------------------------------------------------------------------------------
 
 
-def test_the_arm_moves_as_an_ideal_one_that_uses_each_answer_a_tick_late():
+def test_the_arm_moves_as_an_ideal_one_that_uses_each_command_a_tick_late():
     real = short(controller('minimum_acceleration')).recording
     ideal = run(controller('minimum_acceleration'), SHORT, delay=1)
     ticks = min(len(real.data), len(ideal.data))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from redres_ros.errors import JointNamesError, RedresError
 from redres_ros.fake_robot.command_validator import CommandValidator
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
-from redres_ros.fake_robot.robot import Answer, FakeRobot
+from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -39,19 +39,19 @@ def cruise(tick: int, velocity: np.ndarray = SPEED, since: int = 0) -> np.ndarra
     return Q0 + T * velocity * ramp
 
 
-def answer(robot: FakeRobot, **kwargs: np.ndarray) -> Answer:
-    """What a client that answers in time has to say at this tick."""
-    return Answer(robot.tick - 1, cruise(robot.tick - 1, **kwargs))
+def command(robot: FakeRobot, **kwargs: np.ndarray) -> ClientCommand:
+    """What a client that responds in time has to say at this tick."""
+    return ClientCommand(robot.tick - 1, cruise(robot.tick - 1, **kwargs))
 
 
 def run(robot: FakeRobot, cycles: int, **kwargs: np.ndarray) -> FakeRobot:
     for _ in range(cycles):
-        robot.advance(answer(robot, **kwargs) if robot.tick else None)
+        robot.advance(command(robot, **kwargs) if robot.tick else None)
     return robot
 
 
 def rest(robot: FakeRobot, cycles: int = 1000) -> np.ndarray:
-    """References (N, 7), from two cycles before, while nobody answers."""
+    """References (N, 7), from two cycles before, while nobody commands."""
     references = [robot.reference]
     for _ in range(cycles):
         robot.advance(None)
@@ -62,12 +62,12 @@ def rest(robot: FakeRobot, cycles: int = 1000) -> np.ndarray:
 # --- when a command acts --------------------------------------------------------------------------
 
 
-def test_an_answer_to_one_state_is_where_an_ideal_arm_is_two_ticks_later():
+def test_a_command_to_one_state_is_where_an_ideal_arm_is_two_ticks_later():
     robot = make_robot(monitor_time=0.0)
     positions = []
     for _ in range(300):
         positions.append(robot.q)
-        robot.advance(answer(robot) if robot.tick else None)
+        robot.advance(command(robot) if robot.tick else None)
     assert (positions[1] == Q0).all()
     for k in range(2, 300):
         assert (positions[k] == cruise(k - 2)).all()
@@ -77,24 +77,24 @@ def test_before_command_mode_the_arm_holds_its_position():
     robot = make_robot(monitor_time=0.5)
     robot.advance(None)
     for _ in range(249):
-        robot.advance(Answer(robot.tick - 1, Q0 + 0.005))
+        robot.advance(ClientCommand(robot.tick - 1, Q0 + 0.005))
         assert (robot.q == Q0).all()
     assert not robot.session.commanding
 
 
-def test_at_tick_zero_nobody_can_have_answered():
+def test_at_tick_zero_nobody_can_have_responded():
     robot = make_robot()
     robot.advance(None)
     assert robot.session.counts.cycles == 0
 
 
-def test_of_several_answers_the_newest_counts():
+def test_of_several_commands_the_newest_counts():
     robot = run(make_robot(monitor_time=0.0), 200)
     alone = run(make_robot(monitor_time=0.0), 200)
     alone.advance(None)
     robot.advance(None)
-    alone.advance(answer(alone))
-    robot.advance(Answer(robot.tick - 2, cruise(robot.tick - 2)), answer(robot))
+    alone.advance(command(alone))
+    robot.advance(ClientCommand(robot.tick - 2, cruise(robot.tick - 2)), command(robot))
     assert robot.reference == pytest.approx(alone.reference, abs=ROUNDING)
     assert (robot.session.counts.in_time, robot.session.counts.late) == (200, 0)
 
@@ -107,7 +107,7 @@ def test_a_first_command_nearby_is_reached_without_a_jump():
     gap = 0.009 * np.array([1, -1, 1, -1, 1, -1, 1])
     references = [robot.reference, robot.reference]
     for _ in range(200):
-        robot.advance(Answer(robot.tick - 1, Q0 + gap) if robot.tick else None)
+        robot.advance(ClientCommand(robot.tick - 1, Q0 + gap) if robot.tick else None)
         references.append(robot.reference)
     assert robot.session.commanding
     assert (robot.reference == Q0 + gap).all()
@@ -118,7 +118,7 @@ def test_a_first_command_too_far_away_moves_nothing():
     robot = make_robot(monitor_time=0.0)
     robot.advance(None)
     for _ in range(10):
-        robot.advance(Answer(robot.tick - 1, Q0 + 0.011))
+        robot.advance(ClientCommand(robot.tick - 1, Q0 + 0.011))
     assert robot.session.reason.startswith('interpolation error')
     assert (robot.q == Q0).all()
 
@@ -127,7 +127,7 @@ def test_the_first_command_follows_a_standstill_whatever_was_mirrored_before():
     robot = make_robot(monitor_time=0.02)
     robot.advance(None)
     for tick in range(10):
-        robot.advance(Answer(tick, Q0 + 0.0005 * tick))
+        robot.advance(ClientCommand(tick, Q0 + 0.0005 * tick))
     assert robot.session.commanding
     for _ in range(5):
         robot.advance(None)
@@ -139,14 +139,14 @@ def test_an_arm_that_mirrors_its_measured_position_is_let_in(ideal):
     robot = make_robot(ideal, monitor_time=0.1)
     previous = None
     while not robot.session.commanding and robot.tick < 100:
-        mirrored = Answer(robot.tick, robot.q)
+        mirrored = ClientCommand(robot.tick, robot.q)
         robot.advance(previous)
         previous = mirrored
-    assert robot.tick == 51  # 50 answers, the first of them at tick 1
+    assert robot.tick == 51  # 50 commands, the first of them at tick 1
     assert robot.reference == pytest.approx(Q0, abs=1e-9)
 
 
-# --- missing and late answers ---------------------------------------------------------------------
+# --- missing and late commands --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('misses', [1, 5])
@@ -171,12 +171,12 @@ def test_after_a_lost_state_the_velocity_is_that_per_tick():
 
 
 @pytest.mark.parametrize('lateness', [1, 5])
-def test_a_late_answer_is_brought_up_to_date(lateness):
+def test_a_late_command_is_brought_up_to_date(lateness):
     robot = run(make_robot(monitor_time=0.0), 200)
     for _ in range(lateness):
         robot.advance(None)
     for _ in range(35):  # a few more and the connection would be UNACCEPTABLE
-        robot.advance(Answer(robot.tick - 1 - lateness, cruise(robot.tick - 1 - lateness)))
+        robot.advance(ClientCommand(robot.tick - 1 - lateness, cruise(robot.tick - 1 - lateness)))
         assert robot.reference == pytest.approx(cruise(robot.tick - 2), abs=ROUNDING)
     assert robot.session.commanding
     assert robot.session.counts.late == 35
@@ -185,7 +185,7 @@ def test_a_late_answer_is_brought_up_to_date(lateness):
 def test_one_miss_too_many_stops_the_arm_within_its_acceleration_limits():
     robot = run(make_robot(monitor_time=0.0), 200)
     references = rest(robot)
-    assert robot.session.reason == 'timing: the newest answer is 6 cycles late, 5 are bridged'
+    assert robot.session.reason == 'timing: the newest command is 6 cycles late, 5 are bridged'
     assert (references[-1] == references[-2]).all()
     assert (np.abs(np.diff(references, 2, axis=0)) <= LIMITS.acceleration * T * T + ROUNDING).all()
 
@@ -193,7 +193,7 @@ def test_one_miss_too_many_stops_the_arm_within_its_acceleration_limits():
 def test_counts_add_up():
     robot = run(make_robot(monitor_time=0.0), 200)
     robot.advance(None)
-    robot.advance(Answer(robot.tick - 2, cruise(robot.tick - 2)))
+    robot.advance(ClientCommand(robot.tick - 2, cruise(robot.tick - 2)))
     run(robot, 10)
     counts = robot.session.counts
     assert (counts.cycles, counts.in_time, counts.late, counts.missed) == (211, 209, 1, 1)
@@ -207,7 +207,7 @@ def test_too_high_an_acceleration_ends_in_a_protective_stop():
     robot = run(make_robot(monitor_time=0.0), 200)
     before = robot.reference
     robot.advance(
-        Answer(robot.tick - 1, cruise(robot.tick - 1) + 0.01 * np.eye(7)[4])
+        ClientCommand(robot.tick - 1, cruise(robot.tick - 1) + 0.01 * np.eye(7)[4])
     )  # 5 rad/s more, in one cycle
     assert (
         robot.session.reason
@@ -223,7 +223,7 @@ def test_too_high_a_velocity_is_limited_and_not_stopped():
     steps = []
     for _ in range(350):
         before = robot.reference
-        robot.advance(answer(robot, velocity=fast) if robot.tick else None)
+        robot.advance(command(robot, velocity=fast) if robot.tick else None)
         steps.append(robot.reference - before)
     assert robot.session.commanding
     assert np.max(steps, axis=0)[0] == pytest.approx(LIMITS.velocity[0] * T, abs=ROUNDING)
@@ -235,7 +235,7 @@ def test_an_arm_that_runs_at_a_position_limit_stops_before_it(joint, speed):
     robot = make_robot(monitor_time=0.0)
     toward = speed * np.eye(7)[joint]
     for _ in range(3000):
-        robot.advance(answer(robot, velocity=toward) if robot.tick else None)
+        robot.advance(command(robot, velocity=toward) if robot.tick else None)
         assert robot.q[joint] <= LIMITS.upper[joint]
     assert robot.session.reason.startswith(f'position limit: {LIMITS.joint_names[joint]}')
     assert robot.q[joint] == pytest.approx(LIMITS.upper[joint], abs=np.radians(1.0))
@@ -244,7 +244,7 @@ def test_an_arm_that_runs_at_a_position_limit_stops_before_it(joint, speed):
 # --- after a stop ---------------------------------------------------------------------------------
 
 
-def test_after_a_stop_answers_move_nothing_until_reset():
+def test_after_a_stop_commands_move_nothing_until_reset():
     robot = run(make_robot(monitor_time=0.0), 200)
     held = rest(robot)[-1]
     run(robot, 100)
@@ -258,7 +258,7 @@ def test_reset_begins_anew_where_the_arm_stands():
     robot.reset()
     assert robot.session.reason == ''
     for _ in range(200):
-        robot.advance(Answer(robot.tick - 1, held))
+        robot.advance(ClientCommand(robot.tick - 1, held))
     assert robot.session.commanding
     assert (robot.q == held).all()
 
@@ -268,7 +268,7 @@ def test_reset_in_motion_brakes_and_lets_nobody_in_before_standstill():
     robot.reset()
     references = [robot.reference]
     while not robot.session.commanding and robot.tick < 300:
-        robot.advance(Answer(robot.tick - 1, robot.reference))
+        robot.advance(ClientCommand(robot.tick - 1, robot.reference))
         references.append(robot.reference)
     assert (robot.session.commanding, robot.session.reason) == (True, '')
     assert len(references) > 0.9 / (LIMITS.acceleration[0] * T)

@@ -1,6 +1,6 @@
 """Every message between the nodes, with every kind of fault, and what becomes of the arm.
 
-The table is that of docs/when_things_go_wrong.md, which `python test/test_fault_matrix.py` writes.
+The table is that of docs/troubleshooting.md, which `python test/test_fault_matrix.py` writes.
 The kinds of faults are those that PX4 injects into its sensors. All of it runs in virtual time with
 the nodes as they are (virtual_graph.py), the robot as strict as a real one.
 """
@@ -33,7 +33,7 @@ RATE = 100.0  # [Hz]
 DURATION = 0.6  # [s] of a fault
 # [rad/s] left of a null-space motion of 0.3 rad/s, which fades with 10 /s once no task moves
 DECAYED = 2e-3
-PAGE = Path(__file__).parents[1] / 'docs' / 'when_things_go_wrong.md'
+PAGE = Path(__file__).parents[1] / 'docs' / 'troubleshooting.md'
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
 # --- what becomes of the arm ----------------------------------------------------------------------
@@ -205,8 +205,8 @@ class Scene:
         robot = run.nodes['sim']._robot
         advance = robot.advance
 
-        def advance_and_keep(*answers: Any) -> None:
-            advance(*answers)
+        def advance_and_keep(*commands: Any) -> None:
+            advance(*commands)
             self.references.append(robot.reference)
 
         robot.advance = advance_and_keep

@@ -411,8 +411,8 @@ class Loop:
             self.references.append(self.robot.reference)
             self.stopped_at = tick if commanded and not self.session.commanding else self.stopped_at
             self.states.send(tick, tick)
-            for answered in self.states.receive(tick):
-                self.door.send(answered, self._command(answered))
+            for state in self.states.receive(tick):
+                self.door.send(state, self._command(state))
         return self
 
     def _command(self, tick: int) -> np.ndarray:
@@ -433,20 +433,20 @@ def test_a_few_lost_states_and_commands_are_bridged(profile):
 FAULTS = {
     'lost commands': (
         {'command_loss': 1.0},
-        'newest answer is 6 cycles late, 5 are bridged',
-        'answer_rate',
+        'newest command is 6 cycles late, 5 are bridged',
+        'response_rate',
     ),
     'lost states': (
         {'state_loss': 1.0},
-        'newest answer is 6 cycles late, 5 are bridged',
-        'answer_rate',
+        'newest command is 6 cycles late, 5 are bridged',
+        'response_rate',
     ),
     'late commands': (
         {'command_delay': 8},
-        'newest answer is 6 cycles late, 5 are bridged',
+        'newest command is 6 cycles late, 5 are bridged',
         'miss_rate',
     ),
-    'many lost states': ({'state_loss': 0.6}, 'the', 'answer_rate'),
+    'many lost states': ({'state_loss': 0.6}, 'the', 'response_rate'),
 }
 
 

@@ -239,7 +239,7 @@ class TestCallbacks:
     @few
     @given(
         st.lists(
-            st.one_of(joint_states(), st.sampled_from(('answer', 'answer', 'answer', 'reset'))),
+            st.one_of(joint_states(), st.sampled_from(('command', 'command', 'command', 'reset'))),
             max_size=30,
         )
     )
@@ -248,15 +248,15 @@ class TestCallbacks:
         robot = sim._robot
         before = robot.reference
         for event in events:
-            answers = sim._receiver.take(robot.tick)
+            commands = sim._receiver.take(robot.tick)
             sim._publish_state()
             if event == 'reset':
                 robot.reset()
-            elif event == 'answer':
+            elif event == 'command':
                 sim._on_command(numbered(recorder.sent[-1][0], robot.reference))
             else:
                 sim._on_command(event)
-            robot.advance(*answers)
+            robot.advance(*commands)
             after = robot.reference
             assert (np.abs(after - before) <= LIMITS.velocity * robot.period * (1.0 + 1e-9)).all()
             assert ((LIMITS.lower <= after) & (after <= LIMITS.upper)).all()
@@ -352,17 +352,17 @@ class TestOverDds:
     def test_after_all_that_the_live_nodes_are_as_good_as_new(self, live):
         observer, graph_parts, directory = live
 
-        def answers() -> list[tuple[np.ndarray, np.ndarray]]:
+        def commands() -> list[tuple[np.ndarray, np.ndarray]]:
             """To states of the sim; those that were thrown are stamped at any time but now."""
             real = {
                 stamp for stamp, _ in observer.states if abs(stamp - time.time_ns()) < 3600 * 10**9
             }
             return [(q_ref, dq) for stamp, q_ref, dq in observer.commands if stamp in real]
 
-        before = len(answers())
-        await_that(lambda: len(answers()) > before + 100, 'answers')
+        before = len(commands())
+        await_that(lambda: len(commands()) > before + 100, 'commands')
         for name in ('sim', 'controller', 'planner'):
             graph_parts[name].check()
             lines = log_lines(directory, name)
             assert not any('Traceback' in line for line in lines)
-        assert all(np.isfinite(q_ref).all() and np.isfinite(dq).all() for q_ref, dq in answers())
+        assert all(np.isfinite(q_ref).all() and np.isfinite(dq).all() for q_ref, dq in commands())

@@ -183,9 +183,9 @@ class Observer:
         assert from_rest or (np.abs(dq - self._dq) <= step).all()
         self._dq = dq
 
-    def _advanced(self, *answers: Any) -> None:
+    def _advanced(self, *commands: Any) -> None:
         before = self._robot.reference
-        self._advance(*answers)
+        self._advance(*commands)
         after = self._robot.reference
         assert (np.abs(after - before) <= LIMITS.velocity / RATE * (1.0 + 1e-9)).all()
         assert ((LIMITS.lower <= after) & (after <= LIMITS.upper)).all()

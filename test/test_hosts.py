@@ -117,11 +117,11 @@ class Observer:
         )
 
     def ask(self, what: str) -> str:
-        """Its answer."""
+        """Its response."""
         print(what, file=self._process.stdin, flush=True)
-        answer = self._process.stdout.readline().strip()
-        assert answer, self._log.read_text()
-        return answer
+        response = self._process.stdout.readline().strip()
+        assert response, self._log.read_text()
+        return response
 
     def end(self) -> None:
         """End it."""

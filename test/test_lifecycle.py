@@ -48,7 +48,7 @@ class TestByServices:
 
     @pytest.fixture
     def probe(self, started: Probe) -> Probe:
-        """An active controller that has answered an arm at rest, whatever the test before did."""
+        """An active controller that has commanded an arm at rest, whatever the test before did."""
         if life(started) == 'unconfigured':
             assert change(started, Transition.TRANSITION_CONFIGURE)
         if life(started) == 'active':
@@ -57,25 +57,25 @@ class TestByServices:
         started.ask(START)
         return started
 
-    def answers_to(self, probe: Probe, states: int) -> list[float]:
-        """Largest joint speeds of the answers to so many states of an arm that follows."""
+    def speeds_of_responses(self, probe: Probe, states: int) -> list[float]:
+        """Largest joint speeds of the responses to so many states of an arm that follows."""
         speeds = []
         for _ in range(states):
             message = probe.state(self.q)
-            if not probe.is_answered(message):
+            if not probe.is_responded_to(message):
                 break
-            answer = probe.answers[probe.stamp]
-            self.q = np.array(answer.position)
-            speeds.append(float(np.abs(answer.velocity).max()))
+            response = probe.responses[probe.stamp]
+            self.q = np.array(response.position)
+            speeds.append(float(np.abs(response.velocity).max()))
         return speeds
 
     def come_to_rest(self, probe: Probe) -> None:
-        """Deactivate the controller, and answer it until it is silent."""
+        """Deactivate the controller, and send it states until it is silent."""
         self.q = START
         assert change(probe, Transition.TRANSITION_DEACTIVATE)
-        assert len(self.answers_to(probe, 1000)) < 1000
+        assert len(self.speeds_of_responses(probe, 1000)) < 1000
 
-    def test_a_node_is_active_from_the_start_and_shut_down_it_never_answers_again(
+    def test_a_node_is_active_from_the_start_and_shut_down_it_never_responds_again(
         self, tmp_path: Path
     ) -> None:
         with nodes(tmp_path, controller={}) as (probe, _):
@@ -89,9 +89,9 @@ class TestByServices:
     ) -> None:
         self.q = START
         probe.steer(DX)
-        assert max(self.answers_to(probe, 300)) > 0.05
+        assert max(self.speeds_of_responses(probe, 300)) > 0.05
         assert change(probe, Transition.TRANSITION_DEACTIVATE)
-        speeds = self.answers_to(probe, 1000)
+        speeds = self.speeds_of_responses(probe, 1000)
         assert 10 < len(speeds) < 500  # of braking: 0.2 s and more
         assert np.abs(np.diff(speeds)).max() < 0.05
         assert speeds[-1] < 0.01

@@ -7,7 +7,7 @@ import pytest
 
 from redres_ros.loop.modes import TRANSITIONS, Conditions, Mode, next_mode
 
-PAGE = Path(__file__).parents[1] / 'docs' / 'when_things_go_wrong.md'
+PAGE = Path(__file__).parents[1] / 'docs' / 'troubleshooting.md'
 ALL = [
     Conditions(active, commandable, allowed, asked, at_rest)
     for active, commandable, allowed, asked, at_rest in product((True, False), repeat=5)

@@ -202,7 +202,7 @@ def test_what_the_kernel_does_not_permit_gets_one_warning_and_the_node_runs(tmp_
     assert 'processors [100000]' in line and 'going on with any' in line
 
 
-def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
+def test_the_responses_are_those_of_the_library(tmp_path: Path) -> None:
     law = make_law('minimum_acceleration', damping=7.0)
     following = CommandLoop(
         Controller(RobotModel.named('lwr4_paper'), law, 0.002, switch_time=0.1, limits=BOX)
@@ -211,10 +211,10 @@ def test_the_answers_are_those_of_the_library(tmp_path: Path) -> None:
         q = START
         for _ in range(20):
             q_ref, dq = probe.ask(q)
-            answer = following.enter_state(probe.stamp, q, 0.0)
-            assert answer is not None
-            np.testing.assert_array_equal(q_ref, answer.command.q_ref)
-            np.testing.assert_array_equal(dq, answer.command.dq)
+            response = following.enter_state(probe.stamp, q, 0.0)
+            assert response is not None
+            np.testing.assert_array_equal(q_ref, response.command.q_ref)
+            np.testing.assert_array_equal(dq, response.command.dq)
             probe.steer(DX)
             following.enter_twist(probe.stamp, DX, 0.0)
             q = q_ref
@@ -241,11 +241,11 @@ def test_in_lock_step_it_does_not_matter_whether_the_session_is_reported_before_
             state = probe.state(START)
             probe.send(state)
             probe.steer(DX)
-            q_ref, _ = probe.answer(state)
+            q_ref, _ = probe.response_to(state)
             assert following.enter_state(probe.stamp, START, 0.0) is None
-            answer = following.enter_twist(probe.stamp, DX, 0.0)
-            assert answer is not None
-            np.testing.assert_array_equal(q_ref, answer.command.q_ref)
+            response = following.enter_twist(probe.stamp, DX, 0.0)
+            assert response is not None
+            np.testing.assert_array_equal(q_ref, response.command.q_ref)
         assert np.linalg.norm(q_ref - START) > 1e-6
 
 
@@ -321,7 +321,7 @@ class TestOneController:
             'without a stamp',
         ],
     )
-    def test_a_bad_state_is_not_answered_and_reported_once(
+    def test_a_bad_state_gets_no_response_and_is_reported_once(
         self,
         resting: Shared,
         spoil: Callable[[Any], None],
@@ -329,7 +329,7 @@ class TestOneController:
     ) -> None:
         probe, lines = resting
         before, _ = probe.ask(START)
-        answered = set(probe.answers)
+        before = set(probe.responses)
         reported = len(lines())
         message = probe.state(START)
         spoil(message)
@@ -342,7 +342,7 @@ class TestOneController:
         for _ in range(4):
             probe.send(message)
             probe.settle()
-        assert set(probe.answers) == answered
+        assert set(probe.responses) == before
         after, _ = probe.ask(START)
         np.testing.assert_array_equal(after, before)
         await_that(
@@ -596,11 +596,11 @@ def test_a_planner_does_not_begin_anew_on_a_state_out_of_order(tmp_path: Path) -
         twists = probe.listen(TwistStamped, 'cartesian_velocity')
         begun = probe.listen(Time, 'planner/begun', LATCHED)
 
-        def answered() -> bool:
+        def received() -> bool:
             probe.send(probe.state(START))
             return len(twists) > 10
 
-        await_that(answered, 'task velocities')
+        await_that(received, 'task velocities')
         probe.stamp -= 2 * PERIOD
         probe.send(probe.state(START))
         await_that(
@@ -643,7 +643,7 @@ def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
             assert all(word in str(refusal.value) for word in words), refusal.value
 
 
-def test_the_sim_refuses_commands_that_answer_no_state_and_keeps_still(tmp_path: Path) -> None:
+def test_the_sim_refuses_commands_for_no_state_and_keeps_still(tmp_path: Path) -> None:
     with nodes(tmp_path, sim={'plant': 'ideal'}) as (probe, _):
         states = probe.listen(JointState, 'joint_states')
         publisher = probe.create_publisher(JointState, 'joint_command', QoSProfile(depth=1))
@@ -703,7 +703,7 @@ class TestOneSim:
         await_that(lambda: bool(state and reports), 'session state and diagnostics')
         assert state[-1].data == 'MON'
         keys = {pair.key for pair in reports[-1].status[0].values}
-        assert {'answer_rate', 'latency', 'jitter', 'miss_rate', 'miss_count'} <= keys
+        assert {'response_rate', 'latency', 'jitter', 'miss_rate', 'miss_count'} <= keys
         assert call(robot, Trigger, 'sim/reset', Trigger.Request()).success
 
     def test_faults_of_the_sim_are_set_live_and_refused_with_a_reason(self, robot: Probe) -> None:

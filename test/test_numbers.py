@@ -50,8 +50,8 @@ def test_readme_says_what_the_laws_do_on_the_rectangle(numbers: ModuleType) -> N
     assert not differences(row[2], f'{effort.acceleration:.3g}')
     assert not differences(row[7].rstrip(' |'), f'{effort.elbow:.3g}')
     _, rectangle, *_ = cells(on_page(numbers, 1, 'within'), cases[0].law)
-    answer = numbers._answer(results, 'minimum_velocity', 'rectangle')
-    assert not differences(rectangle, answer)
+    cell = numbers._cell(results, 'minimum_velocity', 'rectangle')
+    assert not differences(rectangle, cell)
 
 
 def test_every_law_and_damping_has_its_place(numbers: ModuleType) -> None:

@@ -48,5 +48,5 @@ def test_without_ros_it_receives_states_and_commands_and_steers_the_arm(tmp_path
     found = json.loads(done.stdout)
     assert found['ros'] is False
     assert tuple(found['joints']) == NAMES
-    assert found['answered'] > 100  # on a busy machine not every state is
+    assert found['returned'] > 100  # on a busy machine not every state is
     assert found['moved'] > 0.01  # [rad]

@@ -173,7 +173,7 @@ def test_friction_that_is_left_in_is_carried_by_the_servos():
 
 def test_no_joint_gets_more_torque_than_its_effort_limit():
     plant = MujocoPlant(find_arm('lwr4'), T, np.zeros(7))
-    plant.step(np.eye(7)[6])  # a jump by 1 rad; the servo alone would answer with 4000 Nm
+    plant.step(np.eye(7)[6])  # a jump by 1 rad; the servo alone would respond with 4000 Nm
     # 38 Nm on at least the rotor's 0.399 kg m^2, for one cycle
     assert 0.05 < plant.dq[6] <= 38.0 / 0.399 * T
 

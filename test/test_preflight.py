@@ -367,7 +367,7 @@ def test_the_activity_of_the_manager_in_our_namespace_counts_more_than_diagnosti
 
 @pytest.mark.slow
 def test_a_graph_passes_when_the_controller_runs_and_not_before(tmp_path: Path) -> None:
-    # The sim waits for late answers, so that a busy machine does not matter.
+    # The sim waits for late commands, so that a busy machine does not matter.
     sim = {'rate': RATE, 'patience': PATIENCE}
     parameters = {'sim': sim, 'controller': {'rate': RATE, 'limit_scale': 0.2}}
     with nodes(tmp_path, **parameters) as (probe, processes):

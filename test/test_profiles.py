@@ -1,5 +1,5 @@
 """Profiles of a session: every event in every state of each, and a life of each from the first
-answer to the last.
+command to the last.
 """
 
 import pytest
@@ -175,7 +175,7 @@ def test_a_life_of_an_lwr():
 
 def test_a_life_of_a_sunrise_goes_through_every_state():
     session = session_of(SUNRISE, monitor_time=0.1, bridged_misses=5)
-    # A client that answers late at first, then in time, and is no more.
+    # A client that responds late at first, then in time, and is no more.
     assert states(session, [3] * 50 + [0] * 300 + [None] * 200) == [
         State.IDLE,
         State.MONITORING_WAIT,
@@ -211,7 +211,7 @@ def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(p
         assert session.quality >= lowest
         session.record(
             0, latency=T * (1.0 + 0.02 * cycles)
-        )  # worse and worse, yet no answer is a cycle late
+        )  # worse and worse, yet no command is a cycle late
         cycles += 1
     bound = profile.thresholds[lowest].latency * T * 1e3
     assert session.quality == lowest - 1
@@ -228,7 +228,7 @@ def test_an_lwr_commands_at_any_quality_but_unacceptable_and_a_sunrise_only_when
     session = commanding(profile)
     for k in range(WINDOW):
         session.record(None if k % 2 else 0)
-    assert session.reason.startswith(f'timing: the connection is {ends.name}: answer rate')
+    assert session.reason.startswith(f'timing: the connection is {ends.name}: response rate')
 
 
 @EACH
@@ -251,7 +251,7 @@ def test_a_reason_keeps_the_session_from_commanding_until_reset(profile, stop):
     assert (session.reason, session.commanding) == ('', True)
 
 
-def test_an_answer_after_silence_opens_a_sunrise_session_again():
+def test_a_command_after_silence_opens_a_sunrise_session_again():
     session = commanding(SUNRISE)
     states(session, [None] * WINDOW)
     assert session.state is State.IDLE

@@ -1,4 +1,4 @@
-"""What nodes do so that an answer comes in time."""
+"""What nodes do so that a command comes in time."""
 
 import time
 from collections.abc import Iterator

@@ -1,7 +1,7 @@
 """What happens when a part of the graph fails or misbehaves while the arm moves, and how it comes
 back.
 
-Real nodes over real DDS. At 100 Hz, and the robot's clock stands still for a late answer, so that
+Real nodes over real DDS. At 100 Hz, and the robot's clock stands still for a late command, so that
 what is tested is the fault and not the machine. Times of recovery are those of that clock. What a
 robot does that waits for nobody is tested in virtual time (test_fault_matrix.py). With
 REDRES_NIGHTLY=1 the long ones take as long as they should.
@@ -49,7 +49,7 @@ pytestmark = pytest.mark.realtime
 RATE = 100.0  # [Hz]
 ALL = {'rate': RATE, 'robot': 'lwr4_paper', 'dynamics': 'identified'}
 BRIDGED = 35  # cycles; the quality of the connection ends the session at 40 misses of 100
-STALL = 2.0  # [s] for which the robot waits for an answer before it counts cycles as missed
+STALL = 2.0  # [s] for which the robot waits for a command before it counts cycles as missed
 OWN = {
     'sim': {'bridged_misses': BRIDGED, 'patience': STALL},
     'controller': {'restart_after': BRIDGED},
@@ -138,7 +138,7 @@ def moving_graph(directory: Path, **sim: float) -> Iterator[Graph]:
         processes.update({name: start_one(name) for name in OWN})
         observer.await_command_mode()
         observer.await_motion()
-        await_that(lambda: bool(observer.commands), 'answers')
+        await_that(lambda: bool(observer.commands), 'commands')
         yield Graph(observer, processes, start_one, directory)
         observer.assert_all_was_well()
     assert not any('Traceback' in path.read_text() for path in directory.glob('*.log'))
@@ -235,7 +235,7 @@ class TestStopped:
         assert observer.await_standstill(killed) < STANDSTILL
         commands = len(observer.commands)
         moving.start('controller')
-        await_that(lambda: len(observer.commands) > commands, 'answers')
+        await_that(lambda: len(observer.commands) > commands, 'commands')
         assert not observer.commanding  # before somebody has seen to it
         assert observer.reset() < RECOVERY
         await_going_on(observer)
@@ -408,7 +408,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
 
 
 class TestUndisturbed:
-    """What does not stop a robot that waits for answers. These tests share one graph."""
+    """What does not stop a robot that waits for commands. These tests share one graph."""
 
     def test_a_planner_that_dies_lets_the_arm_come_to_rest_in_command_mode(
         self, undisturbed: Graph

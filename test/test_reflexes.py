@@ -28,7 +28,7 @@ ROUNDING = 1e-12  # [rad]
 
 
 class Client:
-    """Answers every state in time, with the position that it adds to at every tick."""
+    """Responds to every state in time, with the position that it adds to at every tick."""
 
     def __init__(self, q: np.ndarray = START) -> None:
         session = Session(T, SessionSettings(profile='fci', monitor_time=0.05))
@@ -45,13 +45,13 @@ class Client:
         self.states.append(self.session.state)
 
     def say(self, q: np.ndarray) -> None:
-        """Answer the state of this tick, and let the robot have it."""
+        """Respond to the state of this tick, and let the robot have it."""
         self.q = q
         self.door.send(self.door.robot.tick - 1, q)
         self.advance()
 
     def stand(self, cycles: int) -> None:
-        """Answer from the spot."""
+        """Respond from the spot."""
         for _ in range(cycles):
             self.say(self.q)
 

@@ -257,12 +257,12 @@ def speeds_of(sent: Callable[[int], bool]) -> np.ndarray:
     speeds = []
     for cycle in range(1, 1000):
         stamp = 10**18 + round(cycle * T * 1e9)
-        answers = [loop.enter_state(stamp, q, cycle * T)]
+        responses = [loop.enter_state(stamp, q, cycle * T)]
         if sent(cycle):
-            answers.append(loop.enter_twist(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4))
-        for answer in filter(None, answers):
-            q = answer.command.q_ref
-            speeds.append(float(np.linalg.norm(answer.command.J @ answer.command.dq)))
+            responses.append(loop.enter_twist(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4))
+        for response in filter(None, responses):
+            q = response.command.q_ref
+            speeds.append(float(np.linalg.norm(response.command.J @ response.command.dq)))
     return np.array(speeds)
 
 

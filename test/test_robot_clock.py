@@ -67,9 +67,9 @@ def test_after_a_stall_stamps_go_on_one_period_apart_and_catch_up_a_little_faste
     assert clock.stood_still == pytest.approx(stall, abs=2.0 * T)
 
 
-def test_a_clock_that_waits_for_an_answer_is_behind_by_as_much(clock, computer):
+def test_a_clock_that_waits_for_a_command_is_behind_by_as_much(clock, computer):
     run(clock, computer, 0, 10)
-    computer.sleep(0.05)  # the tick is due; its answer is not there
+    computer.sleep(0.05)  # the tick is due; its command is not there
     clock.stand_still()
     assert clock.lag == pytest.approx(0.05)
 

@@ -233,10 +233,10 @@ def test_before_the_first_command_the_order_of_the_joints_is_compared(tmp_path: 
         kind, right = now.graph.services[PARAMETERS]
 
         def reversed_order(request: Any, response: Any) -> Any:
-            answered = right(request, response)
-            for value in answered.values:
+            replied = right(request, response)
+            for value in replied.values:
                 value.string_array_value = value.string_array_value[::-1]
-            return answered
+            return replied
 
         now.graph.services[PARAMETERS] = (kind, reversed_order)
         teleoperate(now.graph, now.robot)

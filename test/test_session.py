@@ -11,20 +11,20 @@ from hypothesis import strategies as st
 from redres_ros.errors import RangeError
 from redres_ros.fake_robot.profile import PROFILES, Profile, State
 from redres_ros.fake_robot.quality import THRESHOLDS, Quality, Statistics
-from redres_ros.fake_robot.session import AnswerError, Refusal, Session, SessionSettings
+from redres_ros.fake_robot.session import CommandError, Refusal, Session, SessionSettings
 from redres_ros.fake_robot.timing import WINDOW, TimingMonitor
 
 T = 0.002  # [s]
 
 
-def answered(session: Session, cycles: int = 1) -> Session:
+def responding(session: Session, cycles: int = 1) -> Session:
     for _ in range(cycles):
         session.record(0)
     return session
 
 
 def commanding(**settings: float) -> Session:
-    session = answered(Session(T, SessionSettings(monitor_time=0.0, **settings)))
+    session = responding(Session(T, SessionSettings(monitor_time=0.0, **settings)))
     session.offer(0.0)
     assert session.state is State.CMD
     return session
@@ -40,32 +40,32 @@ def test_command_mode_comes_after_the_monitor_time_and_not_a_cycle_earlier(monit
     session = Session(T, SessionSettings(monitor_time=monitor_time))
     for cycle in range(1, round(monitor_time / T) + 1):
         assert session.state is State.MON
-        answered(session).offer(0.0)
+        responding(session).offer(0.0)
         assert session.ready is False or cycle == round(monitor_time / T)
     assert session.state is State.CMD
 
 
-def test_no_monitor_time_lets_the_first_answer_command():
+def test_no_monitor_time_lets_the_first_response_command():
     session = Session(T, SessionSettings(monitor_time=0.0))
     session.record(None)
     session.offer(0.0)
     assert session.state is State.MON
     # One miss in the window is more than PERFECT allows, until twenty packets dilute it to 5 %.
-    assert answered(session, 18).ready is False
-    assert answered(session).ready is True
+    assert responding(session, 18).ready is False
+    assert responding(session).ready is True
 
 
 def test_imperfect_timing_starts_the_monitor_time_anew():
-    session = answered(Session(T, SessionSettings(monitor_time=0.4)), 199)
+    session = responding(Session(T, SessionSettings(monitor_time=0.4)), 199)
     for _ in range(6):  # of 100: one more than PERFECT allows
         session.record(None)
-    assert not answered(session, 94).ready  # the misses have just left the window ...
-    assert not answered(session, 199).ready  # ... and from here it takes 0.4 s
-    assert answered(session).ready
+    assert not responding(session, 94).ready  # the misses have just left the window ...
+    assert not responding(session, 199).ready  # ... and from here it takes 0.4 s
+    assert responding(session).ready
 
 
-def test_a_cycle_without_an_answer_in_time_cannot_begin_command_mode():
-    session = answered(Session(T, SessionSettings(monitor_time=0.0)), 100)
+def test_a_cycle_without_a_command_in_time_cannot_begin_command_mode():
+    session = responding(Session(T, SessionSettings(monitor_time=0.0)), 100)
     session.record(None)
     session.offer(0.0)
     assert session.quality is Quality.PERFECT
@@ -75,21 +75,21 @@ def test_a_cycle_without_an_answer_in_time_cannot_begin_command_mode():
 
 @pytest.mark.parametrize('gap', [0.011, math.inf, math.nan])
 def test_a_first_command_off_the_mirrored_position_is_an_interpolation_error(gap):
-    session = answered(Session(T, SessionSettings(monitor_time=0.0, entry_tolerance=0.01)))
+    session = responding(Session(T, SessionSettings(monitor_time=0.0, entry_tolerance=0.01)))
     session.offer(gap)
     assert session.state is State.MON
     assert session.reason.startswith('interpolation error')
 
 
 def test_a_first_command_within_the_tolerance_is_none():
-    session = answered(Session(T, SessionSettings(monitor_time=0.0, entry_tolerance=0.01)))
+    session = responding(Session(T, SessionSettings(monitor_time=0.0, entry_tolerance=0.01)))
     session.offer(0.01)
     assert session.state is State.CMD
 
 
 @pytest.mark.parametrize('bridged', [0, 1, 5])
 def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(bridged):
-    session = answered(commanding(bridged_misses=bridged), 100)
+    session = responding(commanding(bridged_misses=bridged), 100)
     for _ in range(bridged):
         session.record(None)
         assert session.state is State.CMD
@@ -97,22 +97,22 @@ def test_so_many_misses_are_bridged_and_one_more_ends_command_mode(bridged):
     assert session.state is State.MON
     assert (
         session.reason
-        == f'timing: the newest answer is {bridged + 1} cycles late, {bridged} are bridged'
+        == f'timing: the newest command is {bridged + 1} cycles late, {bridged} are bridged'
     )
     assert session.counts.bridged == bridged
 
 
-def test_an_answer_in_time_ends_a_run_of_misses():
-    session = answered(commanding(bridged_misses=1), 100)
+def test_a_command_in_time_ends_a_run_of_misses():
+    session = responding(commanding(bridged_misses=1), 100)
     for _ in range(10):
         session.record(None)
-        answered(session, 20)
+        responding(session, 20)
     assert session.state is State.CMD
     assert session.counts.longest_run == 1
 
 
-def test_a_late_answer_is_bridged_by_its_lateness():
-    session = answered(commanding(bridged_misses=3), 100)
+def test_a_late_command_is_bridged_by_its_lateness():
+    session = responding(commanding(bridged_misses=3), 100)
     session.record(3)
     assert session.state is State.CMD
     session.record(4)
@@ -120,41 +120,41 @@ def test_a_late_answer_is_bridged_by_its_lateness():
 
 
 def test_an_unacceptable_connection_ends_command_mode_even_if_every_gap_is_bridged():
-    session = answered(commanding(bridged_misses=5), 100)
+    session = responding(commanding(bridged_misses=5), 100)
     for _ in range(WINDOW):
         session.record(None)
         session.record(0)
     assert session.state is State.MON
-    assert session.reason == 'timing: the connection is UNACCEPTABLE: answer rate 59%, needed 60%'
+    assert session.reason == 'timing: the connection is UNACCEPTABLE: response rate 59%, needed 60%'
 
 
 def test_the_text_of_a_refusal_reaches_the_reason():
     session = commanding(bridged_misses=1)
-    answered(session, 100)
-    session.refuse(AnswerError(Refusal.NOT_FINITE, 'lwr_a1_joint commanded nan rad'))
+    responding(session, 100)
+    session.refuse(CommandError(Refusal.NOT_FINITE, 'lwr_a1_joint commanded nan rad'))
     session.record(None)
     session.record(None)
     assert session.reason.endswith('last refused: lwr_a1_joint commanded nan rad')
 
 
-def test_a_refusal_before_the_last_answer_is_not_the_reason():
-    session = answered(commanding(bridged_misses=0), 100)
-    session.refuse(AnswerError(Refusal.WRONG_NAMES, 'wrong joint names'))
-    answered(session).record(None)
-    assert session.reason == 'timing: the newest answer is 1 cycles late, 0 are bridged'
+def test_a_refusal_before_the_last_command_is_not_the_reason():
+    session = responding(commanding(bridged_misses=0), 100)
+    session.refuse(CommandError(Refusal.WRONG_NAMES, 'wrong joint names'))
+    responding(session).record(None)
+    assert session.reason == 'timing: the newest command is 1 cycles late, 0 are bridged'
 
 
 def test_refusals_are_counted_by_kind():
     session = Session(T)
     for times, kind in enumerate(Refusal):
         for _ in range(times):
-            session.refuse(AnswerError(kind, 'whatever'))
+            session.refuse(CommandError(kind, 'whatever'))
     assert session.refusals == {kind: times for times, kind in enumerate(Refusal)}
     assert session.counts.refused == sum(range(len(Refusal)))
     assert session.counts.cycles == 0  # a refusal is no cycle
 
 
-# Those that answers lead to; the two others follow from a stop alone.
+# Those that commands lead to; the two others follow from a stop alone.
 EVERY_STATE = [
     (profile, state)
     for profile in PROFILES.values()
@@ -164,14 +164,14 @@ EVERY_STATE = [
 
 
 def follow(session: Session, cycles: int = 1) -> None:
-    """Answer in time, each time where the arm is."""
+    """Respond in time, each time where the arm is."""
     for _ in range(cycles):
         session.record(0)
         session.offer(0.0)
 
 
 def in_state(profile: Profile, state: State) -> Session:
-    """A session that answers have brought into that state."""
+    """A session that commands have brought into that state."""
     session = Session(T, SessionSettings(profile=profile.name, monitor_time=10 * T))
     for _ in range(10 * WINDOW):
         for step in (lambda: None, lambda: session.record(0), lambda: session.offer(0.0)):
@@ -198,10 +198,10 @@ def test_a_stop_keeps_for_its_first_reason_from_commanding_until_reset(profile, 
 
 
 def test_reset_costs_a_new_monitor_time():
-    session = answered(Session(T, SessionSettings(monitor_time=0.1)), 1000)
+    session = responding(Session(T, SessionSettings(monitor_time=0.1)), 1000)
     session.reset()
-    assert not answered(session, 49).ready
-    assert answered(session).ready
+    assert not responding(session, 49).ready
+    assert responding(session).ready
 
 
 def test_reset_in_command_mode_falls_back_without_a_reason():
@@ -238,7 +238,7 @@ def test_statistics_are_those_of_the_packets():
     for lateness, latency in [(0, 0.001), (None, 9.0), (0, 0.002), (1, 0.003)]:
         timing.record(lateness, latency)
     figures = timing.statistics
-    assert figures.answer_rate == 3 / 4
+    assert figures.response_rate == 3 / 4
     assert figures.miss_rate == 2 / 4
     assert figures.miss_count == 2
     assert figures.latency == pytest.approx(0.002, rel=1e-12)
@@ -277,7 +277,7 @@ def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
     ]
     figures = timing.statistics
     n = len(latenesses)
-    assert figures.answer_rate == (n - latenesses.count(None)) / n
+    assert figures.response_rate == (n - latenesses.count(None)) / n
     assert figures.miss_rate == (n - latenesses.count(0)) / n
     # Latencies are kept to the nanosecond.
     assert figures.latency == pytest.approx(statistics.fmean(latencies), abs=0.5e-9)
@@ -295,7 +295,7 @@ def test_no_latency_leaves_a_trace_once_it_is_out_of_the_window():
 
 
 CAUSES = {
-    'answer_rate': (None, 0.0),
+    'response_rate': (None, 0.0),
     'latency': (0, 3.0 * T),
     'miss_rate': (2, 0.0),
     'jitter': (0, 9.0 * T),
@@ -329,16 +329,16 @@ def test_what_is_at_fault_is_what_the_next_better_quality_asks_for():
     assert timing.complaint == 'latency 5 ms, allowed 4 ms'
 
 
-@pytest.mark.parametrize('name', ['answer_rate', 'latency', 'jitter', 'miss_rate'])
+@pytest.mark.parametrize('name', ['response_rate', 'latency', 'jitter', 'miss_rate'])
 def test_a_statistic_that_is_no_number_breaks_its_bound(name):
-    figures = {'answer_rate': 1.0, 'latency': 0.0, 'jitter': 0.0, 'miss_rate': 0.0}
+    figures = {'response_rate': 1.0, 'latency': 0.0, 'jitter': 0.0, 'miss_rate': 0.0}
     for threshold in THRESHOLDS.values():
         assert threshold.breach(**figures) == ''
         assert threshold.breach(**figures | {name: math.nan}) == name
 
 
-def test_before_the_first_packet_it_is_the_lack_of_answers_that_is_at_fault():
-    assert TimingMonitor(T).at_fault == 'answer_rate'
+def test_before_the_first_packet_it_is_the_lack_of_commands_that_is_at_fault():
+    assert TimingMonitor(T).at_fault == 'response_rate'
 
 
 @pytest.mark.parametrize(
@@ -385,7 +385,7 @@ def test_thresholds_get_laxer_from_the_best_quality_down():
     thresholds = list(THRESHOLDS.values())
     assert qualities == [Quality.PERFECT, Quality.OK, Quality.BAD]
     for better, worse in pairwise(thresholds):
-        assert worse.answer_rate < better.answer_rate
+        assert worse.response_rate < better.response_rate
         assert (worse.miss_rate, worse.latency, worse.jitter) > (
             better.miss_rate,
             better.latency,

@@ -215,13 +215,13 @@ def greatest_scaling(arm: str, command: Command, dx: np.ndarray, dq_prev: np.nda
     change = np.array(ARMS[arm].acceleration_limit) * T  # (n,) [rad/s] in one tick
     lower = np.maximum(-model.dq_max, dq_prev - change)
     upper = np.minimum(model.dq_max, dq_prev + change)
-    answer = linprog(
+    solution = linprog(
         np.append(np.zeros(len(lower)), -1.0),
         A_eq=np.column_stack((command.J, -dx)),
         b_eq=np.zeros(len(dx)),
         bounds=[*zip(lower, upper, strict=True), (0.0, 1.0)],
     )
-    return float(answer.x[-1])
+    return float(solution.x[-1])
 
 
 @EVERY_STRETCHED

@@ -71,8 +71,8 @@ def law_of_left(name: str) -> subprocess.CompletedProcess[str]:
 def law(probe: Probe, namespace: str) -> str:
     """The law that an arm's controller has."""
     request = GetParameters.Request(names=['law'])
-    answer = call(probe, GetParameters, f'{namespace}/controller/get_parameters', request)
-    return str(answer.values[0].string_value)
+    response = call(probe, GetParameters, f'{namespace}/controller/get_parameters', request)
+    return str(response.values[0].string_value)
 
 
 def test_two_arms_do_their_tasks_side_by_side(tmp_path: Path) -> None:

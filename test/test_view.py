@@ -137,7 +137,7 @@ def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
 
 
 def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(origin_check, '_judging', lambda answer: answer)
+    monkeypatch.setattr(origin_check, '_judging', lambda respond: respond)
     with pytest.raises(origin_check.OriginError, match='strangers'):
         origin_check.open_server(origin_check.free_port(18180), 'test')
 
@@ -175,7 +175,7 @@ def test_every_shape_of_an_arm_stands_where_its_link_is(name: str) -> None:
 
 @pytest.fixture(scope='module')
 def motion() -> SimpleNamespace:
-    """A motion into the limits: what a controller was asked and has answered."""
+    """A motion into the limits: what a controller was asked and has commanded."""
     model = RobotModel.named('lwr4_paper')
     law = make_law('minimum_acceleration', damping=10.0)
     names = ('position', 'velocity', 'acceleration', 'torque')

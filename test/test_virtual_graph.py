@@ -53,8 +53,8 @@ def accelerations(limits: str, **faults: Fault) -> np.ndarray:
         advance = robot.advance
         references = []
 
-        def advance_and_keep(*answers: Any) -> None:
-            advance(*answers)
+        def advance_and_keep(*responses: Any) -> None:
+            advance(*responses)
             references.append(robot.reference)
 
         robot.advance = advance_and_keep

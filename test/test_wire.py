@@ -58,7 +58,7 @@ def test_states_are_read_as_rclpy_reads_them():
 
 
 @pytest.mark.parametrize('nanoseconds', [10**9, 2**32 - 1])
-def test_a_stamp_that_no_answer_could_carry_is_refused(nanoseconds: int):
+def test_a_stamp_that_no_command_could_carry_is_refused(nanoseconds: int):
     reader = JointStateReader()
     state = to_joint_state(0, NAMES, Q, Q)
     twist = to_twist(0, 'world', np.zeros(6))

@@ -163,8 +163,8 @@ class Graph:
 
     def call(self, name: str, **request: Any) -> Any:
         """The response of a service."""
-        kind, answer = self.services[name]
-        return answer(kind.Request(**request), kind.Response())
+        kind, respond = self.services[name]
+        return respond(kind.Request(**request), kind.Response())
 
     def _deliver(self, topic: str, receiver: _Receiver, message: Any, published: int) -> None:
         """Send a message over one wire.
@@ -240,7 +240,7 @@ class _Wired(Node):
 
 
 class _Client:
-    """In the place of a client; its calls are answered at once."""
+    """In the place of a client; its calls are served at once."""
 
     def __init__(self, graph: Graph, name: str) -> None:
         self._graph = graph
@@ -252,9 +252,9 @@ class _Client:
 
     def call_async(self, request: Any) -> Future:
         """A future that is done."""
-        kind, answer = self._graph.services[self._name]
+        kind, respond = self._graph.services[self._name]
         future = Future()
-        future.set_result(answer(request, kind.Response()))
+        future.set_result(respond(request, kind.Response()))
         return future
 
 

@@ -18,7 +18,7 @@ from redres_ros.nodes.real_time import LATENCY
 from redres_ros.simulation.report import table
 
 REPETITIONS = 2  # of everything, so that a slow minute of the machine hits all alike
-SETTLING = 2.0  # [s] from the first answer to the first state that counts: by then the arm moves
+SETTLING = 2.0  # [s] from the first response to the first state that counts: by then the arm moves
 GRAPHS = {  # what runs together; the last process of each has the robot in it
     'bare echo node': ('bench.echo', 'sim'),
     'controller, standing still': ('controller', 'sim'),
@@ -29,8 +29,8 @@ GRAPHS = {  # what runs together; the last process of each has the robot in it
 }
 
 _AWAKE = ', kept awake'  # no processor sleeps
-_PATIENCE = 120.0  # [s] for the first answer; the first start compiles
-_STRAGGLERS = 0.1  # [s] for which answers are awaited after the last state
+_PATIENCE = 120.0  # [s] for the first response; the first start compiles
+_STRAGGLERS = 0.1  # [s] for which commands are awaited after the last state
 _RECORDED = ('joint_states', 'joint_command')
 # A real robot would leave command mode when this machine stalls, and the arm would stand still.
 _ROBOT = {'bridged_misses': 100, 'patience': 0.0}
@@ -66,7 +66,7 @@ class LoopResult:
         return table(
             ('', *(f'{head} [us]' for head in heads), 'in cycle', 'lost', 'skipped', 'of a core'),
             rows,
-            title='Loop: from a state to its answer',
+            title='Loop: from a state to its response',
         )
 
     def figures(self) -> dict[str, object]:
@@ -96,7 +96,7 @@ def measure_loop(
         progress: Called with the fraction done, 0 to 1.
 
     Raises:
-        BenchError, GraphError: A node does not run or does not answer.
+        BenchError, GraphError: A node does not run or does not respond.
     """
     steps = [(rate, name) for _ in range(REPETITIONS) for rate in rates for name in graphs()]
     parts: dict[tuple[float, str], list[RoundTrips]] = {step: [] for step in steps}
@@ -126,7 +126,7 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
                 topics=_RECORDED,
             )
             stack.callback(processes[node].end)
-        _await_answer(recording, processes)
+        _await_response(recording, processes)
         time.sleep(SETTLING)
         meter = ProcessorMeter({node: process.pid for node, process in processes.items()})
         begin = time.time()
@@ -142,14 +142,14 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
     return trips
 
 
-def _await_answer(recording: Path, processes: Mapping[str, NodeProcess]) -> None:
+def _await_response(recording: Path, processes: Mapping[str, NodeProcess]) -> None:
     until = time.monotonic() + _PATIENCE
     while not (recording.exists() and any(m.is_received for m in read_messages(recording))):
         for process in processes.values():
             process.check()
         if time.monotonic() > until:
             names = ' and '.join(processes)
-            raise BenchError(f'{names} did not answer within {_PATIENCE:g} s')
+            raise BenchError(f'{names} did not respond within {_PATIENCE:g} s')
         time.sleep(0.1)
 
 

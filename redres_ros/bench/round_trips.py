@@ -18,7 +18,7 @@ class RoundTrips:
 
     Attributes:
         period: [s].
-        latencies: From a state's way out to its answer's arrival, (N,) [s]; infinite where none
+        latencies: From a state's way out to its command's arrival, (N,) [s]; infinite where none
             came.
         skipped: Cycles in which the robot itself was held up and sent nothing.
         processors: Fraction of a core that each process took meanwhile, by name.
@@ -34,19 +34,19 @@ class RoundTrips:
         cls,
         period: float,
         sent: Sequence[float],
-        answered: Sequence[float],
+        returned: Sequence[float],
         processors: Mapping[str, float],
     ) -> 'RoundTrips':
-        """From the times at which states were sent and answered.
+        """From the times at which states were sent, and those of their commands.
 
         Args:
             period: At which states should go out [s].
             sent: Instants in their order [s].
-            answered: Of the same states [s]; infinite where no answer came.
+            returned: When the commands for the same states came [s]; infinite: never.
             processors: Fraction of a core by name.
         """
         due = round((sent[-1] - sent[0]) / period) + 1 if len(sent) else 0
-        latencies = np.array(answered) - np.array(sent)
+        latencies = np.array(returned) - np.array(sent)
         return cls(period, latencies, max(due - len(sent), 0), processors)
 
     @classmethod
@@ -66,15 +66,15 @@ class RoundTrips:
             processors: Fraction of a core by name.
         """
         sent: dict[int, float] = {}
-        answered: dict[int, float] = {}
+        returned: dict[int, float] = {}
         for stamp, message in stamped(messages):
-            times = answered if message.is_received else sent
+            times = returned if message.is_received else sent
             times.setdefault(stamp, message.time / 1e9)
         counted = [stamp for stamp, at in sent.items() if window[0] <= at < window[1]]
         return cls.from_times(
             period,
             [sent[stamp] for stamp in counted],
-            [answered.get(stamp, np.inf) for stamp in counted],
+            [returned.get(stamp, np.inf) for stamp in counted],
             processors,
         )
 
@@ -92,17 +92,17 @@ class RoundTrips:
 
     @property
     def times(self) -> Times:
-        """Of the answers that came."""
+        """Of the commands that came."""
         return Times(self.latencies[np.isfinite(self.latencies)])
 
     @property
     def in_cycle(self) -> float:
-        """Fraction of the states that were answered within their cycle; NaN if none went out."""
+        """Fraction of the states whose command came within their cycle; NaN if none went out."""
         return _share(self.latencies <= self.period)
 
     @property
     def lost(self) -> float:
-        """Fraction of the states that were never answered; NaN if none went out."""
+        """Fraction of the states for which no command came; NaN if none went out."""
         return _share(~np.isfinite(self.latencies))
 
     def figures(self) -> dict[str, object]:
@@ -110,7 +110,7 @@ class RoundTrips:
         processors = {name: 100.0 * share for name, share in self.processors.items()}
         return {
             **{name: 1e6 * self.times.quantile(share) for name, share in _QUANTILES.items()},
-            'answered_in_cycle_percent': 100.0 * self.in_cycle,
+            'in_cycle_percent': 100.0 * self.in_cycle,
             'lost_percent': 100.0 * self.lost,
             'states': len(self.latencies),
             'cycles_skipped': self.skipped,

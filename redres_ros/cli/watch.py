@@ -10,7 +10,7 @@ from redres_ros.errors import UnknownNameError
 if TYPE_CHECKING:
     from redres_ros.graph.client import GraphClient
 
-_PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to answer
+_PATIENCE = 20.0  # [s] for a controller on a busy machine to be found, and to respond
 
 
 def add(commands: Any) -> None:
@@ -80,7 +80,7 @@ def _values(client: 'GraphClient', texts: dict[str, str]) -> dict[str, Any]:
     Raises:
         UnknownNameError: The controller has no such parameter.
         OptionError: A text that is no value of its type.
-        CallError: The controller does not answer.
+        CallError: The controller does not respond.
     """
     import yaml
 

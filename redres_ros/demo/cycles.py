@@ -16,10 +16,10 @@ class CycleCounts:
     """The outcome of a cycle of the robot.
 
     Attributes:
-        in_time: Answered within the cycle.
-        waited_for: Answered later, but before the next state: the robot's clock stood still.
-        late: Answered after the next state.
-        missed: Never answered.
+        in_time: The command came within the cycle.
+        waited_for: It came later, but before the next state: the robot's clock stood still.
+        late: It came after the next state.
+        missed: It never came.
         stood_still: How long the clock stood still altogether [s].
     """
 
@@ -38,7 +38,7 @@ class CycleCounts:
 def count_cycles(
     messages: Iterable[RecordedMessage], period: float, stamps: tuple[int, int]
 ) -> CycleCounts:
-    """How many states were answered in time, late, or not at all.
+    """How many commands came in time, late, or not at all.
 
     Args:
         messages: of the robot's recording.
@@ -46,12 +46,12 @@ def count_cycles(
         stamps: of the first and the last state that count [ns].
     """
     sent: dict[int, int] = {}
-    answered: dict[int, int] = {}
+    returned: dict[int, int] = {}
     for stamp, message in stamped(messages, stamps[1] + _NEXT):
         if message.topic == STATES:
             sent.setdefault(stamp, message.time)
         elif message.topic == COMMANDS and message.is_received:
-            answered.setdefault(stamp, message.time)
+            returned.setdefault(stamp, message.time)
     order = [stamp for stamp in sorted(sent) if stamps[0] <= stamp <= stamps[1]]
     after = dict(pairwise(sorted(sent)))
     counts = dict.fromkeys(('in_time', 'waited_for', 'late', 'missed'), 0)
@@ -62,7 +62,7 @@ def count_cycles(
             cycle = (sent[after[stamp]] - sent[stamp]) / 1e9
         if cycle > _HELD_UP * period:
             stood_still += cycle - period
-        latency = (answered[stamp] - sent[stamp]) / 1e9 if stamp in answered else None
+        latency = (returned[stamp] - sent[stamp]) / 1e9 if stamp in returned else None
         counts[_kind(latency, period, cycle)] += 1
     return CycleCounts(**counts, stood_still=stood_still)
 
@@ -71,7 +71,7 @@ def _kind(latency: float | None, period: float, cycle: float) -> str:
     """What a cycle counts as.
 
     Args:
-        latency: from the state to its answer [s]; None if there was none.
+        latency: from the state to its command [s]; None if there was none.
         period: how long a cycle should be [s].
         cycle: how long it was [s].
     """

@@ -45,7 +45,7 @@ _STATES = 'joint_states'
 _UNDER_WAY = [state.value for state in UNDER_WAY]
 _ASK_AGAIN = 0.5  # [s] after a start that was refused
 _LOOK = 0.02  # [s] between looks at the state
-_ANSWER = 30.0  # [s] for the answer of a node that is there, and may stall
+_RESPONSE = 30.0  # [s] for the response of a node that is there, and may stall
 
 
 class DemoMonitor(GraphMonitor):
@@ -58,7 +58,7 @@ class DemoMonitor(GraphMonitor):
     """
 
     def __init__(self) -> None:
-        super().__init__('demo', patience=_ANSWER)
+        super().__init__('demo', patience=_RESPONSE)
         self.newest = 0
         self.received_at = time.monotonic()
         self.began = 0
@@ -137,7 +137,7 @@ class Demo:
             How it ended; outcome() has the result.
 
         Raises:
-            DemoError, GraphError, CallError: a node does not run, answer, or take a command.
+            DemoError, GraphError, CallError: a node does not run, respond, or take a command.
         """
         self._report = report
         interrupted = False
@@ -176,7 +176,7 @@ class Demo:
 
     def _ready(self, monitor: DemoMonitor) -> bool:
         """Whether the task may begin: the planner is there and the robot in command mode, or, in
-        lock-step, waits for its first answer.
+        lock-step, waits for its first response.
         """
         if not monitor.count_services('planner/start'):
             return False

@@ -118,7 +118,7 @@ class NodeGroup:
             # The first state waits for the planner.
             shared['state_timeout'] = _LOCKSTEP_SILENCE
         else:
-            # The robot waits for its answer, which waits for the planner.
+            # The robot waits for its command, which waits for the planner.
             sim['patience'] = _CLOCK_PATIENCE
             shared['twist_patience'] = _CLOCK_PATIENCE
         own: dict[str, dict[str, Any]] = {

@@ -20,7 +20,7 @@ STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as 
 
 _START = 0.1  # [s] that count as the start
 _SETTLING = 1.0  # [s] from the first touch until the force is judged
-_QUIET = 0.95  # of the cycles are answered in time on a computer that does nothing else
+_QUIET = 0.95  # of the commands are in time on a computer that does nothing else
 
 # What a robot does in its session states, for those who do not know their names.
 _MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
@@ -293,10 +293,10 @@ def _pressing_rows(pressing: PressingFigures) -> list[tuple[str, ...]]:
 
 def _cycle_rows(cycles: CycleCounts) -> list[tuple[str, ...]]:
     kinds = {
-        'answered in time': cycles.in_time,
+        'commands in time': cycles.in_time,
         'late, and the clock waited': cycles.waited_for,
-        'answered too late': cycles.late,
-        'never answered': cycles.missed,
+        'commands too late': cycles.late,
+        'commands missing': cycles.missed,
     }
     total = max(cycles.total, 1)
     rows: list[tuple[str, ...]] = [

@@ -18,8 +18,8 @@ def replay(
 ) -> Recording:
     """The table of a run, from the stamp at which the task began.
 
-    A state that the controller did not answer has no row. Norms of accelerations reach back to the
-    last command, which is more than T ago where a cycle was missed.
+    A state without a command has no row. Norms of accelerations reach back to the last command,
+    which is more than T ago where a cycle was missed.
 
     Args:
         log: of the run.

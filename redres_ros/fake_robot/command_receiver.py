@@ -9,22 +9,22 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.fake_robot.network_model import Link, NetworkModel
-from redres_ros.fake_robot.robot import Answer
+from redres_ros.fake_robot.robot import ClientCommand
 from redres_ros.fake_robot.robot_clock import NANOSECONDS, RobotClock
-from redres_ros.fake_robot.session import AnswerError, Refusal, Session
+from redres_ros.fake_robot.session import CommandError, Refusal, Session
 from redres_ros.fake_robot.timing import WINDOW
 
-_CONTEST = 1.0  # [s] for which publishers count as rivals after a state was answered twice
+_CONTEST = 1.0  # [s] for which publishers count as rivals after a state got two commands
 
 
 class _ArrivedCommand(NamedTuple):
     """What a client sent, as it came."""
 
-    stamp: int  # [ns] of the state that it answers
+    stamp: int  # [ns] of the state that it is for
     names: Sequence[str]
     positions: np.ndarray  # [rad], one for each name, if all is well
     time: float  # [s] on the monotonic clock
-    again: bool  # whether that state, or a later one, had been answered before
+    again: bool  # whether that state, or a later one, had its command before
     tick: int = 0  # at which the robot's network took it
 
 
@@ -37,14 +37,14 @@ class CommandReceiver:
         joint_names: Joints of the arm, in the order of every array.
         clock: Whose stamps the states have.
         session: Counts what is refused.
-        link: What the transport does to answers.
+        link: What the transport does to commands.
         seed: Of the link's chance.
         timed: Whether latencies are measured. In lock-step they mean nothing.
 
     Attributes:
-        publishers: How many there are in the graph. While more than one of them answers, nobody's
-            answers are taken. One that was killed stays in the graph for some 20 s, but is silent.
-        newest: Stamp [ns] of the state that was answered last.
+        publishers: How many there are in the graph. While more than one sends commands, none is
+            taken. One that was killed stays in the graph for some 20 s, but is silent.
+        newest: Stamp [ns] of the state that the last command was for.
     """
 
     def __init__(
@@ -65,12 +65,12 @@ class CommandReceiver:
         self._timed = timed
         self._arrivals: deque[_ArrivedCommand] = deque()
         self._under_way: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands', link)
-        self._contested_at = -math.inf  # [s] when a state was last answered again
-        self._answered = -1  # tick of the newest valid answer
+        self._contested_at = -math.inf  # [s] when a state last got a second command
+        self._newest = -1  # tick of the newest valid command
 
     @property
     def link(self) -> Link:
-        """What the transport does to answers; may be set at any time."""
+        """What the transport does to commands; may be set at any time."""
         return self._under_way.link
 
     @link.setter
@@ -81,7 +81,7 @@ class CommandReceiver:
         """Note what a client has sent.
 
         Args:
-            stamp: That of the state which it answers [ns].
+            stamp: That of the state that it is for [ns].
             names: Its joints, in any order.
             positions: Their commanded positions, not kept by the caller [rad].
         """
@@ -89,87 +89,89 @@ class CommandReceiver:
         self.newest = stamp
         self._arrivals.append(_ArrivedCommand(stamp, names, positions, time.monotonic(), again))
 
-    def take(self, tick: int) -> list[Answer]:
-        """The valid answers that have come since the last call, in the order of the ticks answered.
+    def take(self, tick: int) -> list[ClientCommand]:
+        """The valid commands that have come since the last call, in the order of their ticks.
 
-        A second answer to the same state counts as none.
+        A second command for the same state counts as none.
 
         Args:
             tick: The present one, whose state is not out yet.
 
         Returns:
-            Answers to earlier ticks, each to a later one than the answer before.
+            Commands for earlier ticks, each to a later one than the command before.
         """
         while self._arrivals:
             arrival = self._arrivals.popleft()._replace(tick=tick)
             if arrival.again:
                 self._contested_at = arrival.time
             self._under_way.send(arrival, tick)
-        answers = []
+        commands = []
         for arrival in self._under_way.receive(tick):
             try:
-                answer = self._judge(arrival, tick)
-            except AnswerError as error:
+                command = self._judge(arrival, tick)
+            except CommandError as error:
                 self._session.refuse(error)
                 continue
-            if answer.tick > self._answered:
-                self._answered = answer.tick
-                answers.append(answer)
-        return answers
+            if command.tick > self._newest:
+                self._newest = command.tick
+                commands.append(command)
+        return commands
 
-    def _judge(self, arrival: _ArrivedCommand, now: int) -> Answer:
-        """What arrived as the answer to a state, judged at tick `now`. Raises AnswerError."""
+    def _judge(self, arrival: _ArrivedCommand, now: int) -> ClientCommand:
+        """What arrived as the command for a state, judged at tick `now`. Raises CommandError."""
         self._check_publishers()
-        tick = self._answered_tick(arrival.stamp, now)
+        tick = self._tick_of(arrival.stamp, now)
         q = self._positions(arrival)
         if not self._timed:
-            return Answer(tick, q)
+            return ClientCommand(tick, q)
         # [s] by faults, after it had come
         delayed = (now - arrival.tick) * self._clock.period / NANOSECONDS
-        return Answer(tick, q, self._clock.latency(arrival.stamp, arrival.time + delayed))
+        return ClientCommand(tick, q, self._clock.latency(arrival.stamp, arrival.time + delayed))
 
     def _check_publishers(self) -> None:
         if self.publishers > 1 and time.monotonic() - self._contested_at < _CONTEST:
-            raise AnswerError(
+            raise CommandError(
                 Refusal.SECOND_PUBLISHER,
-                f'joint_command has {self.publishers} publishers that answer; allowed: 1',
+                f'joint_command has {self.publishers} publishers that send commands; allowed: 1',
             )
 
-    def _answered_tick(self, stamp: int, now: int) -> int:
-        """The tick of a stamp [ns], which must be an earlier one than `now`. Raises AnswerError."""
+    def _tick_of(self, stamp: int, now: int) -> int:
+        """The tick of a stamp [ns], which must be before `now`. Raises CommandError."""
         tick = self._clock.tick(stamp)
         if tick is None or tick >= now:
-            raise AnswerError(Refusal.NO_STATE, f'stamp {stamp} ns is that of no state sent so far')
-        if tick < now - 1 - WINDOW:
-            raise AnswerError(
-                Refusal.OUT_OF_DATE,
-                f'answer to tick {tick} at tick {now}, more than {WINDOW} cycles late',
+            raise CommandError(
+                Refusal.NO_STATE, f'stamp {stamp} ns is that of no state sent so far'
             )
-        if tick < self._answered:
-            raise AnswerError(
+        if tick < now - 1 - WINDOW:
+            raise CommandError(
+                Refusal.OUT_OF_DATE,
+                f'command for tick {tick} at tick {now}, more than {WINDOW} cycles late',
+            )
+        if tick < self._newest:
+            raise CommandError(
                 Refusal.OUT_OF_ORDER,
-                f'answer to tick {tick} at tick {now}, after one to tick {self._answered}',
+                f'command for tick {tick} at tick {now}, after one for tick {self._newest}',
             )
         return tick
 
     def _positions(self, arrival: _ArrivedCommand) -> np.ndarray:
-        """Commanded positions in the order of the arm's joints, (n,) [rad]. Raises AnswerError."""
+        """Commanded positions in the order of the arm's joints, (n,) [rad]. Raises CommandError."""
         names = arrival.names
         if sorted(names) != sorted(self._joint_names):
-            raise AnswerError(
+            raise CommandError(
                 Refusal.WRONG_NAMES,
                 f'got joints {", ".join(names) or "without names"}; '
                 f'expected {", ".join(self._joint_names)} in any order',
             )
         if arrival.positions.shape != (len(names),):
-            raise AnswerError(
+            raise CommandError(
                 Refusal.WRONG_LENGTH,
                 f'got {arrival.positions.size} positions; expected {len(names)}, one a joint',
             )
         by_name = dict(zip(names, arrival.positions.tolist(), strict=True))
         for name, position in by_name.items():
             if not math.isfinite(position):
-                raise AnswerError(
+                raise CommandError(
                     Refusal.NOT_FINITE, f'{name} commanded {position} rad; expected a finite value'
                 )
         return np.array([by_name[name] for name in self._joint_names])

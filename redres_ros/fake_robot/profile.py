@@ -38,7 +38,7 @@ class State(Enum):
 class Event(Enum):
     """What moves a session from state to state."""
 
-    SILENCE = 'none of the last packets was answered'
+    SILENCE = 'no command came for any of the last packets'
     POOR_TIMING = 'the timing is not good enough for command mode'
     GOOD_TIMING = 'the timing is good enough for command mode'
     LONG_GOOD_TIMING = 'it has been good for long enough, and nothing is against command mode'
@@ -61,7 +61,7 @@ class Profile:
         entry: Quality needed for command mode to begin.
         lowest: Quality below which command mode ends.
         reflexes: What each cause of a stop is called.
-        bridged_misses: Cycles in a row without an answer that are bridged by default.
+        bridged_misses: Cycles in a row without a command that are bridged by default.
         extrapolates_acceleration: Whether a bridged command goes on at its last acceleration, and
             not at its last velocity.
         guard: How limits are applied by default.
@@ -127,7 +127,7 @@ SUNRISE = Profile(
     commanding=State.COMMANDING_ACTIVE,
     transitions=MappingProxyType(
         {
-            # Any answer opens the session.
+            # Any command opens the session.
             (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,
             (State.IDLE, Event.GOOD_TIMING): State.MONITORING_WAIT,
             (State.IDLE, Event.LONG_GOOD_TIMING): State.MONITORING_WAIT,

@@ -24,7 +24,7 @@ class SunriseQuality(IntEnum):
 
 
 class FciQuality(IntEnum):
-    """Quality of a connection to a Franka arm, which reports the answer rate; names are ours."""
+    """Quality of a connection to a Franka arm, which reports the response rate; names are ours."""
 
     INSUFFICIENT = 0
     POOR = 1
@@ -37,14 +37,14 @@ class Statistics:
     """The five figures that FRI reports, over the last WINDOW packets.
 
     Attributes:
-        answer_rate: Fraction of cycles in which an answer arrived, late or not.
-        latency: Mean time from a state to its answer, over the last WINDOW answers [s].
+        response_rate: Fraction of cycles in which a command arrived, late or not.
+        latency: Mean time from a state to its command, over the last WINDOW commands [s].
         jitter: Standard deviation of that time [s].
-        miss_rate: Fraction of cycles without an answer in time.
-        miss_count: Cycles without an answer in time since the start.
+        miss_rate: Fraction of cycles without a command in time.
+        miss_count: Cycles without a command in time since the start.
     """
 
-    answer_rate: float = 0.0
+    response_rate: float = 0.0
     latency: float = 0.0
     jitter: float = 0.0
     miss_rate: float = 0.0
@@ -55,7 +55,7 @@ class Statistics:
 class Threshold:
     """Thresholds of a quality: bounds on the statistics, times in units of the cycle."""
 
-    answer_rate: float
+    response_rate: float
     miss_rate: float
     latency: float
     jitter: float
@@ -64,20 +64,20 @@ class Threshold:
         """The same with times in seconds, for a cycle of `period` [s]."""
         return replace(self, latency=self.latency * period, jitter=self.jitter * period)
 
-    def breach(self, answer_rate: float, latency: float, jitter: float, miss_rate: float) -> str:
+    def breach(self, response_rate: float, latency: float, jitter: float, miss_rate: float) -> str:
         """Name of the statistic that breaks its bound, empty if none does.
 
-        NaN breaks every bound. Misses follow from answers that are lost or late, so they are named
+        NaN breaks every bound. Misses follow from commands that are lost or late, so they are named
         only if nothing else is at fault.
 
         Args:
-            answer_rate: As in Statistics, like all that follow.
-            latency: Mean time to an answer [s].
+            response_rate: As in Statistics, like all that follow.
+            latency: Mean time to a command [s].
             jitter: Its standard deviation [s].
-            miss_rate: Fraction of the cycles without an answer.
+            miss_rate: Fraction of the cycles without a command.
         """
-        if not answer_rate >= self.answer_rate:
-            return 'answer_rate'
+        if not response_rate >= self.response_rate:
+            return 'response_rate'
         if not latency <= self.latency:
             return 'latency'
         if not jitter <= self.jitter:
@@ -94,14 +94,14 @@ class Threshold:
         bound = getattr(self, name)
         if name in ('latency', 'jitter'):
             return f'{name} {1e3 * value:.3g} ms, allowed {1e3 * bound:.3g} ms'
-        asked = 'needed' if name == 'answer_rate' else 'allowed'
+        asked = 'needed' if name == 'response_rate' else 'allowed'
         return f'{name.replace("_", " ")} {value:.0%}, {asked} {bound:.0%}'
 
 
 # Figures of ours, as KUKA's are not public.
-PERFECT = Threshold(answer_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0)
-OK = Threshold(answer_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
-BAD = Threshold(answer_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
+PERFECT = Threshold(response_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0)
+OK = Threshold(response_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
+BAD = Threshold(response_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
 
 # best first; the worst asks for nothing
 THRESHOLDS: Mapping[IntEnum, Threshold] = {

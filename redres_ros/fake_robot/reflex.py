@@ -8,7 +8,7 @@ from types import MappingProxyType
 class Reflex(Enum):
     """Causes of a stop. Each profile has its own names for them; a stop reason begins with one."""
 
-    TIMING = 'answers are missing or come too late'
+    TIMING = 'commands are missing or come too late'
     START_POSE = 'the first command is not where the arm is'
     POSITION = 'a commanded position is outside its limits'
     BRAKING = 'at the commanded velocity the joint can no longer stop before its limit'

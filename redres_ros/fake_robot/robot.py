@@ -34,13 +34,13 @@ class Plant(Protocol):
 
 
 @dataclass(frozen=True)
-class Answer:
-    """A client's valid answer to the state of one tick.
+class ClientCommand:
+    """A client's valid command for the state of one tick.
 
     Attributes:
         tick: That of the state.
         q: Commanded position, outside command mode where the arm stands, (n,) [rad].
-        latency: From the state to the arrival of the answer, 0 where nobody measures it [s].
+        latency: From the state to the arrival of the command, 0 where nobody measures it [s].
     """
 
     tick: int
@@ -50,13 +50,13 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Course:
-    """Extrapolation of the commands through the last answers.
+    """Extrapolation through the last commands.
 
     What was extrapolated before must not enter: fed back like that, a client that is always late
     would be unstable.
 
     Attributes:
-        tick: That of the last answer.
+        tick: That of the last command.
         q: Its command, (n,) [rad].
         slope: The last step from tick to tick, (n,) [rad].
         curve: Its change from tick to tick, (n,) [rad]; 0 for a course that is a straight line.
@@ -77,26 +77,26 @@ class _Course:
         ahead = tick - self.tick
         return self.q + ahead * self.slope + 0.5 * ahead * (ahead + 1) * self.curve
 
-    def through(self, answer: Answer, curved: bool) -> '_Course':
-        """The course after another answer.
+    def through(self, command: ClientCommand, curved: bool) -> '_Course':
+        """The course after another command.
 
         Args:
-            answer: To a later tick.
+            command: For a later tick.
             curved: Whether the course goes on with the last change of its step, and not straight
                 on.
         """
-        q = np.array(answer.q, dtype=np.float64)
-        ticks = answer.tick - self.tick
-        slope = (q - self.q) / ticks  # (n,) the mean step since the last answer
+        q = np.array(command.q, dtype=np.float64)
+        ticks = command.tick - self.tick
+        slope = (q - self.q) / ticks  # (n,) the mean step since the last command
         if not curved:
-            return _Course(answer.tick, q, slope, np.zeros_like(q))
+            return _Course(command.tick, q, slope, np.zeros_like(q))
         # Steps slope + curve, slope + 2 curve, ... have this mean after so many ticks.
         curve = 2.0 * (slope - self.slope) / (ticks + 1)  # (n,)
-        return _Course(answer.tick, q, self.slope + ticks * curve, curve)
+        return _Course(command.tick, q, self.slope + ticks * curve, curve)
 
 
 class FakeRobot:
-    """A robot that sends its state at tick k and moves by the answer to the state of tick k - 1.
+    """A robot that sends its state at tick k and moves by the command for the state of tick k - 1.
 
     Args:
         plant: The arm.
@@ -160,20 +160,20 @@ class FakeRobot:
         """Reference in force, (n,) [rad]: where the plant was sent in the last cycle."""
         return self._follower.reference
 
-    def advance(self, *answers: Answer | None) -> None:
+    def advance(self, *commands: ClientCommand | None) -> None:
         """Move from tick k to k + 1.
 
-        An answer to state k - 1 is in time, and an ideal plant is at its position at tick k + 1. An
+        A command for state k - 1 is in time, an ideal plant at its position at tick k + 1. An
         older one is late: the command is taken to have gone on since then at its last velocity, as
-        it does when no answer comes. Outside command mode the arm holds its position; from any
+        it does when no command comes. Outside command mode the arm holds its position; from any
         motion it is braked there.
 
         Args:
-            answers: Those that came since the last call, valid as an Inbox gives them: each to an
-                earlier tick than this one, and to a later one than the answer before. None is none.
+            commands: Those that came since the last call, as a CommandReceiver gives them: each for
+                a tick before this one and after that of the command before. None is none.
         """
-        if self._tick > 0:  # before, no state has been sent that could be answered
-            self._receive(answers)
+        if self._tick > 0:  # before, no state has been sent that a command could be for
+            self._receive(commands)
         if self.session.commanding:
             self._execute(self._course.at(self._tick - 1))
         if not self.session.commanding:
@@ -185,15 +185,15 @@ class FakeRobot:
         """Clear the reason of a stop and start monitoring again; an arm that moves is braked."""
         self.session.reset()
 
-    def _receive(self, answers: tuple[Answer | None, ...]) -> None:
-        """Count the cycle in the session; extrapolate the commands from the answers."""
+    def _receive(self, commands: tuple[ClientCommand | None, ...]) -> None:
+        """Count the cycle in the session; extrapolate from the commands."""
         lateness = None
         latency = 0.0
-        for answer in answers:
-            if answer is not None:
-                self._course = self._course.through(answer, self._curved)
-                lateness = self._tick - 1 - answer.tick
-                latency = answer.latency
+        for command in commands:
+            if command is not None:
+                self._course = self._course.through(command, self._curved)
+                lateness = self._tick - 1 - command.tick
+                latency = command.latency
         self.session.record(lateness, latency)
         if self.session.ready and self._follower.at_rest:
             self._begin()

@@ -10,7 +10,7 @@ NANOSECONDS = 1_000_000_000
 # client has nine tenths of the usual time to respond.
 CATCH_UP = 0.1
 
-_REMEMBERED = 256  # states whose time of sending is kept, to know which one an answer answers
+_REMEMBERED = 256  # states whose time of sending is kept, to know which one a command is for
 
 
 class _Sent(NamedTuple):
@@ -64,9 +64,9 @@ class RobotClock:
         return None if sent is None else sent.tick
 
     def latency(self, stamp: int, arrived: float) -> float:
-        """From sending a state to its answer, without the time in which the clock stood still [s].
+        """From sending a state to its command, without the time in which the clock stood still [s].
 
-        For an answer that came before the clock stood still this is too little, but never below 0.
+        For a command that came before the clock stood still this is too little, but never below 0.
 
         Args:
             stamp: That of a state that went out [ns].

@@ -14,19 +14,19 @@ from redres_ros.parameter import check_parameters, param
 
 
 class Refusal(Enum):
-    """Why an answer is no valid command; each kind is counted."""
+    """Why a command is refused; each kind is counted."""
 
     WRONG_NAMES = 'wrong joint names'
     WRONG_LENGTH = 'wrong length'
     NOT_FINITE = 'not finite'
-    NO_STATE = 'answers no state'
+    NO_STATE = 'for no state'
     OUT_OF_DATE = 'out of date'
     OUT_OF_ORDER = 'out of order'
     SECOND_PUBLISHER = 'second publisher'
 
 
-class AnswerError(RedresError):
-    """An answer that is no valid command: its kind, and what was got.
+class CommandError(RedresError):
+    """A command is refused: its kind, and what was got.
 
     Args:
         kind: The kind that is counted.
@@ -54,7 +54,7 @@ class SessionSettings:
     )
     bridged_misses: int = param(
         -1,
-        'cycles in a row without an answer that are bridged by extrapolation; '
+        'cycles in a row without a command that are bridged by extrapolation; '
         '-1: as many as the profile does',
         -1,
         100,
@@ -68,8 +68,8 @@ class SessionSettings:
 
 
 class Session:
-    """Grants command mode to a client that answers well, and takes it away with a reason that stays
-    until `reset`.
+    """Grants command mode to a client that responds well, and takes it away with a reason that
+    stays until `reset`.
 
     The caller records every cycle, offers each command that arrives in time, and reports refusals
     and violations.
@@ -91,7 +91,7 @@ class Session:
         self._good_cycles = 0
         self._bridged = 0
         self._refusals = Counter[Refusal]()
-        self._answer_error: AnswerError | None = None
+        self._command_error: CommandError | None = None
         self._state = self._profile.states[0]
         self._reason = ''
 
@@ -137,13 +137,13 @@ class Session:
 
     @property
     def refusals(self) -> dict[Refusal, int]:
-        """Number of refused answers by kind."""
+        """Number of refused commands by kind."""
         return {kind: self._refusals[kind] for kind in Refusal}
 
     @property
-    def answer_error(self) -> AnswerError | None:
-        """The error of the last refused answer; None if a valid one came since."""
-        return self._answer_error
+    def command_error(self) -> CommandError | None:
+        """The error of the last refused command; None if a valid one came since."""
+        return self._command_error
 
     @property
     def ready(self) -> bool:
@@ -159,23 +159,23 @@ class Session:
         """Enter one cycle. In command mode bad timing ends the session.
 
         Args:
-            lateness: Of its answer [cycles]; 0: in time, None: no valid one.
-            latency: From the state to its answer, 0 where nobody measures it [s].
+            lateness: Of its command [cycles]; 0: in time, None: no valid one.
+            latency: From the state to its command, 0 where nobody measures it [s].
         """
         self._timing.record(lateness, latency)
         self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
         if lateness is not None:
-            self._answer_error = None
+            self._command_error = None
         if self.commanding and (fault := self._timing_fault()):
             self.stop(fault)
             return
         self._bridged += self.commanding and self._timing.age > 0
         self._take(self._timing_event())
 
-    def refuse(self, error: AnswerError) -> None:
-        """Count an answer that is no valid command. Its cycle is recorded all the same."""
+    def refuse(self, error: CommandError) -> None:
+        """Count a refused command. Its cycle is recorded all the same."""
         self._refusals[error.kind] += 1
-        self._answer_error = error
+        self._command_error = error
 
     def offer(self, gap: float) -> None:
         """Begin command mode with a first command, if the session is ready for one.
@@ -211,10 +211,10 @@ class Session:
         age = self._timing.age
         bridged = self._bridged_misses
         timing = self._profile.reflexes[Reflex.TIMING]
-        refused = f'; last refused: {self._answer_error}' if self._answer_error else ''
+        refused = f'; last refused: {self._command_error}' if self._command_error else ''
         if age > bridged:
             return (
-                f'{timing}: the newest answer is {age} cycles late, {bridged} are bridged{refused}'
+                f'{timing}: the newest command is {age} cycles late, {bridged} are bridged{refused}'
             )
         if self.quality < self._profile.lowest:
             complaint = self._timing.complaint

@@ -23,12 +23,12 @@ class Counts:
 
     Attributes:
         cycles: in_time + late + missed.
-        in_time: Answered in time.
-        late: Answered, but late.
-        missed: Not answered.
-        longest_run: Most cycles in a row without an answer in time.
+        in_time: Commands in time.
+        late: Commands that came late.
+        missed: No command came.
+        longest_run: Most cycles in a row without a command in time.
         bridged: Cycles in command mode whose command was extrapolated.
-        refused: Answers that were no valid command.
+        refused: Messages that were no valid command.
     """
 
     cycles: int = 0
@@ -57,7 +57,7 @@ class TimingMonitor:
         self._worst = min(type(next(iter(thresholds))))
         self._latenesses: deque[int | None] = deque([None] * WINDOW)  # of the last packets
         self._latencies = _Latencies()
-        self._newly_answered = 0
+        self._responses = 0
         self._newly_in_time = 0  # among the last packets
         self._age = 0
         self._run = 0
@@ -71,8 +71,8 @@ class TimingMonitor:
         """Enter one cycle.
 
         Args:
-            lateness: Of its answer [cycles]; 0: in time, None: no answer.
-            latency: From the state to its answer [s].
+            lateness: Of its command [cycles]; 0: in time, None: no command.
+            latency: From the state to its command [s].
         """
         self._enter(lateness)
         if lateness is None:
@@ -89,13 +89,13 @@ class TimingMonitor:
 
     @property
     def age(self) -> int:
-        """Cycles by which the newest answer is too old: they have to be bridged."""
+        """Cycles by which the newest command is too old: they have to be bridged."""
         return self._age
 
     @property
     def silent(self) -> bool:
-        """Whether none of the last WINDOW packets was answered."""
-        return self._newly_answered == 0
+        """Whether none of the last WINDOW packets got a command."""
+        return self._responses == 0
 
     @property
     def statistics(self) -> Statistics:
@@ -127,7 +127,7 @@ class TimingMonitor:
 
         Args:
             bridged: Cycles that were bridged, which the session knows.
-            refused: Answers that were refused, likewise.
+            refused: Commands that were refused, likewise.
         """
         cycles = self._in_time + self._late + self._missed
         return Counts(
@@ -137,7 +137,7 @@ class TimingMonitor:
     def _enter(self, lateness: int | None) -> None:
         oldest = self._latenesses.popleft()
         self._latenesses.append(lateness)
-        self._newly_answered += (lateness is not None) - (oldest is not None)
+        self._responses += (lateness is not None) - (oldest is not None)
         self._newly_in_time += (lateness == 0) - (oldest == 0)
 
     def _judge(self) -> '_Verdict':
@@ -157,12 +157,12 @@ class TimingMonitor:
         return _Verdict(figures, self._worst, at_fault)
 
     def _figures(self) -> tuple[float, float, float, float]:
-        """Answer rate, latency [s], jitter [s] and miss rate."""
+        """Response rate, latency [s], jitter [s] and miss rate."""
         packets = min(self._in_time + self._late + self._missed, WINDOW)
         if not packets:
             return 0.0, 0.0, 0.0, 0.0
         return (
-            self._newly_answered / packets,
+            self._responses / packets,
             *self._latencies.mean_and_deviation(),
             (packets - self._newly_in_time) / packets,
         )

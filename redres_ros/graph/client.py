@@ -21,16 +21,16 @@ class CallError(RedresError):
     """A service that is missing, does not respond, or refuses."""
 
 
-PATIENCE = 5.0  # [s] for a service to be found, and for its answer
+PATIENCE = 5.0  # [s] for a service to be found, and for its response
 _ASK_AGAIN = 1.0  # [s]
-_LOOK = 0.001  # [s] between looks at whether an answer has come
+_LOOK = 0.001  # [s] between looks at whether a response has come
 
 _START_PATIENCE = 120.0  # [s] for a graph to appear, which may have to be compiled first
 _GRAPH_LOOK = 0.1  # [s] between looks at whether it is there
 _SETTLING = 0.5  # [s] for the rest of it to be discovered
 _NEEDED = ('controller', 'planner')
 # Clients of these are made while the graph is awaited: a server must have found them before it can
-# answer.
+# response.
 _STEERED = {
     'planner/start': Trigger,
     'planner/stop': Trigger,
@@ -49,7 +49,7 @@ class GraphClient:
 
     Args:
         node: Has the clients; is spun elsewhere.
-        patience: How long to wait for a service, and for its answer [s].
+        patience: How long to wait for a service, and for its response [s].
     """
 
     def __init__(self, node: Node, patience: float = PATIENCE) -> None:
@@ -61,8 +61,8 @@ class GraphClient:
     def call(self, kind: type, service: str, request: Any) -> Any:
         """The response of a service.
 
-        A server drops the answer to a client that it has not discovered yet, so the request is made
-        again after a second; the services of this package tolerate that.
+        A server drops the response to a client that it has not discovered yet, so the request is
+        made again after a second; the services of this package tolerate that.
 
         Args:
             kind: Type of the service.
@@ -70,7 +70,7 @@ class GraphClient:
             request: What is asked.
 
         Raises:
-            CallError: No node offers the service, or it does not answer.
+            CallError: No node offers the service, or it does not respond.
         """
         client = self._client(kind, service)
         if not client.wait_for_service(timeout_sec=self._patience):
@@ -90,7 +90,7 @@ class GraphClient:
         finally:
             for future in futures:
                 client.remove_pending_request(future)
-        raise CallError(f'{client.srv_name} did not answer within {self._patience:g} s')
+        raise CallError(f'{client.srv_name} did not respond within {self._patience:g} s')
 
     def trigger(self, service: str) -> str:
         """The message of a Trigger service. Raises CallError."""
@@ -109,7 +109,7 @@ class GraphClient:
             values: By the names of the parameters.
 
         Raises:
-            CallError: The node does not answer, or refuses, with its reason.
+            CallError: The node does not respond, or refuses, with its reason.
         """
         wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParametersAtomically.Request(parameters=wanted)
@@ -125,7 +125,7 @@ class GraphClient:
             names: Those that are wanted; none: all that have a value.
 
         Raises:
-            CallError: The node does not answer.
+            CallError: The node does not respond.
         """
         wanted = list(names)
         if not wanted:

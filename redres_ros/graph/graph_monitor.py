@@ -132,7 +132,7 @@ class GraphMonitor(Node):
     Args:
         name: Of this node.
         namespace: Of the arm's nodes; empty: none.
-        patience: How long to wait for a service, and for its answer [s].
+        patience: How long to wait for a service, and for its response [s].
     """
 
     def __init__(self, name: str, namespace: str = '', patience: float = PATIENCE) -> None:

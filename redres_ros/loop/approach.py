@@ -12,7 +12,7 @@ _ACCELERATION = 1.0  # [rad/s^2] at most
 _ARRIVED = 1e-6  # [rad]
 _STEP = 0.4  # of A T^2
 _SEEN = 0.3  # of that step
-_ANSWER = 0.2  # [s] in which an arm has to answer
+_RESPONSE = 0.2  # [s] in which an arm has to respond
 
 
 class Approach:
@@ -67,7 +67,7 @@ class Probe(Approach):
         super().__init__(controller, q + step)
         self._q = q
         self._step = np.abs(step)
-        self._left = _ANSWER  # [s]
+        self._left = _RESPONSE  # [s]
 
     def is_over(self, q_ref: np.ndarray, q: np.ndarray) -> bool:
         self._left -= self._T

@@ -12,7 +12,7 @@ class RobotSession:
     """The session state of the robot. A robot without a session takes commands.
 
     Args:
-        lockstep: Then the first answer begins command mode, so the tick in which the news of that
+        lockstep: Then the first command begins command mode, so the tick in which the news of that
             arrives must not matter.
     """
 

@@ -46,7 +46,7 @@ class LoopSettings:
     )
     twist_patience: float = param(
         0.0,
-        'how long a state waits for its cartesian_velocity, for a robot that waits for its answer; '
+        'how long a state waits for its cartesian_velocity, for a robot that waits for commands; '
         '0 for any other [s]',
         0.0,
         60.0,
@@ -79,7 +79,7 @@ class LoopSettings:
         live=True,
     )
     lockstep: bool = param(
-        False, 'answer a state only together with the cartesian_velocity of the same stamp'
+        False, 'respond to a state only together with the cartesian_velocity of the same stamp'
     )
 
     def __post_init__(self) -> None:

@@ -41,7 +41,7 @@ class CommandPublisher:
 
         Args:
             stamp: Of the state [ns].
-            command: Its answer.
+            command: Its response.
         """
         self._publisher.publish(self._writer.written(stamp, command.q_ref, command.dq))
         if self.forwarding:
@@ -89,7 +89,7 @@ class Forwarding:
         """There is no subscriber: the next one may have another order."""
         self.error = ''
         self._is_confirmed = False
-        self._answer: Future | None = None
+        self._response: Future | None = None
         self._asked_at = 0.0  # [s]
         self._waits_since = 0.0  # [s]; 0: no subscriber waits
 
@@ -101,17 +101,17 @@ class Forwarding:
             return
         now = time.monotonic()
         self._waits_since = self._waits_since or now
-        if self._answer is not None and self._answer.done():
-            self._judge(self._answer)
+        if self._response is not None and self._response.done():
+            self._judge(self._response)
         elif not self._client.service_is_ready():
             self._go_without(now)
         elif now - self._asked_at > _ASK_AGAIN:
             self._asked_at = now
-            self._answer = self._client.call_async(GetParameters.Request(names=['joints']))
+            self._response = self._client.call_async(GetParameters.Request(names=['joints']))
 
-    def _judge(self, answer: Future) -> None:
-        self._answer = None
-        values = answer.result().values
+    def _judge(self, response: Future) -> None:
+        self._response = None
+        values = response.result().values
         joints = list(values[0].string_array_value) if values else []
         self._is_confirmed = joints == self._names
         self.error = ''

@@ -69,8 +69,8 @@ class ControllerSnapshot(NamedTuple):
         """The snapshot of a command.
 
         Args:
-            stamp: Of the state that it answers [ns].
-            command: The answer.
+            stamp: Of the state that it is for [ns].
+            command: The command.
             speed: Largest norm of the joint velocity since the last snapshot [rad/s].
             acceleration: The same of the joint acceleration [rad/s^2].
         """
@@ -132,7 +132,7 @@ class SnapshotPublisher:
 
         Args:
             stamp: Of the state [ns].
-            command: The answer to it.
+            command: The command for it.
         """
         if not self._telemetry.has_subscribers:
             return

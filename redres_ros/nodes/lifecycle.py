@@ -126,7 +126,7 @@ class ManagedNode(LifecycleNode):
         service = self._service_change_state
         change_state = service.callback
 
-        def answer(request: Any, response: Any) -> Any:
+        def respond(request: Any, response: Any) -> Any:
             wanted = request.transition
             possible = [(number, label) for number, label, *_ in self._possible()]
             by_label = any(label == wanted.label for _, label in possible)
@@ -136,7 +136,7 @@ class ManagedNode(LifecycleNode):
             response.success = False
             return response
 
-        service.callback = answer
+        service.callback = respond
 
     def _possible(self) -> list[tuple[Any, ...]]:
         transitions: list[tuple[Any, ...]] = self._state_machine.available_transitions

@@ -212,7 +212,7 @@ class PlannerNode(ManagedNode):
         self._begin_goal(goal)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer('planner/start', response, self._start_task)
+        return self._respond('planner/start', response, self._start_task)
 
     def _start_task(self, q: np.ndarray) -> str:
         """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
@@ -227,7 +227,7 @@ class PlannerNode(ManagedNode):
         return f'begins as soon as the robot takes commands; takes {seconds}'
 
     def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer('planner/home', response, self._go_home)
+        return self._respond('planner/home', response, self._go_home)
 
     def _go_home(self, q: np.ndarray) -> str:
         """Move the joints from q (n,) [rad] to the start of the task; returns what will happen."""
@@ -243,10 +243,10 @@ class PlannerNode(ManagedNode):
             return ''
         return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
-    def _answer(
+    def _respond(
         self, service: str, response: Trigger.Response, begin: Callable[[np.ndarray], str]
     ) -> Trigger.Response:
-        """Answer what will happen, or why nothing will."""
+        """Report what will happen, or why nothing will."""
         task = self._settings.task or 'the task'
         try:
             response.message = f'{task}: {begin(self._check_ready())}'
@@ -267,7 +267,7 @@ class PlannerNode(ManagedNode):
             raise GoalError(f'the robot has stopped: {self._stop_reason}; call sim/reset to go on')
         if self._q is None:
             raise GoalError('no joint_states received yet; expected them before a goal')
-        # In lock-step the controller answers its first state with the first task velocity.
+        # In lock-step the controller responds to its first state with the first task velocity.
         if self._mode == 'inactive' and not self._settings.lockstep:
             raise GoalError('the controller is inactive; activate it first')
         return self._q

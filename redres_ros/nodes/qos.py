@@ -5,7 +5,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 # Publishers in the loop are reliable, so that any subscriber can match them. Our own subscriptions
 # take the newest sample and nothing else, because a reliable one replays stale samples after a gap.
 # The controller puts task velocities in the order of their stamps, so here the last few are taken,
-# and the planner answers the last few states.
+# and the planner responds to the last few states.
 PUBLISH = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 RECENT = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)

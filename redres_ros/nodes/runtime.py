@@ -64,7 +64,7 @@ class Arrival(threading.Event):
 
 
 class Waiting(Protocol):
-    """How a loop waits while callbacks are answered."""
+    """How a loop waits while callbacks run."""
 
     def sleep(self, seconds: float) -> None:
         """Wait for that long."""
@@ -97,7 +97,7 @@ class Spinner:
     call, so what is called in every cycle is spin_once with a timeout.
 
     Args:
-        nodes: Their callbacks are answered.
+        nodes: Their callbacks run.
         stopped: The event that ends it.
     """
 
@@ -109,7 +109,7 @@ class Spinner:
             self._executor.add_node(node)
 
     def spin(self) -> None:
-        """Answer callbacks until the event is set; sets it itself when a callback fails."""
+        """Run callbacks until the event is set; sets it itself when a callback fails."""
         try:
             while rclpy.ok() and not self._stopped.is_set():
                 self._executor.spin_until_future_complete(self._never, timeout_sec=_WAIT)
@@ -117,14 +117,14 @@ class Spinner:
             self._stopped.set()
 
     def sleep(self, seconds: float) -> None:
-        """Answer callbacks for that long; for a loop in the thread of the executor."""
+        """Run callbacks for that long; for a loop in the thread of the executor."""
         until = time.monotonic() + seconds
         self._executor.spin_once(timeout_sec=max(seconds, 0.0))
         while (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def wait(self, event: Arrival, seconds: float) -> bool:
-        """Answer callbacks until the event is set.
+        """Run callbacks until the event is set.
 
         Args:
             event: What is waited for, until a callback sets it.

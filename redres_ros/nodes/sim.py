@@ -24,7 +24,7 @@ from redres_ros.fake_robot.network_model import NetworkModel
 from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import RobotClock
-from redres_ros.fake_robot.session import AnswerError, Session, SessionSettings
+from redres_ros.fake_robot.session import CommandError, Session, SessionSettings
 from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.conversions import to_wrench
@@ -55,7 +55,7 @@ LOCKSTEP_EPOCH = NANOSECONDS
 # processor.
 _HEADSTART = 0.5
 _LOOK = 0.02  # [s] between looks at whether a push is over
-_ASK_AGAIN = 0.05  # [s] after which a state that is not answered is sent again: it may be lost
+_ASK_AGAIN = 0.05  # [s] after which a state without a command is sent again: it may be lost
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class SimParameters(LoopParameters):
 class SimNode(ManagedNode):
     """Publishes a state each cycle, and moves the arm while the response is computed.
 
-    The clock stands still while this process is held up, and while it waits for an answer with
+    The clock stands still while this process is held up, and while it waits for a command with
     patience: as long as the arm moves, stamps are exactly one period apart, whatever the machine
     does. See RobotClock for how they come back to the computer's clock.
 
@@ -117,7 +117,7 @@ class SimNode(ManagedNode):
         guard = CommandValidator(limits, period, declare(self, profile.guard), profile.reflexes)
         self._robot = FakeRobot(self._plant, guard, self._session)
         self._refusals = InputMonitor(self)
-        self._reported_refusal: AnswerError | None = None
+        self._reported_refusal: CommandError | None = None
         epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
@@ -179,11 +179,11 @@ class SimNode(ManagedNode):
         )
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Cycle after cycle until the event is set; callbacks are answered while it waits, or in
+        """Cycle after cycle until the event is set; callbacks run while it waits, or in
         another thread.
 
-        At tick k the arm takes up the answer to the state of tick k - 1, and goes on its way to
-        tick k + 1 while the state of tick k is being answered.
+        At tick k the arm takes up the command for the state of tick k - 1, and goes on its way to
+        tick k + 1 while the client responds to the state of tick k.
 
         Args:
             stopped: ends the loop.
@@ -194,21 +194,21 @@ class SimNode(ManagedNode):
             if self._settings.lockstep and not self.active:
                 waiting.sleep(_ASK_AGAIN)  # no clock is kept
                 continue
-            # Before the next state is out: what comes later may be an answer to that one.
-            answers = self._receiver.take(self._robot.tick)
+            # Before the next state is out: what comes later may be a command for that one.
+            commands = self._receiver.take(self._robot.tick)
             self._publish_state()
             if not self._settings.lockstep:
                 waiting.wait(self._arrival, _HEADSTART / self._settings.rate)
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
-            self._robot.advance(*answers)
+            self._robot.advance(*commands)
             self._report_refusals()
             self._publish_session()
             if self._settings.lockstep:
-                # The answer may have come already, in this thread; services still need a turn.
+                # The command may have come already, in this thread; services still need a turn.
                 waiting.sleep(0.0)
-                self._await_answer(stopped, waiting, math.inf)
+                self._await_command(stopped, waiting, math.inf)
             else:
                 self._keep_time(stopped, waiting)
 
@@ -260,26 +260,29 @@ class SimNode(ManagedNode):
     def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Wait until the next tick is due, and up to `patience` for a late response."""
         self._robot_clock.wait(waiting.sleep)
-        if self._settings.patience and self._client_lives and self._unanswered:
-            self._await_answer(stopped, waiting, self._settings.patience)
+        if self._settings.patience and self._client_lives and self._awaits_command:
+            self._await_command(stopped, waiting, self._settings.patience)
             # A client that was silent for so long is not waited for again until it sends a command.
-            self._client_lives = not self._unanswered
+            self._client_lives = not self._awaits_command
             self._cycles_waited += 1
             self._robot_clock.stand_still()
         if self._robot.at_rest and not self._session.commanding:
             self._robot_clock.skip()
 
-    def _await_answer(self, stopped: threading.Event, waiting: Waiting, patience: float) -> None:
+    def _await_command(self, stopped: threading.Event, waiting: Waiting, patience: float) -> None:
         until = time.monotonic() + patience
         while (
-            self._unanswered and self.active and not stopped.is_set() and time.monotonic() < until
+            self._awaits_command
+            and self.active
+            and not stopped.is_set()
+            and time.monotonic() < until
         ):
             if not waiting.wait(self._arrival, _ASK_AGAIN):
                 self._state_publisher.publish(self._newest)  # it may have been lost
             self._arrival.clear()
 
     @property
-    def _unanswered(self) -> bool:
+    def _awaits_command(self) -> bool:
         """Whether a published state, not lost or delayed by a fault, has no response."""
         return self._receiver.newest < stamp_of(self._newest)
 
@@ -329,7 +332,7 @@ class SimNode(ManagedNode):
         self._receiver.link = faults.commands
 
     def _report_refusals(self) -> None:
-        refused = self._session.answer_error
+        refused = self._session.command_error
         if refused is self._reported_refusal:
             return
         self._reported_refusal = refused

@@ -11,7 +11,7 @@ from redres_ros.command import Command
 from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
 from redres_ros.fake_robot.plant import MujocoPlant
-from redres_ros.fake_robot.robot import Answer, FakeRobot
+from redres_ros.fake_robot.robot import ClientCommand, FakeRobot
 from redres_ros.fake_robot.session import Session
 from redres_ros.paper.savgol import MeasuredMotion, differentiate
 from redres_ros.paper.sensing import Recorder, Sensing
@@ -68,7 +68,7 @@ def experiment(
     as it does for the nodes.
 
     Args:
-        client: Answers each state.
+        client: Responds to each state.
         task: Start and points.
         arm: The one that is simulated.
         sensing: How its positions are measured and recorded; None: exactly.
@@ -95,7 +95,7 @@ class _Run:
         self._robot = robot
         self._ahead = sensing.phase * client.T  # [s] of the planner's clock before the first state
         self._unachieved: np.ndarray | None = None  # (m,) [m/s] of the last command
-        self._answer: Answer | None = None  # to the state of the tick before
+        self._sent: ClientCommand | None = None  # for the state of the tick before
         while not robot.session.commanding and not robot.session.reason:
             self._advance(robot.q)
         self._planner = Planner(task, client.model.tip(robot.q)[0])
@@ -147,9 +147,9 @@ class _Run:
         self._advance(self._robot.q)
 
     def _advance(self, q_ref: np.ndarray) -> None:
-        """A cycle: the robot goes on by the last answer, and q_ref (n,) [rad] answers its present
+        """A cycle: the robot goes on by the last command; q_ref (n,) [rad] is that for its present
         state.
         """
-        answer = self._answer
-        self._answer = Answer(self._robot.tick, q_ref)
-        self._robot.advance(answer)
+        command = self._sent
+        self._sent = ClientCommand(self._robot.tick, q_ref)
+        self._robot.advance(command)

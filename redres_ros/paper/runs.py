@@ -131,7 +131,7 @@ class Setup:
         return runs.reversed_task if self.is_reversed else runs.task
 
     def _client(self, model: RobotModel, **options: Any) -> Client:
-        """What answers the robot's states.
+        """What responds to the robot's states.
 
         Args:
             model: Of the arm.

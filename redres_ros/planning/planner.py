@@ -88,7 +88,7 @@ class Planner:
                 0.1 m.
             feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
                 orientation. Errors that need more come from an interruption, and a jump in velocity
-                would be the answer to them.
+                would be the response to them.
         """
         self._task = task
         self._approach_time = task.segment_time  # [s]

@@ -66,7 +66,7 @@ def judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict
     if not stamps.all():
         yield Verdict(Level.FAULT, 'stamps', f'{STATES} without a stamp')
         return
-    stamps = np.unique(stamps)  # a robot that waits for its answer sends a state again
+    stamps = np.unique(stamps)  # a robot that waits for its response sends a state again
     if len(stamps) < _FEWEST:
         text = f'only {len(stamps)} states came; too few to estimate the rate'
         yield Verdict(Level.FAULT, 'rate', text)

@@ -219,11 +219,11 @@ class SnapshotNode(GraphMonitor):
         return self.get_node_names_and_namespaces().count(wanted)
 
     def _forward_joints(self) -> tuple[str, ...]:
-        answer = self._ask(_FORWARDING, ('joints',))
-        return tuple(answer['joints'] or ()) if answer else ()
+        response = self._ask(_FORWARDING, ('joints',))
+        return tuple(response['joints'] or ()) if response else ()
 
     def _ask(self, node: str, names: Sequence[str]) -> dict[str, Any] | None:
-        """Parameters of a node; None if it is not there, or does not answer."""
+        """Parameters of a node; None if it is not there, or does not respond."""
         if not self._count(node):
             return None
         try:

@@ -57,7 +57,7 @@ def run(
     False.
 
     Args:
-        controller: Answers each state; with m = 6 the orientation is part of the task.
+        controller: Responds to each state; with m = 6 the orientation is part of the task.
         task: Start and points.
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
@@ -107,7 +107,7 @@ class _Loop:
     the path is kept, and time is stretched. Recorded is the fraction of the nominal task velocity.
 
     Args:
-        controller: Answers each state.
+        controller: Responds to each state.
         task: Start and points.
         delay: Ticks by which the arm uses a reference late.
         greedy: As of PathSpeed.

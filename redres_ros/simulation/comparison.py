@@ -131,7 +131,7 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
     worst = []
     whole = []
     for law, effort in efforts.items():
-        worst.append([law, *(marked[name][law] for name in PEAKS), _answer(effort)])
+        worst.append([law, *(marked[name][law] for name in PEAKS), _within(effort)])
         whole.append([law, *(marked[name][law] for name in _WHOLE)])
     notes = filter(None, ('* least', conclusion(efforts)))
     unfinished = [f'{law}: {each.ending}' for law, each in efforts.items() if not each.finished]
@@ -141,7 +141,7 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
     )
 
 
-def _answer(effort: Effort) -> str:
+def _within(effort: Effort) -> str:
     """Whether it stayed within the limits, as text."""
     return f'no: {effort.violation}' if effort.violation else 'yes'
 

@@ -106,24 +106,24 @@ class Bindings:
         order: Callable[[], str | None],
         undo: Callable[[], None] = lambda: None,
     ) -> None:
-        """Carry out an order of somebody at the page; what the nodes answer is shown to its browser
+        """Carry out an order at the page; the response of the nodes is shown to its browser
         alone.
 
         Args:
             event: What was clicked, and by whom.
-            order: Asks the nodes; gives their answer in words, if there is one.
+            order: Asks the nodes; gives their response in words, if there is one.
             undo: Is called if they refuse.
         """
         if event.client is None:  # shown by us, because a node has it already
             return
         try:
-            answer = order()
+            response = order()
         except CallError as error:
             notify(event, str(error))
             undo()
             return
-        if answer:
-            event.client.add_notification('Done', answer, auto_close_seconds=5)
+        if response:
+            event.client.add_notification('Done', response, auto_close_seconds=5)
 
 
 def notify(event: Any, text: str) -> None:

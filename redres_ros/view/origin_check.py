@@ -29,7 +29,7 @@ _NAMES = (ADDRESS, 'localhost')
 _FOREIGN = 'elsewhere.example'
 _PAGE = ('/', '/index.html')
 _PORTS = 100  # that are tried
-_TIMEOUT = 5.0  # [s] for the page to answer itself
+_TIMEOUT = 5.0  # [s] for the page to respond to itself
 # What the browser itself may do with a page: load nothing from elsewhere, and call nobody else.
 CONTENT = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob: data:; "
@@ -43,7 +43,9 @@ _HEADERS = {
     'Cross-Origin-Resource-Policy': 'same-origin',
 }
 
-Answer = Callable[[Any, Any], Any]  # (connection, request) to a response; None goes on to the page
+Responder = Callable[
+    [Any, Any], Any
+]  # (connection, request) to a response; None goes on to the page
 
 
 class OriginError(RedresError):
@@ -118,13 +120,13 @@ def _guarded(channel: TeleopChannel | None) -> Iterator[None]:
     serve = module.serve
 
     def serve_guarded(
-        handler: Any, *arguments: Any, process_request: Answer, **options: Any
+        handler: Any, *arguments: Any, process_request: Responder, **options: Any
     ) -> Any:
-        answer = process_request
+        respond = process_request
         if channel is not None:
             handler = _with_channel(handler, channel)
-            answer = _with_script(answer, channel)
-        return serve(handler, *arguments, process_request=_judging(answer), **options)
+            respond = _with_script(respond, channel)
+        return serve(handler, *arguments, process_request=_judging(respond), **options)
 
     module.serve = serve_guarded  # type: ignore[assignment, misc]
     try:
@@ -141,22 +143,22 @@ def _with_channel(handler: Any, channel: TeleopChannel) -> Any:
     return serve
 
 
-def _with_script(answer: Answer, channel: TeleopChannel) -> Answer:
-    def answer_with_script(connection: Any, request: Any) -> Any:
+def _with_script(respond: Responder, channel: TeleopChannel) -> Responder:
+    def respond_with_script(connection: Any, request: Any) -> Any:
         if 'Upgrade' in request.headers or request.path.partition('?')[0] not in _PAGE:
-            return answer(connection, request)
+            return respond(connection, request)
         if 'Accept-Encoding' in request.headers:
             del request.headers['Accept-Encoding']  # packed, it could not be changed
-        response = answer(connection, request)
+        response = respond(connection, request)
         response.body = response.body.replace(b'<head>', b'<head>' + channel.script, 1)
         del response.headers['Content-Length']
         response.headers['Content-Length'] = str(len(response.body))
         return response
 
-    return answer_with_script
+    return respond_with_script
 
 
-def _judging(answer: Answer) -> Answer:
+def _judging(respond: Responder) -> Responder:
     def judge(connection: Any, request: Any) -> Any:
         headers = request.headers
         hosts = headers.get_all('Host')
@@ -168,7 +170,7 @@ def _judging(answer: Answer) -> Answer:
         )
         if reason:
             return connection.respond(HTTPStatus.FORBIDDEN, f'{reason}\n')
-        response = answer(connection, request)
+        response = respond(connection, request)
         if response is not None:
             for name, value in _HEADERS.items():
                 response.headers[name] = value.format(connect=f'ws://{hosts[0]}')
@@ -188,5 +190,5 @@ def _check(server: viser.ViserServer) -> None:
     if status != HTTPStatus.FORBIDDEN:
         close_server(server)
         raise OriginError(
-            f'viser {viser.__version__} answers strangers ({status}); the page stays shut'
+            f'viser {viser.__version__} serves strangers ({status}); the page stays shut'
         )
