@@ -42,7 +42,7 @@ def path(tmp_path: Path) -> Path:
 
 def test_one_command_moves_the_arm_of_a_file(path: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
-    options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--rate', '100', '--composed']
+    options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--period', '0.01', '--composed']
     done = subprocess.run(
         [sys.executable, '-m', 'redres_ros.cli', 'demo', *options, '--out', str(out)],
         cwd=path.parent,

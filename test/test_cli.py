@@ -267,7 +267,7 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         'simulate --task=',
         'compare --out=',
         'demo --limits=',
-        'demo --rate fast',
+        'demo --period fast',
         'watch --domain 1.5',
     ],
 )

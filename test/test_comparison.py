@@ -188,7 +188,7 @@ def test_the_command_writes_plot_and_data(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     laws = 'minimum_velocity,minimum_acceleration@5'
-    assert main(['compare', '--laws', laws, '--period', '0.005', '--out', str(tmp_path)]) == 0
+    assert main(['compare', '--law', laws, '--period', '0.005', '--out', str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert 'minimum_acceleration, k_d = 5 1/s' in shown
     assert (tmp_path / 'comparison.png').stat().st_size > 10_000
@@ -200,7 +200,7 @@ def test_the_command_writes_plot_and_data(
 
 def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path) -> None:
     out = tmp_path / 'laws.pdf'
-    arguments = ['--laws', 'minimum_velocity', '--period', '0.01', '--out', str(out)]
+    arguments = ['--law', 'minimum_velocity', '--period', '0.01', '--out', str(out)]
     assert main(['compare', *arguments]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {'laws.pdf', 'laws_limits.pdf'}
 
@@ -219,7 +219,7 @@ def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path) -> N
 def test_bad_laws_get_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], laws: str, words: tuple[str, ...]
 ) -> None:
-    assert main(['compare', '--laws', laws, '--out', str(tmp_path)]) == 1
+    assert main(['compare', '--law', laws, '--out', str(tmp_path)]) == 1
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert all(word in lines[0] for word in words)
@@ -229,7 +229,7 @@ def test_bad_laws_get_one_line(
 def test_dampings_that_print_alike_stay_apart(tmp_path: Path) -> None:
     laws = 'minimum_acceleration@5,minimum_acceleration@5.0000001'
     options = ['--task', 'side_to_side', '--period', '0.01', '--out', str(tmp_path)]
-    assert main(['compare', '--laws', laws, *options]) == 0
+    assert main(['compare', '--law', laws, *options]) == 0
     assert {path.name for path in tmp_path.glob('*.csv')} == {
         'minimum_acceleration_5.csv',
         'minimum_acceleration_5.0000001.csv',
@@ -271,7 +271,7 @@ import os
 from redres_ros.cli import main
 
 os.register_at_fork(before=lambda: print(os.listdir('/proc/self/task'), flush=True))
-main('compare --laws minimum_velocity,minimum_torque --period 0.02 --out {out}'.split())
+main('compare --law minimum_velocity,minimum_torque --period 0.02 --out {out}'.split())
 """
 
 

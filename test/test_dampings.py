@@ -46,8 +46,8 @@ def test_a_sweep_finds_what_a_single_run_finds() -> None:
     [
         ('--tasks 0', 'tasks is 0'),
         ('--period 1', 'period is 1'),
-        ('--laws minimum_velocity', 'no damping'),
-        ('--laws fastest', 'fastest'),
+        ('--law minimum_velocity', 'no damping'),
+        ('--law fastest', 'fastest'),
     ],
 )
 def test_bad_options_get_one_line(

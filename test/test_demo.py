@@ -367,8 +367,8 @@ def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
     [
         (('--law', 'foo'), ('foo', 'minimum_velocity')),
         (('--damping', '501'), ('501', '0 to 500')),
-        (('--rate', '0'), ('rate', '0', '10')),
-        (('--rate', 'nan'), ('rate', 'nan')),
+        (('--period', '0'), ('--period', '0', '0.0005')),
+        (('--period', 'nan'), ('--period', 'nan')),
         (('--task', 'foo'), ('foo', 'rectangle')),
         (('--switch', 'minimum_velocity'), ('minimum_velocity', 'LAW@SECONDS')),
         (('--switch', 'foo@1'), ('foo', 'minimum_velocity')),
@@ -389,7 +389,7 @@ def test_bad_options_get_one_line(
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('--rate', '300'), ('300', 'plant steps')),  # refused by the sim
+        (('--period', '0.003'), ('333', 'plant steps')),  # refused by the sim
     ],
 )
 def test_what_shows_when_the_graph_starts_gets_one_line_too(

@@ -115,7 +115,7 @@ def test_a_page_replays_the_motion_without_asking_anybody(
         (['--save', '/dev/null/film.mp4'], 'cannot write /dev/null/film.mp4'),
         (['--save', 'film.gif', '/dev/null/page.html'], 'cannot write /dev/null/page.html'),
         (['--save', 'a.mcap', 'b.mcap'], 'the messages go to a.mcap already'),
-        (['--save-page', '/dev/null/page.html'], 'cannot write /dev/null/page.html'),
+        (['--save', '/dev/null/page.html'], 'cannot write /dev/null/page.html'),
     ],
 )
 def test_a_file_that_cannot_be_made_is_refused_before_anything_runs(

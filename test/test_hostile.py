@@ -87,7 +87,7 @@ def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
 
 @pytest.mark.parametrize(
     ('command', 'files'),
-    [(QUICK, 6), ('compare --laws minimum_velocity,minimum_torque --period 0.01', 16)],
+    [(QUICK, 6), ('compare --law minimum_velocity,minimum_torque --period 0.01', 16)],
 )
 def test_few_file_descriptors_are_enough_or_reported_in_one_line(tmp_path, command, files):
     status, said = shell(f'ulimit -n {files}; exec {REDRES} {command}', tmp_path)
@@ -107,7 +107,7 @@ def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_pat
 
 
 def test_a_window_system_that_is_not_there_does_not_matter(tmp_path):
-    one_law = 'compare --laws minimum_velocity --period 0.02'
+    one_law = 'compare --law minimum_velocity --period 0.02'
     status, said = shell(f'{REDRES} {one_law}', tmp_path, MPLBACKEND='nonsense')
     assert (status, said) == (0, '')
     assert (tmp_path / 'redres_compare' / 'comparison.png').is_file()

@@ -1,7 +1,6 @@
 """`redres demo`: planner, controller and fake arm as nodes."""
 
 import argparse
-import math
 import os
 import signal
 import sys
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import DEMO_LIMITS, add_former, add_motion, add_out, check_duration
+from redres_ros.cli.options import DEMO_LIMITS, add_motion, add_out, check_duration
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
 _PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
-_RATE = 500.0  # [Hz], unless another period is named
 _WIDTH = 100  # columns of what is said in sentences
 _LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
 
@@ -48,9 +46,8 @@ def add(commands: Any) -> None:
 def _add_run(group: Any) -> None:
     """How the nodes run, and for how long."""
     group.add_argument(
-        '--period', type=float, metavar='S', help=f'sampling time T [s]; default: {1.0 / _RATE:g}'
+        '--period', type=float, default=0.002, metavar='S', help='sampling time T [s]'
     )
-    add_former(group, '--rate', type=float)
     group.add_argument(
         '--switch',
         action='append',
@@ -94,7 +91,6 @@ def _add_pages(group: Any) -> None:
         help='page (if nothing is named): in the browser, to see and steer the nodes, which stay '
         "until Ctrl-C; window: MuJoCo's, where there is a display",
     )
-    add_former(group, '--viewer', dest='view', action='store_const', const='window')
 
 
 def _add_files(group: Any) -> None:
@@ -109,8 +105,6 @@ def _add_files(group: Any) -> None:
         help='by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in '
         'any browser (.html), or all messages of the nodes (.mcap); may be several',
     )
-    for former in ('--video', '--save-page', '--mcap'):
-        add_former(group, former, dest='save', type=Path, nargs=1, action='extend')
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -119,13 +113,12 @@ def _demo(options: argparse.Namespace) -> int:
     from redres_ros.files.signals import handle, handled
     from redres_ros.simulation.report import progress_bar
 
-    options.rate = _rate(options)
     check_files(options.save or ())
     demo = _make_demo(options)
     handle(lambda *_: sys.exit(143), signal.SIGTERM)  # by way of the clean-up
     with (
         own_domain(options.domain) as domain,
-        progress_bar(f'{options.law} at {options.rate:g} Hz') as progress,
+        progress_bar(f'{options.law} at {demo.options.rate:g} Hz') as progress,
     ):
         _say(before(demo.options, demo.model))
         print(
@@ -158,13 +151,12 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     check_duration(options.duration)
     views = _views(options)
     motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
-    period = 1.0 / options.rate if options.rate else math.inf
     switches = tuple(map(_switch, options.switch or ()))
     check_gains(options, in_use(options, options.law, *(name for name, _ in switches)))
     wanted = DemoOptions(
         motion.name,
         options.law,
-        options.rate,
+        _rate(options.period),
         options.dynamics,
         switches,
         options.lockstep,
@@ -176,18 +168,19 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     )
     out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
     demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law), out)
-    make_controller(options, motion, find_law(options, options.law), period)
+    make_controller(options, motion, find_law(options, options.law), options.period)
     return demo
 
 
-def _rate(options: argparse.Namespace) -> float:
-    """Cycles a second [Hz], from --period or the former --rate. Raises OptionError."""
-    former: float | None = getattr(options, 'rate', None)
-    if options.period is None:
-        return _RATE if former is None else former
-    if former is not None:
-        raise OptionError('--period and --rate say the same; expected one of them')
-    return 1.0 / options.period if options.period else math.inf
+def _rate(period: float) -> float:
+    """Cycles a second [Hz] of a sampling time [s]. Raises RangeError for one that no node takes."""
+    from redres_ros.loop.cycle_counter import RATES
+
+    shortest = 1.0 / RATES[1]
+    longest = 1.0 / RATES[0]
+    if not shortest <= period <= longest:
+        raise RangeError('--period', period, shortest, longest, 's')
+    return 1.0 / period
 
 
 def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:

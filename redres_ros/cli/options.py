@@ -93,18 +93,6 @@ def add_laws(group: Any, default: str, says: str) -> None:
         says: What can be named.
     """
     group.add_argument('--law', dest='laws', default=default, metavar='A,B,...', help=says)
-    add_former(group, '--laws', dest='laws')
-
-
-def add_former(group: Any, option: str, **declared: Any) -> None:
-    """An option under the name that it had before, which no help shows.
-
-    Args:
-        group: Of the subcommand's options.
-        option: The former name.
-        declared: What argparse takes.
-    """
-    group.add_argument(option, default=argparse.SUPPRESS, help=argparse.SUPPRESS, **declared)
 
 
 def _add_damping(group: Any) -> None:
