@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     )
     from redres_ros.resolution import resolve
     from redres_ros.robot_model import RobotModel, RobotState
-    from redres_ros.simulation.batch import Case, Result, batch
+    from redres_ros.simulation.batch import Result, batch
+    from redres_ros.simulation.case import Case
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.comparison import Effort
     from redres_ros.simulation.recording import Recording
@@ -67,7 +68,7 @@ _HOMES = {
     'make_preference': 'preferences',
     'WaypointTask': 'planning.waypoints',
     'load_task': 'planning.waypoints',
-    'Case': 'simulation.batch',
+    'Case': 'simulation.case',
     'Result': 'simulation.batch',
     'batch': 'simulation.batch',
     'run': 'simulation.closed_loop',

@@ -1,4 +1,4 @@
-"""Kinematics and dynamics of one arm at one state. The only file that imports pinocchio."""
+"""Kinematics and dynamics of one arm at one state, by Pinocchio."""
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy

@@ -16,7 +16,8 @@ from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch,
 from redres_ros.cli import main
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.simulation import batch as module
-from redres_ros.simulation.batch import Result, grid
+from redres_ros.simulation.batch import Result
+from redres_ros.simulation.case import grid
 from redres_ros.simulation.random_tasks import (
     RANDOM_TASKS,
     long_task,

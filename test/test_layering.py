@@ -64,8 +64,13 @@ def test_imports_are_found():
 PEERS = 'bench/peers.py'
 
 
-def test_only_the_robot_model_and_the_peers_import_pinocchio():
-    assert files_with('pinocchio') == {'robot_model.py', PEERS}
+def test_only_what_reads_urdfs_the_robot_model_and_the_peers_import_pinocchio():
+    assert files_with('pinocchio') == {
+        'robots/urdf.py',
+        'robots/kinematics.py',
+        'robot_model.py',
+        PEERS,
+    }
 
 
 def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():

@@ -9,7 +9,8 @@ from redres_ros.cli.parser import add_command
 
 if TYPE_CHECKING:
     from redres_ros.laws import Law
-    from redres_ros.simulation.batch import Case, Result
+    from redres_ros.simulation.batch import Result
+    from redres_ros.simulation.case import Case
     from redres_ros.simulation.results_file import ResultsFile
 
 
@@ -34,7 +35,7 @@ def _batch(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import check_writable
     from redres_ros.errors import FileError
     from redres_ros.files.yaml import read_yaml
-    from redres_ros.simulation.batch import grid
+    from redres_ros.simulation.case import grid
     from redres_ros.simulation.report import print_tables
     from redres_ros.simulation.results_file import ResultsFile
     from redres_ros.simulation.summary import summaries, summary_tables
@@ -75,7 +76,7 @@ def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
     from redres_ros.laws import law_name
     from redres_ros.parameter import gain_key, name_of, parameters
     from redres_ros.preferences import PREFERENCES
-    from redres_ros.simulation.batch import Case
+    from redres_ros.simulation.case import Case
 
     preferences = {name_of(each, PREFERENCES): each for each in find_preferences(options)}
     gains = {gain.key: value for gain, value in given_gains(options).items()}

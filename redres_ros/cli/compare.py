@@ -89,7 +89,7 @@ def _compare_many(options: argparse.Namespace) -> int:
     from redres_ros.cli.batch import case_of, run_cases
     from redres_ros.cli.controller import in_use
     from redres_ros.cli.gains import check_gains
-    from redres_ros.simulation.batch import MOST_SEEDS
+    from redres_ros.simulation.case import MOST_SEEDS
     from redres_ros.simulation.random_tasks import RANDOM_TASKS
     from redres_ros.simulation.report import print_tables
     from redres_ros.simulation.summary import summaries, summary_tables

@@ -8,8 +8,7 @@ from typing import Any
 
 from redres_ros.demo.log import JUDGED
 from redres_ros.demo.options import DemoOptions
-from redres_ros.demo.processes import NodeProcess
-from redres_ros.demo.recorded import ALL
+from redres_ros.demo.processes import ALL, NodeProcess
 from redres_ros.files.signals import handled
 from redres_ros.laws import Law
 from redres_ros.planning.waypoints import NODES, WaypointTask

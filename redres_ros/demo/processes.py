@@ -21,6 +21,8 @@ from redres_ros.files.modules import module_command, module_environment
 from redres_ros.nodes.discovery import joined_domain
 from redres_ros.nodes.runtime import PARENT
 
+ALL = 'all'  # topics of a recording
+
 _DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
 
@@ -94,7 +96,7 @@ class NodeProcess:
         log: file for what it prints.
         parameters: of the node.
         recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
-        topics: those that are recorded.
+        topics: those that are recorded; ALL among them: all.
     """
 
     def __init__(

@@ -17,10 +17,10 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
+from redres_ros.demo.processes import ALL
 from redres_ros.graph.mcap_file import McapFile
 from redres_ros.nodes.runtime import run_nodes
 
-ALL = 'all'
 _RECEIVED = 'joint_command'  # the one topic of which it matters what has arrived, and when
 # Time of day by the monotonic clock: no cycle gets longer when somebody sets the clock.
 _SINCE = time.time_ns() - time.monotonic_ns()

@@ -2,14 +2,15 @@
 
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
-from redres_ros.laws.dynamic import (
+from redres_ros.laws.law import Law
+from redres_ros.laws.laws import (
     DynamicallyConsistent,
+    MinimumAcceleration,
     MinimumKineticEnergy,
     MinimumTorque,
+    MinimumVelocity,
     MinimumWeightedTorque,
 )
-from redres_ros.laws.kinematic import MinimumAcceleration, MinimumVelocity
-from redres_ros.laws.law import Law
 from redres_ros.parameter import make, name_of
 
 LAWS: dict[str, type[Law]] = {

@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 
 from redres_ros.errors import ArrayError, FileError, RangeError, UnknownNameError
 from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.chain import UNLIMITED_EFFORT, settle_chain, tree_to
+from redres_ros.robots.chain import UNLIMITED_EFFORT, lock_joints, settle_chain, tree_to
 from redres_ros.robots.inertia import fill_in_inertias, make_cylinders
 from redres_ros.robots.kinematics import Kinematics
-from redres_ros.robots.lock_joints import lock_joints
 from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package

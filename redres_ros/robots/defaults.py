@@ -41,7 +41,7 @@ def default_start(kinematics: Kinematics) -> np.ndarray:
     bent_joints = np.count_nonzero(bends, axis=1)
     fewest = bent_joints == bent_joints[good].min()
     best = fewest & (conditioning > 0.99 * conditioning[fewest].max())
-    tips = kinematics.position(postures)  # (N, 3) [m]
+    tips = np.array([kinematics.position(q) for q in postures])  # (N, 3) [m]
     chosen: np.ndarray = postures[np.argmax(np.where(best, tips[:, 0] + tips[:, 2], -np.inf))]
     return chosen
 
@@ -66,7 +66,7 @@ def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
     Of the pose where there are joints enough for it, else of the position. Directions in which the
     arm cannot move at all, as out of its plane, do not count.
     """
-    jacobians = kinematics.jacobian(postures)  # (N, 6, n)
+    jacobians = np.array([kinematics.jacobian(q) for q in postures])  # (N, 6, n)
     jacobians[:, :3] /= np.linalg.norm(kinematics.ways, axis=1).sum()  # no units
     rows = 6 if kinematics.n >= 6 else 3
     values = np.linalg.svd(jacobians[:, :rows], compute_uv=False)  # (N, k), descending

@@ -1,11 +1,13 @@
-"""Kinematics from a URDF, to choose defaults; not for use in a loop."""
+"""The moving joints of a URDF, and where they bring the tip; RobotModel is for use in a loop."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from redres_ros.robots.chain import axis_of, limits_of
-from redres_ros.robots.urdf import Urdf, UrdfJoint, motion_of
+from redres_ros.robots.urdf import Urdf, UrdfJoint
 
 BASE = -1  # in place of a joint's index
 
@@ -45,11 +47,15 @@ class Kinematics:
         joints: In the order of every array.
         tip: From the frame that the last joint before the tip moves, (4, 4).
         tip_parent: Index of that joint.
+        tip_frame: The link that is the tip.
+        description: The URDF's text.
     """
 
     joints: tuple[MovingJoint, ...]
     tip: np.ndarray
     tip_parent: int
+    tip_frame: str
+    description: str
 
     @classmethod
     def of(cls, urdf: Urdf, tree: tuple[UrdfJoint, ...], tip_frame: str) -> 'Kinematics':
@@ -85,7 +91,7 @@ class Kinematics:
                 )
             )
         tip_parent, tip = carriers[tip_frame]
-        return cls(tuple(joints), tip, tip_parent)
+        return cls(tuple(joints), tip, tip_parent, tip_frame, urdf.text())
 
     @property
     def n(self) -> int:
@@ -123,37 +129,21 @@ class Kinematics:
         to_the_next = [self.joints[index].before[:3, 3] for index in self.leading[1:]]
         return np.array([*to_the_next, self.tip[:3, 3]])
 
-    def poses(self, q: np.ndarray) -> np.ndarray:
-        """Poses in the base frame of each joint, and of the tip as the last, (..., n + 1, 4, 4).
-
-        Args:
-            q: One posture (n,), or many (..., n) [rad], or [m] of a prismatic joint.
-        """
-        poses = []
-        moved: dict[int, np.ndarray] = {BASE: np.eye(4)}
-        for index, joint in enumerate(self.joints):
-            H = moved[joint.parent] @ joint.before
-            poses.append(np.broadcast_to(H, (*q.shape[:-1], 4, 4)))
-            moved[index] = H @ motion_of(joint.axis, q[..., index], is_prismatic=joint.is_prismatic)
-        return np.stack((*poses, moved[self.tip_parent] @ self.tip), axis=-3)
+    @cached_property
+    def _pinocchio(self) -> tuple[pin.Model, pin.Data, int]:
+        """Pinocchio's model and data, and the tip's frame in them."""
+        model = pin.buildModelFromXML(self.description)
+        return model, model.createData(), model.getFrameId(self.tip_frame, pin.BODY)
 
     def position(self, q: np.ndarray) -> np.ndarray:
-        """The tip's position in the base frame, (..., 3) [m], for q (..., n)."""
-        x: np.ndarray = self.poses(q)[..., -1, :3, 3]
+        """The tip's position in the base frame, (3,) [m], at q (n,) [rad] or [m]."""
+        model, data, tip = self._pinocchio
+        pin.forwardKinematics(model, data, q)
+        x: np.ndarray = pin.updateFramePlacement(model, data, tip).translation.copy()
         return x
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """The Jacobian of the tip in the base frame, (..., 6, n), linear rows first."""
-        poses = self.poses(q)
-        tip = poses[..., -1, :3, 3]
-        jacobian = np.zeros((*q.shape[:-1], 6, self.n))
-        for index in self.leading:
-            joint = self.joints[index]
-            axis = poses[..., index, :3, :3] @ joint.axis
-            linear = np.cross(axis, tip - poses[..., index, :3, 3])
-            angular = axis
-            if joint.is_prismatic:
-                linear = axis
-                angular = np.zeros_like(axis)
-            jacobian[..., index] = np.concatenate((linear, angular), axis=-1)
-        return jacobian
+        """The Jacobian of the tip in the base frame, (6, n), linear rows first, at q (n,)."""
+        model, data, tip = self._pinocchio
+        J: np.ndarray = pin.computeFrameJacobian(model, data, q, tip, pin.LOCAL_WORLD_ALIGNED)
+        return J

@@ -62,7 +62,8 @@ def _square(
     kinematics: Kinematics, start: np.ndarray, acceleration: np.ndarray, side: float
 ) -> SquareTask | None:
     """The first feasible square of that side [m]."""
-    base, *_, x = kinematics.poses(start)[:, :3, 3]
+    base = kinematics.joints[0].before[:3, 3]
+    x = kinematics.position(start)
     inward = np.where(x > base + 1e-6, -1.0, 1.0)  # stretched out, an arm cannot go outward
     for axes in _PLANES:
         for signs in product((1.0, -1.0), repeat=2):

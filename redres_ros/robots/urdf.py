@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.files.text import read_file
@@ -160,7 +161,7 @@ class Urdf:
         origin = element.find('origin')
         H = np.eye(4)
         H[:3, 3] = self.numbers(origin, 'xyz', '0 0 0', owner)
-        H[:3, :3] = rotation_from_rpy(self.numbers(origin, 'rpy', '0 0 0', owner))
+        H[:3, :3] = pin.rpy.rpyToMatrix(self.numbers(origin, 'rpy', '0 0 0', owner))
         return H
 
 
@@ -212,56 +213,20 @@ def set_placement(element: ET.Element, H: np.ndarray) -> None:
     """
     origin = child(element, 'origin')
     origin.set('xyz', words(H[:3, 3]))
-    origin.set('rpy', words(rpy_from_rotation(H[:3, :3])))
+    origin.set('rpy', words(pin.rpy.matrixToRpy(H[:3, :3])))
 
 
-def rotation_from_rpy(rpy: np.ndarray) -> np.ndarray:
-    """R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3), from URDF's three angles [rad]."""
-    X = rotation_about(np.array((1.0, 0.0, 0.0)), rpy[0])
-    Y = rotation_about(np.array((0.0, 1.0, 0.0)), rpy[1])
-    Z = rotation_about(np.array((0.0, 0.0, 1.0)), rpy[2])
-    R: np.ndarray = Z @ Y @ X
-    return R
-
-
-def rpy_from_rotation(R: np.ndarray) -> np.ndarray:
-    """URDF's three angles [rad] of R (3, 3); at a pitch of 90 degrees, those without yaw."""
-    cos_pitch = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], cos_pitch)
-    if cos_pitch < 1e-9:
-        return np.array((math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0))
-    return np.array((math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])))
-
-
-def rotation_about(axis: np.ndarray, angle: float | np.ndarray) -> np.ndarray:
-    """Rotations about an axis, by the formula of Rodrigues.
-
-    Args:
-        axis: A unit vector, (3,).
-        angle: (...,) [rad].
-
-    Returns:
-        (..., 3, 3).
-    """
-    K = np.cross(np.eye(3), axis)  # K @ v = axis x v
-    sine = np.multiply.outer(np.sin(angle), K)
-    versine = np.multiply.outer(1.0 - np.cos(angle), K @ K)
-    R: np.ndarray = np.eye(3) + sine + versine
-    return R
-
-
-def motion_of(axis: np.ndarray, position: float | np.ndarray, *, is_prismatic: bool) -> np.ndarray:
-    """Poses (..., 4, 4) of a joint's child link in the joint's frame.
+def motion_of(axis: np.ndarray, position: float, *, is_prismatic: bool) -> np.ndarray:
+    """Pose (4, 4) of a joint's child link in the joint's frame.
 
     Args:
         axis: Unit vector (3,) in the joint's frame.
-        position: Where the joint is, (...,) [rad], or [m] of a prismatic one.
+        position: Where the joint is [rad], or [m] of a prismatic one.
         is_prismatic: Whether it moves along its axis instead of turning about it.
     """
-    H = np.zeros((*np.shape(position), 4, 4))
-    H[..., :, :] = np.eye(4)
+    H = np.eye(4)
     if is_prismatic:
-        H[..., :3, 3] = np.multiply.outer(position, axis)
+        H[:3, 3] = position * axis
     else:
-        H[..., :3, :3] = rotation_about(axis, position)
+        H[:3, :3] = pin.exp3(position * axis)
     return H

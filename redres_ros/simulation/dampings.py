@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from redres_ros.simulation.batch import Case, batch
+from redres_ros.simulation.batch import batch
+from redres_ros.simulation.case import Case
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.report import table

@@ -11,7 +11,8 @@ from typing import Any, Self, get_origin, get_type_hints
 import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
-from redres_ros.simulation.batch import Case, Result
+from redres_ros.simulation.batch import Result
+from redres_ros.simulation.case import Case
 from redres_ros.simulation.comparison import Effort
 
 ENDINGS = ('.csv', '.parquet')

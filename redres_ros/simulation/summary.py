@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from redres_ros.simulation.batch import Case, Result
+from redres_ros.simulation.batch import Result
+from redres_ros.simulation.case import Case
 from redres_ros.simulation.comparison import plain
 from redres_ros.simulation.report import table
 

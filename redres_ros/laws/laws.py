@@ -1,4 +1,4 @@
-"""Laws that use the arm's dynamics M(q) ddq + n(q, dq) = tau, Eq. (6)."""
+"""The six laws of the paper, each a choice of W and b; the last four use Eq. (6)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,6 +9,26 @@ from redres_ros.kernels.closed_form import free_motion
 from redres_ros.laws.law import Law
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
+
+
+@dataclass(frozen=True)
+class MinimumVelocity(Law):
+    """Least joint velocity, Eq. (2) with dq_N = 0. It has no history, and damping has no
+    effect.
+    """
+
+    has_memory: ClassVar[bool] = False
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return np.zeros(len(state.q))
+
+
+@dataclass(frozen=True)
+class MinimumAcceleration(Law):
+    """Least joint acceleration, Eq. (15) and (17), with null-space damping, Eq. (22) -> (23)."""
+
+    def bias(self, state: RobotState, T: float) -> np.ndarray:
+        return self.forgetting_factor(T) * state.dq_prev  # lambda dq_{k-1}
 
 
 @dataclass(frozen=True)
