@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from redres_ros.errors import FileError
+from redres_ros.files.text import writing
 
 _PACKAGES = (
     'redres_ros',
@@ -39,10 +39,8 @@ def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
         FileError: It cannot be written.
     """
     content = _finite({'machine': machine(), **results})
-    try:
+    with writing(path):
         path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
-    except OSError as error:
-        raise FileError(f'cannot write {path}: {error.strerror}') from None
 
 
 def machine() -> dict[str, object]:

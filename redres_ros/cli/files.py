@@ -57,13 +57,12 @@ def prepare(path: Path) -> None:
 
 def check_writable(path: Path) -> None:
     """Raise FileError where a file cannot be written; does not write it."""
-    try:
+    from redres_ros.files.text import writing
+
+    with writing(path):
         if path.is_dir():
             raise FileError(f'cannot write {path}: Is a directory')
         existing = next(place for place in (path, *path.parents) if place.exists())
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or str(error)
-        raise FileError(f'cannot write {path}: {reason}') from None
     if existing != path and not existing.is_dir():
         raise FileError(f'cannot write {path}: {existing} is not a directory')
     if not os.access(existing, os.W_OK):

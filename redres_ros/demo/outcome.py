@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from redres_ros.demo.cycles import CycleCounts
-from redres_ros.errors import FileError
+from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import facts
@@ -255,10 +255,8 @@ class Outcome:
             'planner_missed': self.planner_missed,
             'endurance': asdict(self.endurance) if self.endurance else None,
         }
-        try:
+        with writing(path):
             path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
-        except OSError as error:
-            raise FileError(f'cannot write {path}: {error.strerror}') from None
 
 
 def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:

@@ -1,7 +1,9 @@
-"""Reads files named by users, within limits of size and time."""
+"""Reads and writes files that users name: within limits of size, and with errors in one line."""
 
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from redres_ros.errors import FileError
@@ -26,3 +28,13 @@ def read_file(path: Path, largest: int) -> bytes:
     if len(content) > largest:
         raise FileError(f'{path} is too large; allowed: {largest} bytes')
     return content
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """For a block that writes a file. Raises FileError, which names it, where that fails."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise FileError(f'cannot write {path}: {reason}') from None

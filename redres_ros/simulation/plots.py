@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import ScaledTranslation
 
-from redres_ros.errors import FileError
+from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
@@ -210,13 +210,10 @@ def save(figure: Figure, path: Path) -> None:
     """
     if path.suffix in DRAWINGS:
         fit_column(figure)
-    try:
+    with writing(path):  # a ValueError says that no picture ends like that
         path.parent.mkdir(parents=True, exist_ok=True)
         with rc_context({'pdf.fonttype': 42}):  # TrueType, as publishers ask for
             figure.savefig(path, dpi=130)
-    except (OSError, ValueError) as error:  # ValueError: no picture ends like that
-        reason = getattr(error, 'strerror', None) or str(error)
-        raise FileError(f'cannot write {path}: {reason}') from None
 
 
 def fit_column(figure: Figure) -> None:

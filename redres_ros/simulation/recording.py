@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from redres_ros.command import FIGURES, Command
-from redres_ros.errors import FileError
+from redres_ros.files.text import writing
 from redres_ros.kernels.closed_form import SINGULAR_RATIO
 from redres_ros.planning.planner import Reference
 
@@ -194,7 +194,7 @@ class Recording:
         """All rows with a heading, at full precision: reading them back gives the same bits. Raises
         FileError.
         """
-        try:
+        with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             np.savetxt(
                 path,
@@ -204,5 +204,3 @@ class Recording:
                 header=','.join(self.columns),
                 comments='',
             )
-        except OSError as error:
-            raise FileError(f'cannot write {path}: {error.strerror}') from None

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from redres_ros.errors import FileError, RedresError
+from redres_ros.errors import RedresError
+from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
@@ -89,13 +90,11 @@ def write_film(
     arms = [render(model.arm, scene) for scene in scenes]
     frames = _one(motions[0], arms[0], times) if len(arms) == 1 else _several(motions, arms, times)
     pictures = (_scaled(frame, _SHARE[path.suffix]) for frame in frames)
-    try:
+    with writing(path):
         if path.suffix == '.mp4':
             _write_video(path, pictures)
         else:
             _write_animation(path, list(pictures))
-    except OSError as error:
-        raise FileError(f'cannot write {path}: {error.strerror or error}') from None
 
 
 def _one(motion: FilmedMotion, arm: np.ndarray, times: np.ndarray) -> Iterator[np.ndarray]:

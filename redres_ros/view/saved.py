@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from redres_ros.errors import FileError
+from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
@@ -49,10 +49,8 @@ def write_page(
         page = serializer.as_html()
     finally:
         close_server(server)
-    try:
+    with writing(path):
         path.write_text(_closed(page), encoding='utf-8')
-    except OSError as error:
-        raise FileError(f'cannot write {path}: {error.strerror}') from None
 
 
 def _postures(recording: Recording) -> np.ndarray:

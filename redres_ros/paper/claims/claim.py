@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from redres_ros.errors import FileError
+from redres_ros.files.text import writing
 from redres_ros.paper.runs import Runs
 from redres_ros.simulation.parallel import in_parallel
 
@@ -113,7 +113,7 @@ def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
     Raises:
         FileError: It cannot be written.
     """
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open('w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
@@ -121,5 +121,3 @@ def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
             for claim, finding in findings.items():
                 held = 'yes' if finding.held else 'no'
                 writer.writerow((claim.section, claim.says, held, finding.measured, finding.remark))
-    except OSError as error:
-        raise FileError(f'cannot write {path}: {error.strerror}') from None
