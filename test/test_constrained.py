@@ -320,6 +320,24 @@ def test_beside_rows_that_can_be_kept_the_share_is_the_largest():
     assert kept > MANY / 10
 
 
+def test_at_rest_beside_limits_the_share_is_the_largest():
+    """The search then comes to a corner where all is zero, but for rounding."""
+    for seed in range(MANY):
+        random = np.random.default_rng(seed)
+        m = random.integers(3, 7)
+        J = random.uniform(-2.0, 2.0, (m, 7))
+        dx = random.normal(size=m)
+        upper = random.uniform(0.5, 2.0, 7)
+        lower = -random.uniform(0.5, 2.0, 7)
+        for i in random.permutation(7)[: random.integers(1, 4)]:  # at an end of its range
+            (upper if random.random() < 0.5 else lower)[i] = 0.0
+        C = random.normal(size=(8, 7))  # touching
+        low, high = np.full(8, -1e3), np.zeros(8)
+        box = lower, upper
+        s = solve_constrained(resolve(J, dx, np.zeros(7)), None, [(J, dx)], box, [(C, low, high)]).s
+        assert abs(s - largest_share(J, dx, box, C, low, high)) < 1e-6, seed
+
+
 @WEIGHTS
 @STRETCHES
 def test_where_a_search_begins_has_no_say_in_where_it_ends(power, stretch):

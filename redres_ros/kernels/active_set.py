@@ -59,6 +59,7 @@ class Search(NamedTuple):
     R: np.ndarray  # (d, d) lower triangular: row k of those rows is sum_j R[k, j] Q[j]
     marks: np.ndarray  # (4, K + d) of int64
     n: int  # z = (dq, s, slack variables), where dq is (n,)
+    largest: np.ndarray  # (d,) that |z| has been; its rounding stays when z comes to zero
 
 
 @inlined
@@ -266,6 +267,7 @@ def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
             along = slope
     for j in range(len(z)):
         z[j] += share * p[j]
+        search.largest[j] = max(search.largest[j], abs(z[j]))
     return first, along
 
 
@@ -280,7 +282,7 @@ def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, fl
     g = np.zeros(d)
     fastest = 0.0
     for j in range(search.n):
-        fastest = max(fastest, abs(search.z[j]))
+        fastest = max(fastest, search.largest[j])
     largest = 0.0
     for i in range(len(A)):
         rest = -a[i]
@@ -288,7 +290,7 @@ def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, fl
         for j in range(d):
             rest += A[i, j] * search.z[j]
             # A slack variable is a difference of velocities.
-            size += abs(A[i, j]) * (fastest if j > search.n else abs(search.z[j]))
+            size += abs(A[i, j]) * (fastest if j > search.n else search.largest[j])
         for j in range(d):
             g[j] += A[i, j] * rest
             largest = max(largest, abs(A[i, j]) * size)
@@ -435,6 +437,7 @@ def begin_at(
         zeros(d, d),
         np.zeros((COUNT + 1, K + d), np.int64),
         n,
+        np.zeros(d),
     )
     z = search.z
     G = search.G
@@ -478,6 +481,8 @@ def begin_at(
             G[i, j] = C[r, j] / length[i]
         ends[LOWER, i] = low[r] / length[i]
         ends[UPPER, i] = high[r] / length[i]
+    for j in range(n + 1):
+        search.largest[j] = abs(z[j])
     return search
 
 
