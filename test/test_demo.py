@@ -25,12 +25,15 @@ from nightly import NIGHTLY
 from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.demo.demo import Demo
+from redres_ros.demo.operator import SteeredPlanner
 from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.outcome import Ending
 from redres_ros.laws import make_law
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.operators import PATIENCE as PATIENCE_WITH_A_GOAL
+from redres_ros.simulation.operators import GoalOperator
 from redres_ros.simulation.recording import columns
 
 pytestmark = pytest.mark.slow
@@ -404,6 +407,34 @@ def assert_one_line(printed: str, words: tuple[str, ...]) -> None:
     lines = [line for line in printed.splitlines() if line.strip()]
     assert len(lines) == 1, printed
     assert all(word in lines[0] for word in words), lines[0]
+
+
+@pytest.mark.nightly
+def test_an_operator_steers_an_arm_to_goals(tmp_path: Path) -> None:
+    run_of = ('--robot', 'fr3', '--teleop', '--duration', '15', '--period', f'{PERIOD:g}')
+    done = demo(tmp_path, *run_of, timeout=400.0)
+    assert done.returncode == 0, done.stderr
+    assert summary(tmp_path)['goals']['reached'] > 0
+    assert 'reached' in done.stdout
+
+
+def test_an_operator_steers_for_its_time_though_the_clock_of_the_task_stands_still() -> None:
+    model = RobotModel.named('fr3')
+    operator = GoalOperator(model, PERIOD, 0)
+    planner = SteeredPlanner(operator, PATIENCE_WITH_A_GOAL + 1.0)
+    x, R = model.tip(np.array(model.arm.start))
+    references = [planner.reference(x, 0.0, R) for _ in range(round(planner.duration / PERIOD))]
+    assert [reference.finished for reference in references].index(True) == len(references) - 1
+    assert {reference.segment for reference in references} == {1, 2}  # the first was given up
+    assert operator.given_up == 1
+
+
+@pytest.mark.parametrize('other', ['--lockstep', '--composed', '--task=rectangle'])
+def test_options_that_an_operator_has_no_use_for_are_refused(
+    other: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['demo', '--teleop', other, '--out', str(tmp_path)]) != 0
+    assert f'--teleop and {other.partition("=")[0]}' in capsys.readouterr().err
 
 
 def test_without_rclpy_the_demo_names_the_missing_package(tmp_path: Path) -> None:

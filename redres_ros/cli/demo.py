@@ -19,8 +19,15 @@ if TYPE_CHECKING:
 
 _PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
+_TELEOP = 60.0  # [s] for which an operator steers
 _WIDTH = 100  # columns of what is said in sentences
-_LOGS = ('sim.log', 'controller.log', 'planner.log', 'composed.log')  # what the nodes print
+_LOGS = (
+    'sim.log',
+    'controller.log',
+    'planner.log',
+    'operator.log',
+    'composed.log',
+)  # what the nodes print
 
 
 def add(commands: Any) -> None:
@@ -32,6 +39,7 @@ def add(commands: Any) -> None:
         '--law minimum_velocity --limits none  # the robot stops it',
         '--switch minimum_weighted_torque@6.5  # another law on the way',
         '--robot my_arm.urdf --tip tool0  # your arm',
+        '--robot fr3 --teleop  # an operator steers it to goals',
         '--task wipe  # press on a table, slide, lift, while the elbow is pushed',
         '--view  # steer it in a browser',
         '--save motion.mp4 motion.html  # a film, and a page that replays the motion',
@@ -72,6 +80,12 @@ def _add_run(group: Any) -> None:
         default=0.0,
         metavar='S',
         help='repeat the task for so long, by default the one named side_to_side; 0: once',
+    )
+    group.add_argument(
+        '--teleop',
+        action='store_true',
+        help='in place of a task, a simulated operator steers the tip to goals, who does not know '
+        f'the joints; for --duration, by default {_TELEOP:g} s',
     )
     group.add_argument(
         '--domain',
@@ -149,10 +163,13 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.demo.options import DemoOptions
 
     check_duration(options.duration)
+    _check_teleop(options)
     views = _views(options)
-    motion = find_motion(options, 'side_to_side' if options.duration else 'rectangle')
+    repeats = options.duration and not options.teleop
+    motion = find_motion(options, 'side_to_side' if repeats else 'rectangle')
     switches = tuple(map(_switch, options.switch or ()))
     check_gains(options, in_use(options, options.law, *(name for name, _ in switches)))
+    task_space = {'task_space': 'pose'} if options.teleop else {}
     wanted = DemoOptions(
         motion.name,
         options.law,
@@ -161,15 +178,25 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         switches,
         options.lockstep,
         options.composed,
-        options.duration,
+        options.duration if repeats else 0.0,
+        (options.duration or _TELEOP) if options.teleop else 0.0,
         views,
         recording_in(options.save or ()),
-        {'plant': options.plant, **node_parameters(options, motion)},
+        {'plant': options.plant, **node_parameters(options, motion), **task_space},
     )
     out = made(options.out, 'motion.csv', 'motion.png', 'contact.png', 'summary.json', *_LOGS)
     demo = Demo(wanted, motion.task, motion.model, lambda law: find_law(options, law), out)
     make_controller(options, motion, find_law(options, options.law), options.period)
     return demo
+
+
+def _check_teleop(options: argparse.Namespace) -> None:
+    """Refuse options that an operator has no use for. Raises OptionError."""
+    if not options.teleop:
+        return
+    for name in ('task', 'lockstep', 'composed'):
+        if getattr(options, name):
+            raise OptionError(f'--teleop and --{name}; expected one of them')
 
 
 def _rate(period: float) -> float:

@@ -29,6 +29,13 @@ def before(options: 'DemoOptions', model: 'RobotModel') -> str:
     """
     joints = len(model.joint_names)
     nodes = 'three ROS 2 nodes in one process' if options.composed else 'three ROS 2 nodes'
+    if options.teleop:
+        return (
+            f'A simulated operator steers the tip of an arm with {joints} joints to goals, for '
+            f'{options.teleop:g} s, by {nodes} at {options.rate:g} Hz. The operator knows nothing '
+            'of the joints. Where limits act, translation and rotation are scaled separately, so '
+            'that the arm seldom stops.'
+        )
     matter = 'this choice decides how smoothly the arm moves'
     if options.task == 'rectangle':  # a task of the paper's arm
         matter = (
@@ -73,6 +80,12 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
     if not outcome.succeeded:
         return ''
     acceleration, at = outcome.motion.acceleration
+    if outcome.goals:
+        return (
+            f'The operator reached {outcome.goals.reached} goals and gave up '
+            f'{outcome.goals.given_up}. For comparison: --scaling task scales all of a task '
+            'velocity by one factor, and the arm stops far more often.'
+        )
     text = (
         f'The arm finished the task, {_how_well(outcome, outcome.motion)}. '
         f'The joint acceleration peaked at {acceleration:.1f} rad/s² after {at:.1f} s.'
@@ -181,13 +194,13 @@ def _draw_forces(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
 
 
 def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """The motion; and what another law would do with an ideal arm, unless the task was repeated."""
+    """The motion; and what another law would do with an ideal arm on a path that it passes once."""
     from redres_ros.controller import Controller
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.plots import Remarks, draw_motion, in_symbols
 
     beside = {}
-    if not outcome.endurance:
+    if not outcome.endurance and not outcome.goals:
         laws = ['minimum_velocity', 'minimum_acceleration']
         other = next(law for law in laws if law != demo.options.law)
         controller = Controller(demo.model, demo.law(other), outcome.recording.T)

@@ -15,7 +15,7 @@ from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.log import FINISHED, read_log
 from redres_ros.demo.node_group import NodeGroup
 from redres_ros.demo.options import DemoError, DemoOptions
-from redres_ros.demo.outcome import Ending, Endurance, MotionFigures, Outcome
+from redres_ros.demo.outcome import Ending, Endurance, GoalCounts, MotionFigures, Outcome
 from redres_ros.demo.replay import replay
 from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
@@ -34,6 +34,7 @@ from redres_ros.planning.task_executor import UNDER_WAY
 from redres_ros.planning.waypoints import NODES, TaskEvent, WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import PATIENCE
+from redres_ros.simulation.operators import task_of_goals
 
 # [s] from starting the processes to command mode, and to the first motion. The first start after an
 # installation compiles what keeps the limits; on a busy machine that takes most of a minute.
@@ -85,7 +86,7 @@ class Demo:
 
     Args:
         options: what to run.
-        task: the one that the options name.
+        task: the one that the options name; of an operator only its start counts.
         model: of the arm that carries it out.
         law: gives the law of a name, with the gains of the run.
         out: directory for what the nodes print.
@@ -191,7 +192,7 @@ class Demo:
         self._start_task(monitor)
         switches = [TaskEvent(t, 'controller', {'law': law}) for law, t in self.options.switches]
         events = sorted((*switches, *self.task.events), key=lambda event: event.at)
-        nominal = self.task.segments * self.task.segment_time
+        nominal = self.options.teleop or self.task.segments * self.task.segment_time
         t = 0.0
         while t < PATIENCE * nominal and not monitor.has_ended(called):
             self._check(monitor)
@@ -288,6 +289,8 @@ class Demo:
         motion = None
         cycles = None
         stamps = log.under_way()
+        if self.options.teleop:
+            self.task = task_of_goals(recording, self.task)
         if len(recording.data):
             tip = self.model.tip(log.states[max(log.states)])[0]
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
@@ -314,6 +317,7 @@ class Demo:
             interrupted=ending.interrupted,
             forces=np.array(forces).reshape(-1, 4),
             desired_force=self.task.nodes.get('controller', {}).get('admittance.force', ()),
+            goals=GoalCounts.of(recording) if self.options.teleop else None,
         )
 
     def remove_recordings(self) -> None:

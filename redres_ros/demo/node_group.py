@@ -11,7 +11,7 @@ from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.processes import ALL, NodeProcess
 from redres_ros.files.signals import handled
 from redres_ros.laws import Law
-from redres_ros.planning.waypoints import NODES, WaypointTask
+from redres_ros.planning.waypoints import WaypointTask
 
 _PAGE = 'page: '  # how the line begins in which it reports its address
 
@@ -125,7 +125,10 @@ class NodeGroup:
             'controller': {'law': options.law, 'damping': self._law.damping},
             'planner': {'task': options.task},
         }
-        return {name: shared | own[name] | dict(self._task.nodes.get(name, {})) for name in NODES}
+        if options.teleop:
+            own['operator'] = own.pop('planner') | {'duration': options.teleop}
+        nodes = self._task.nodes
+        return {name: shared | given | dict(nodes.get(name, {})) for name, given in own.items()}
 
     def _recording(self, name: str) -> Path:
         return self._out / f'{name}.part.mcap'

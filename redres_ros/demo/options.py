@@ -25,6 +25,7 @@ class DemoOptions:
         lockstep: As fast as it goes, instead of in real time.
         composed: One process instead of three.
         duration: How long the task is repeated [s]; 0 for once.
+        teleop: How long an operator steers in place of a task [s]; 0 for a task.
         views: Modules of this package that show the nodes, with their parameters. For them the
             nodes stay until Ctrl-C.
         mcap: File for all that the nodes say; None for none.
@@ -39,6 +40,7 @@ class DemoOptions:
     lockstep: bool = False
     composed: bool = False
     duration: float = 0.0
+    teleop: float = 0.0
     views: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     mcap: Path | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)

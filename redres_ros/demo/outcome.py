@@ -12,6 +12,7 @@ from rich.table import Table
 from redres_ros.demo.cycles import CycleCounts
 from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.simulation.operators import PATIENCE
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import facts
 
@@ -20,6 +21,7 @@ STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as 
 
 _START = 0.1  # [s] that count as the start
 _SETTLING = 1.0  # [s] from the first touch until the force is judged
+_NOTICED = 0.1  # [s] within which a change of goals is published
 _QUIET = 0.95  # of the commands are in time on a computer that does nothing else
 
 # What a robot does in its session states, for those who do not know their names.
@@ -161,6 +163,23 @@ class PressingFigures:
 
 
 @dataclass(frozen=True)
+class GoalCounts:
+    """What became of an operator's goals."""
+
+    reached: int
+    given_up: int
+
+    @classmethod
+    def of(cls, recording: Recording) -> 'GoalCounts':
+        """Of a recording, in which each goal is a segment. The last one counts for neither."""
+        t = recording['t']
+        changes = np.flatnonzero(np.diff(recording['segment']))
+        seconds = np.diff(t[changes], prepend=0.0)
+        given_up = int(np.count_nonzero(seconds > PATIENCE - _NOTICED))
+        return cls(len(changes) - given_up, given_up)
+
+
+@dataclass(frozen=True)
 class Outcome:
     """The outcome of a demo.
 
@@ -174,6 +193,7 @@ class Outcome:
         switches: (time [s], law before, law after).
         endurance: Where the task was repeated to the end.
         interrupted: By Ctrl-C.
+        goals: Of an operator; None for a task.
         forces: Times [s], and forces of the environment on the tip in the base frame [N], (N, 4);
             none without a controller that yields.
         desired_force: Of them; empty: none.
@@ -188,6 +208,7 @@ class Outcome:
     switches: tuple[tuple[float, str, str], ...] = ()
     endurance: Endurance | None = None
     interrupted: bool = False
+    goals: GoalCounts | None = None
     forces: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     desired_force: Sequence[float] = ()
 
@@ -228,7 +249,7 @@ class Outcome:
             ),
         ]
         if self.motion:
-            rows += _motion_rows(self.motion)
+            rows += _motion_rows(self.motion, self.goals)
         if self.pressing:
             rows += _pressing_rows(self.pressing)
         if self.cycles:
@@ -251,6 +272,7 @@ class Outcome:
             'switches': self.switches,
             'motion': asdict(self.motion) if self.motion else None,
             'pressing': asdict(self.pressing) if self.pressing else None,
+            'goals': asdict(self.goals) if self.goals else None,
             'cycles': asdict(self.cycles) if self.cycles else None,
             'planner_missed': self.planner_missed,
             'endurance': asdict(self.endurance) if self.endurance else None,
@@ -259,16 +281,18 @@ class Outcome:
             path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
 
 
-def _motion_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
-    path_deviation, deviation_at = motion.path_deviation
-    error, error_at = motion.error
-    rows: list[tuple[str, ...]] = [
-        ('motion',),
-        ('segments started', f'{motion.segments} in {motion.seconds:.3f} s'),
-        ('maximum path deviation', f'{1e3 * path_deviation:.3f} mm at {deviation_at:.3f} s'),
-        ('maximum error', f'{1e3 * error:.3f} mm at {error_at:.3f} s, along the path or off it'),
-        ('final error', f'{1e3 * motion.final_error:.3f} mm from the last point'),
-    ]
+def _motion_rows(motion: MotionFigures, goals: GoalCounts | None) -> list[tuple[str, ...]]:
+    """Of a motion along a path, or of one that an operator steered to goals.
+
+    Args:
+        motion: The figures.
+        goals: Of an operator; None for a path.
+    """
+    rows: list[tuple[str, ...]] = [('motion',)]
+    if goals:
+        rows.append(('goals', f'{goals.reached} reached, {goals.given_up} given up'))
+    else:
+        rows += _path_rows(motion)
     for name, unit in (('acceleration', 'rad/s²'), ('velocity', 'rad/s'), ('torque', 'Nm')):
         value, at = getattr(motion, name)
         rows.append((f'maximum joint {name}', f'{value:.3f} {unit} (norm) at {at:.3f} s'))
@@ -286,6 +310,17 @@ def _pressing_rows(pressing: PressingFigures) -> list[tuple[str, ...]]:
         ('error of the force', f'{error}, from {_SETTLING:g} s after the first touch on'),
         ('peak at first', f'{pressing.peak:.2f} N'),
         ('states without contact', f'{pressing.contact_lost} after the first touch'),
+    ]
+
+
+def _path_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
+    path_deviation, deviation_at = motion.path_deviation
+    error, error_at = motion.error
+    return [
+        ('segments started', f'{motion.segments} in {motion.seconds:.3f} s'),
+        ('maximum path deviation', f'{1e3 * path_deviation:.3f} mm at {deviation_at:.3f} s'),
+        ('maximum error', f'{1e3 * error:.3f} mm at {error_at:.3f} s, along the path or off it'),
+        ('final error', f'{1e3 * motion.final_error:.3f} mm from the last point'),
     ]
 
 

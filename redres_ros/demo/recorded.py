@@ -107,6 +107,10 @@ def _run(name: str, adapt: Callable[[type[Node]], type[Node]]) -> int:
         from redres_ros.nodes.sim import SimNode
 
         return run_nodes(adapt(SimNode), one_thread=True)
+    if name == 'operator':
+        from redres_ros.demo.operator import OperatorNode
+
+        return run_nodes(adapt(OperatorNode))
     if name == 'controller':
         from redres_ros.nodes.controller import ControllerNode
 

@@ -218,13 +218,17 @@ class PlannerNode(ManagedNode):
         """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             return 'is under way already; planner/stop ends it'
-        goal = self._goals.task()
+        goal = self._task_goal()
         self._begin_goal(goal)
         seconds = f'{goal.duration:.3g} s'
         home = self._announced_home(q)
         if home:
             return f'{home}, then begins; the task takes {seconds}'
         return f'begins as soon as the robot takes commands; takes {seconds}'
+
+    def _task_goal(self) -> Goal:
+        """The joints to the start of the task, then the task."""
+        return self._goals.task()
 
     def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._respond('planner/home', response, self._go_home)
@@ -310,7 +314,7 @@ class PlannerNode(ManagedNode):
 
     def _begin(self) -> None:
         if self._autostart:
-            self._run.begin(self._goals.task())
+            self._run.begin(self._task_goal())
         self._topics.publish()
 
     def _end(self) -> None:

@@ -4,12 +4,15 @@ Both are seeded, know the pose of the tip and nothing of the joints, and move th
 """
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.recording import Recording
 
 SPEED = 0.25  # [m/s], the joystick's range
 TURN = 0.8  # [rad/s]
@@ -143,6 +146,20 @@ class GoalOperator(Operator):
             x, R = model.tip(self.random.uniform(lower, np.minimum(model.q_max, np.pi)))
             if x[2] > 0.0:
                 return TipGoal(x, R if number % 2 else None)
+
+
+def task_of_goals(recording: Recording, task: WaypointTask) -> WaypointTask:
+    """A task that passes the goals of a recording, each of which is a segment of it.
+
+    Args:
+        recording: Of an arm under a GoalOperator.
+        task: Has the robot and the start.
+    """
+    x_d = recording.vectors('x_d')
+    segment = recording['segment']
+    goals = [np.median(x_d[segment == number], axis=0) for number in np.unique(segment)]
+    points = np.array([*recording.vectors('x')[:1], *goals]).reshape(-1, 3)
+    return replace(task, waypoints=points, orientations=None)
 
 
 def _within_range(twist: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 """A film of a recorded motion: the arm on the left, its norms over time on the right; or of several
-motions, side by side above their accelerations.
+motions, side by side above one figure of each.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,12 +33,18 @@ _PLOTTED = {
     'joint_velocity_norm': 'joint velocity, norm [rad/s]',
     'joint_acceleration_norm': 'joint acceleration, norm [rad/s²]',
     'task_scaling': 'task scaling s',
+    'task_error': 'distance from the goal [m]',
 }
-_COMPARED = ('joint_acceleration_norm',)  # of several motions
+_NORMS = ('joint_velocity_norm', 'joint_acceleration_norm', 'task_scaling')  # of one motion
 _COMPARED_HEIGHT = 0.4  # of the plot of several motions, for that of the arm
 _BANNER = 44  # height [pixels]
 _STOPPED = '#d62728'
-_AT_LEAST = {'joint_velocity_norm': 1.0, 'joint_acceleration_norm': 10.0, 'task_scaling': 1.1}
+_AT_LEAST = {
+    'joint_velocity_norm': 1.0,
+    'joint_acceleration_norm': 10.0,
+    'task_scaling': 1.1,
+    'task_error': 0.1,
+}
 
 
 class FilmError(RedresError):
@@ -67,7 +73,11 @@ class FilmedMotion:
 
 
 def write_film(
-    motions: Sequence[FilmedMotion], model: RobotModel, task: WaypointTask, path: Path
+    motions: Sequence[FilmedMotion],
+    model: RobotModel,
+    task: WaypointTask,
+    path: Path,
+    compared: str = 'joint_acceleration_norm',
 ) -> None:
     """Write a film in real time.
 
@@ -76,6 +86,7 @@ def write_film(
         model: Of the arm that moved.
         task: What it was to do.
         path: Of the file; its ending is one of FORMATS.
+        compared: The column that is plotted below several motions.
 
     Raises:
         FilmError: For another ending.
@@ -88,7 +99,10 @@ def write_film(
     times = np.arange(start, end + _LAST, 1.0 / _RATE[path.suffix])
     scenes = [_scene(motion.recording, model, task, times) for motion in motions]
     arms = [render(model.arm, scene) for scene in scenes]
-    frames = _one(motions[0], arms[0], times) if len(arms) == 1 else _several(motions, arms, times)
+    if len(motions) == 1:
+        frames = _one(motions[0], arms[0], times)
+    else:
+        frames = _several(motions, arms, times, compared)
     pictures = (_scaled(frame, _SHARE[path.suffix]) for frame in frames)
     with writing(path):
         if path.suffix == '.mp4':
@@ -99,18 +113,18 @@ def write_film(
 
 def _one(motion: FilmedMotion, arm: np.ndarray, times: np.ndarray) -> Iterator[np.ndarray]:
     """The arm with its plots on the right."""
-    plots = _Plots([motion], tuple(_PLOTTED), arm.shape[1:3], motion.title)
+    plots = _Plots([motion], _NORMS, arm.shape[1:3], motion.title)
     for shot, t in zip(arm, times, strict=True):
         yield np.concatenate((shot, plots.at(t)), axis=1)
 
 
 def _several(
-    motions: Sequence[FilmedMotion], arms: Sequence[np.ndarray], times: np.ndarray
+    motions: Sequence[FilmedMotion], arms: Sequence[np.ndarray], times: np.ndarray, compared: str
 ) -> Iterator[np.ndarray]:
     """The arms beside each other, under what became of each, with one plot below."""
     height, width = arms[0].shape[1:3]
     size = (round(_COMPARED_HEIGHT * height), len(arms) * width)
-    plots = _Plots(motions, _COMPARED, size)
+    plots = _Plots(motions, (compared,), size)
     banners = [_Banner(motion, width) for motion in motions]
     for shots, t in zip(zip(*arms, strict=True), times, strict=True):
         columns = [
