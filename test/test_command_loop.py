@@ -11,6 +11,7 @@ from redres_ros.interpolation import quintic
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.cycle_counter import ClockError
 from redres_ros.loop.faults import LeapError
+from redres_ros.loop.measurements import MeasurementAgeError
 from redres_ros.loop.modes import Mode
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBufferSettings
@@ -498,6 +499,20 @@ def test_a_task_velocity_stamped_by_this_computer_is_judged_by_its_arrival(behin
     late = time_of_day - 200_000_000
     with pytest.raises(TwistAgeError, match='stamp it as the newest joint_states, or 0 for now'):
         robot.following.enter_twist(late, GENTLE, robot.now, time_of_day)
+
+
+@pytest.mark.parametrize('behind', [3.0, -3.0])
+def test_measurements_stamped_by_this_computer_are_judged_by_their_arrival(behind: float) -> None:
+    robot = make(switch_time=0.0)
+    robot.follow(1, lambda _: np.zeros(3))
+    now = robot.stamp + round(behind * 1e9)
+    loop = robot.following
+    too_old = pytest.raises(MeasurementAgeError, match="the robot's clock; allowed")
+    for late, refused in ((1_000_000, contextlib.nullcontext()), (200_000_000, too_old)):
+        with refused:
+            loop.enter_wrench(now - late, np.zeros(6), '', now)
+        with refused:
+            loop.enter_measurement('external_torques', now - late, np.zeros(4), now)
 
 
 def test_a_task_velocity_of_a_robot_without_a_state_yet_is_passed_over_without_a_word() -> None:

@@ -303,8 +303,7 @@ class CommandLoop:
             TwistAgeError: It is too old, or stamped too far ahead.
         """
         self.input.check_twist(dx)
-        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day)
-        return self._enter(self.input.of_task, stamp, dx, now)
+        return self._enter(self.input.of_task, stamp, dx, now, time_of_day)
 
     def enter_joint_velocity(
         self, stamp: int, dq: np.ndarray, now: float, time_of_day: int = 0
@@ -321,15 +320,16 @@ class CommandLoop:
             TwistSpeedError: A joint is faster than its limit.
         """
         self.input.check_joint_velocity(dq)
-        stamp = self.input.robot_stamp(stamp, self._cycles, time_of_day)
-        return self._enter(self.input.of_joints, stamp, dq, now)
+        return self._enter(self.input.of_joints, stamp, dq, now, time_of_day)
 
     def _enter(
-        self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, now: float
+        self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, now: float, time_of_day: int
     ) -> Response | None:
         self.input.note_input(now)
         if not self._cycles.newest:
             return None  # no state has come that it could belong to
+        timeout = self.settings.command_timeout
+        stamp = self._cycles.robot_stamp(stamp, time_of_day, timeout)
         if not self.input.check_age(stamp, self._cycles, self._state_arrived):
             return None
         if buffer is not self.input.buffer:
@@ -338,35 +338,41 @@ class CommandLoop:
         self._expecting = self._expecting or of_a_state
         return self.respond_if_due(now)
 
-    def enter_wrench(self, stamp: int, wrench: np.ndarray, frame: str) -> None:
+    def enter_wrench(
+        self, stamp: int, wrench: np.ndarray, frame: str, time_of_day: int = 0
+    ) -> None:
         """Take in a measured wrench.
 
         Args:
-            stamp: A time on the robot's clock [ns]; 0 for now.
+            stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
             wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
             frame: The link along whose axes and about whose origin they are; '' is the tip, 'base'
                 the base.
+            time_of_day: As of enter_twist().
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
             UnknownNameError: The arm has no such link.
         """
-        self.measurements.check_age('wrench', stamp, self._cycles)
+        self.measurements.check_age('wrench', stamp, self._cycles, time_of_day)
         self.measurements.enter_wrench(wrench, frame)
 
-    def enter_measurement(self, name: str, stamp: int, value: np.ndarray) -> None:
+    def enter_measurement(
+        self, name: str, stamp: int, value: np.ndarray, time_of_day: int = 0
+    ) -> None:
         """Take in what a preference uses.
 
         Args:
             name: As the preference calls it.
             stamp: As of enter_wrench().
             value: Finite.
+            time_of_day: As of enter_twist().
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
             ArrayError: It is not finite.
         """
-        self.measurements.check_age(name, stamp, self._cycles)
+        self.measurements.check_age(name, stamp, self._cycles, time_of_day)
         self.measurements.enter(name, value)
 
     def tare(self) -> None:

@@ -139,6 +139,24 @@ class CycleCounter:
             return known
         return self.number + round((stamp - self.newest) / self.period)
 
+    def age(self, stamp: int) -> float:
+        """How far a stamp [ns] is behind the newest state, in whole cycles [s]."""
+        return (self.number - self.cycle(stamp)) * self.period / NANOSECONDS
+
+    def robot_stamp(self, stamp: int, time_of_day: int, tolerance: float) -> int:
+        """A stamp by the robot's clock [ns]; 0, for now, in place of one by another clock.
+
+        A stamp that is far from the robot's clock, and that this computer's clock showed a moment
+        ago, was made on this computer: the arrival is what counts.
+
+        Args:
+            stamp: Of a message [ns]; 0 for now.
+            time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
+            tolerance: How far is far, and how long a moment is [s].
+        """
+        is_far = abs(self.age(stamp)) > tolerance
+        return 0 if is_far and is_of_this_moment(stamp, time_of_day, tolerance) else stamp
+
     def is_of_a_state(self, stamp: int) -> bool:
         """Whether a stamp [ns] is that of a state, as far as is known."""
         return stamp in self._numbers or (stamp - self.newest) % self.period == 0

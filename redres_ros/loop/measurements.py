@@ -55,18 +55,19 @@ class Measurements:
             return self.contact.warning
         return self.contact.sensor.problem
 
-    def check_age(self, what: str, stamp: int, cycles: CycleCounter) -> None:
+    def check_age(self, what: str, stamp: int, cycles: CycleCounter, time_of_day: int) -> None:
         """Raise MeasurementAgeError for a stamp too far from the robot's clock.
 
         Args:
             what: The name of the measurement.
-            stamp: A time on the robot's clock [ns]; 0 for now.
-            cycles: That clock.
+            stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
+            cycles: The robot's clock.
+            time_of_day: At the arrival, by this computer's clock [ns]; 0: not known.
         """
         timeout = self.contact.settings.wrench_timeout
-        if not stamp or not cycles.newest:
+        if not cycles.newest or not cycles.robot_stamp(stamp, time_of_day, timeout):
             return
-        age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
+        age = cycles.age(stamp)
         if abs(age) > timeout:
             side = 'behind' if age > 0.0 else 'ahead of'
             raise MeasurementAgeError(

@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.loop.cycle_counter import CycleCounter, is_of_this_moment
+from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 
@@ -113,22 +113,6 @@ class VelocityInput:
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
         return of_a_state
 
-    def robot_stamp(self, stamp: int, cycles: CycleCounter, time_of_day: int) -> int:
-        """A stamp by the robot's clock [ns]; 0, for now, in place of one by another clock.
-
-        A stamp that is far from the robot's clock, and that this computer's clock showed a moment
-        ago, was made on this computer: the arrival is what counts.
-
-        Args:
-            stamp: Of a velocity [ns]; 0 for now.
-            cycles: The robot's clock.
-            time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
-        """
-        timeout = self.settings.command_timeout
-        age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
-        is_of_another_clock = abs(age) > timeout and is_of_this_moment(stamp, time_of_day, timeout)
-        return 0 if is_of_another_clock else stamp
-
     def check_age(self, stamp: int, cycles: CycleCounter, state_arrived: float) -> bool:
         """Whether a velocity can be judged by the robot's clock: after a silence another robot may
         have begun, and its planner was the first to know.
@@ -148,7 +132,7 @@ class VelocityInput:
                     'been sent long before'
                 )
             return True
-        age = (cycles.number - cycles.cycle(stamp)) * self._controller.T
+        age = cycles.age(stamp)
         timeout = self.settings.command_timeout
         if abs(age) <= timeout:
             return True

@@ -1,5 +1,6 @@
 """What the controller receives beside states and velocities: wrenches, and what preferences use."""
 
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -148,13 +149,13 @@ class Sensors:
         wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
         with self._judged('wrench'):
             stamp = to_nanoseconds(message.header.stamp)
-            self._loop.enter_wrench(stamp, wrench, message.header.frame_id)
+            self._loop.enter_wrench(stamp, wrench, message.header.frame_id, time.time_ns())
 
     def _on_torques(self, message: JointState) -> None:
         with self._judged(TORQUES):
             torques = self._joints.in_order(message.name, message.effort, 'efforts')
             stamp = to_nanoseconds(message.header.stamp)
-            self._loop.enter_measurement(TORQUES, stamp, torques)
+            self._loop.enter_measurement(TORQUES, stamp, torques, time.time_ns())
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
         """Take in what a preference uses.
