@@ -102,8 +102,8 @@ def _check(given: dict[str, str], all_given: Iterable[str]) -> None:
     if given['law'] and not given['params_file']:  # such a file may name plugins
         with _naming('law'):
             check_law(given['law'])
-    if given['rate'] and not _is_number(given['rate']):
-        raise ValueError(f'rate: got {given["rate"]!r}; allowed: a number [Hz]')
+    if given['rate'] and not _is_positive(given['rate']):
+        raise ValueError(f'rate: got {given["rate"]!r}; allowed: a positive number [Hz]')
     if _is_true(given['composed']) and 'false' in (given['sim'], given['planner']):
         raise ValueError("composed: got 'true'; allowed only with sim:=true and planner:=true")
 
@@ -263,8 +263,8 @@ def _is_true(word: str) -> bool:
     return word.lower() == 'true'
 
 
-def _is_number(word: str) -> bool:
+def _is_positive(word: str) -> bool:
     try:
-        return math.isfinite(float(word))
+        return 0.0 < float(word) < math.inf
     except ValueError:
         return False

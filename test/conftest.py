@@ -1,5 +1,6 @@
 """Fixtures that several test files share, and what spares time."""
 
+import importlib.util
 import os
 import re
 import signal
@@ -52,6 +53,30 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if of_all and (f'not {of_all[1]}' in chosen or chosen == 'not slow'):
         return True
     return None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Iterator[Any]:
+    return _skipped_without_package((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Iterator[Any]:
+    return _skipped_without_package((yield))
+
+
+def _skipped_without_package(report: Any) -> Any:
+    """Skip what an optional package is missing for: a distribution has no MuJoCo."""
+    missing = _MISSING.search(str(report.longrepr)) if report.failed else None
+    name = missing and (missing[1] or missing[2])
+    if name in _OPTIONAL and importlib.util.find_spec(name) is None:
+        report.outcome = 'skipped'
+        report.longrepr = (report.nodeid, 0, f"needs {name}: pip install '.[test]'")
+    return report
+
+
+_OPTIONAL = ('matplotlib', 'mcap', 'mujoco', 'viser')
+_MISSING = re.compile(r"No module named '(\w+)|needs (\w+), which is not installed")
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:

@@ -133,6 +133,7 @@ def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
         ({'log_level': 'loud'}, ("log_level: got 'loud'", 'debug, info, warn, error, fatal')),
         ({'initial_state': 'on'}, ("initial_state: got 'on'", 'unconfigured, inactive, active')),
         ({'rate': 'fast'}, ("rate: got 'fast'",)),
+        ({'rate': '0'}, ("rate: got '0'", 'a positive number')),
         ({'law': 'least'}, ('law: unknown', 'least', 'minimum_torque')),
         ({'robot': 'r2d2'}, ("robot: got 'r2d2'", 'lwr4_paper', 'planar4r', '.urdf', 'topic')),
         ({'robot': 'topic'}, ("robot: got 'topic'", 'robot_description')),
