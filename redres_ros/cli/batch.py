@@ -71,35 +71,23 @@ def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
     Raises:
         RedresError: A name or a figure that is not allowed.
     """
-    from redres_ros.cli.controller import find_preferences, limit_names
-    from redres_ros.cli.gains import given_gains
+    from redres_ros.cli.controller import building_blocks, find_gains
     from redres_ros.laws import law_name
-    from redres_ros.parameter import gain_key, name_of, parameters
-    from redres_ros.preferences import PREFERENCES
     from redres_ros.simulation.case import Case
 
-    preferences = {name_of(each, PREFERENCES): each for each in find_preferences(options)}
-    gains = {gain.key: value for gain, value in given_gains(options).items()}
-    for name, preference in preferences.items():
-        for field in parameters(type(preference)):
-            gains[gain_key(name, field.name)] = getattr(preference, field.name)
+    gains = find_gains(options)
     if law.has_memory:
         gains['damping'] = law.damping
     return Case(
         options.robot or 'lwr4_paper',
         law_name(law),
         options.period,
-        limits=limit_names(options),
-        limit_scale=options.limit_scale,
-        torque_scale=options.torque_scale,
-        scaling=options.scaling or 'task',
-        preferences=tuple(preferences),
-        secondary_tasks=tuple(options.secondary or ()),
         gains=gains,
         tip_frame=options.tip or '',
         elbow_frame=options.elbow or '',
         dynamics=options.dynamics,
         plugins=tuple(options.plugin or ()),
+        **building_blocks(options),
     )
 
 

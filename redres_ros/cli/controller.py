@@ -9,15 +9,9 @@ from redres_ros.cli.parser import NONE, OptionError
 from redres_ros.errors import UnknownNameError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from redres_ros.cli.task import WantedMotion
     from redres_ros.controller import Controller
     from redres_ros.laws import Law
-    from redres_ros.limits import Limit
-    from redres_ros.preferences import Preference
-    from redres_ros.robot_model import RobotModel
-    from redres_ros.tasks import Task
 
 
 def find_law(options: argparse.Namespace, name: str, damping: float | None = None) -> 'Law':
@@ -70,86 +64,68 @@ def make_controller(
         T,
         task=motion.task_space,
         switch_time=switch_time,
-        limits=find_limits(options, motion.model),
-        limit_scale=options.limit_scale,
-        torque_scale=options.torque_scale,
-        preferences=find_preferences(options),
-        secondary_tasks=find_secondary_tasks(options),
-        scaling=options.scaling or 'task',
+        limit_gains=find_gains(options),
+        **building_blocks(options),
     )
 
 
-def find_limits(options: argparse.Namespace, model: 'RobotModel') -> 'tuple[Limit, ...]':
-    """The limits that are to be kept.
+def building_blocks(options: argparse.Namespace) -> dict[str, Any]:
+    """Limits, preferences and secondary tasks by name, as a Controller and a Case take them.
 
-    Args:
-        options: The command line.
-        model: Of the arm.
-
-    Raises:
-        RedresError: A name or a figure is wrong.
+    Raises RedresError for a name or a scale that is not allowed.
     """
-    names = limit_names(options)
-    if not names:
-        _check_scales(options, {})
-        return ()
-    from redres_ros.limits import LIMITS, make_limits
-
-    _check_scales(options, {name: LIMITS[name] for name in names if name in LIMITS})
-    gains = {
-        gain.key: value for gain, value in given_gains(options).items() if gain.kind == 'limit'
+    limits = limit_names(options)
+    _check_scales(options, limits)
+    return {
+        'limits': limits,
+        'limit_scale': options.limit_scale,
+        'torque_scale': options.torque_scale,
+        'preferences': tuple(_preferences(options)),
+        'secondary_tasks': tuple(options.secondary or ()),
+        'scaling': options.scaling or 'task',
     }
-    return tuple(
-        make_limits(
-            names,
-            model,
-            limit_scale=options.limit_scale,
-            torque_scale=options.torque_scale,
-            gains=gains,
-        )
-    )
 
 
-def _check_scales(options: argparse.Namespace, limits: 'Mapping[str, type[Limit]]') -> None:
+def find_gains(options: argparse.Namespace) -> dict[str, Any]:
+    """The gains that the command line gives, such as {'posture.gain': 4.0}.
+
+    Raises OptionError for one of --prefer that is no number.
+    """
+    gains = {gain.key: value for gain, value in given_gains(options).items()}
+    for name, text in _preferences(options).items():
+        if text is not None:
+            gains[f'{name}.gain'] = _number(name, text)
+    return gains
+
+
+def _check_scales(options: argparse.Namespace, names: tuple[str, ...]) -> None:
     """Refuse a scale of limits that are not in use."""
+    scaled_by = set()
+    if names:
+        from redres_ros.limits import LIMITS
+
+        scaled_by = {LIMITS[name].scaled_by for name in names}
     for name in ('limit_scale', 'torque_scale'):
         scale = getattr(options, name)
-        if scale != 1.0 and all(limit.scaled_by != name for limit in limits.values()):
+        if scale != 1.0 and name not in scaled_by:
             option = name.replace('_', '-')
-            of = 'the limit torque' if name == 'torque_scale' and limits else 'limits'
-            used = ', '.join(limits) or NONE
+            of = 'the limit torque' if name == 'torque_scale' and names else 'limits'
+            used = ', '.join(names) or NONE
             raise OptionError(f'--{option} {scale:g} acts on {of}; in use: {used}, see --limits')
-    if options.scaling == 'components' and not limits:
+    if options.scaling == 'components' and not names:
         raise OptionError(f'--scaling components acts on limits; in use: {NONE}')
 
 
-def find_preferences(options: argparse.Namespace) -> 'tuple[Preference, ...]':
-    """The preferences with their gains. Raises RedresError for a name or a gain that is wrong."""
+def _preferences(options: argparse.Namespace) -> dict[str, str | None]:
+    """The text of each preference's gain by its name; None: its default.
+
+    Raises RepeatedNameError for one that is named twice.
+    """
     from redres_ros.parameter import check_once
-    from redres_ros.preferences import make_preference
 
-    check_once('preference', (text.partition('=')[0] for text in options.prefer or ()))
-    preferences = []
-    for text in options.prefer or ():
-        name, equals, own = text.partition('=')
-        gains = gains_of(options, 'preference', name)
-        if equals:
-            gains['gain'] = _number(text, own)
-        preferences.append(make_preference(name, **gains))
-    return tuple(preferences)
-
-
-def find_secondary_tasks(options: argparse.Namespace) -> 'tuple[str | Task, ...]':
-    """The secondary tasks; one without a target keeps its initial value."""
-    from redres_ros.parameter import check_once
-    from redres_ros.tasks import make_task
-
-    check_once('task', options.secondary or ())
-    tasks: list[str | Task] = []
-    for name in options.secondary or ():
-        gains = gains_of(options, 'task', name)
-        tasks.append(make_task(name, **{'target': (), **gains}) if gains else name)
-    return tuple(tasks)
+    given = [text.partition('=') for text in options.prefer or ()]
+    check_once('preference', (name for name, _, _ in given))
+    return {name: gain if equals else None for name, equals, gain in given}
 
 
 def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
@@ -178,7 +154,7 @@ def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
     """
     used = {('law', law) for law in laws}
     used |= {('limit', name) for name in limit_names(options)}
-    used |= {('preference', text.partition('=')[0]) for text in options.prefer or ()}
+    used |= {('preference', name) for name in _preferences(options)}
     return used | {('task', name) for name in options.secondary or ()}
 
 
@@ -192,27 +168,16 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     Raises:
         OptionError: A target that is open by default: ROS has no parameters for such ones.
     """
-    parameters: dict[str, Any] = {}
-    for gain, value in given_gains(options).items():
+    for gain in given_gains(options):
         if gain.default == ():
             raise OptionError(f'--{gain.key} cannot be set on nodes, which take the start for it')
-        parameters[gain.key] = value
-    preferences = []
-    for preference in options.prefer or ():
-        name, equals, own = preference.partition('=')
-        preferences.append(name)
-        if equals:
-            parameters[f'{name}.gain'] = _number(preference, own)
-    # ROS takes an empty array for no value at all.
-    parameters['limits'] = limit_names(options) or (NONE,)
-    parameters['preferences'] = tuple(preferences) or (NONE,)
-    parameters['secondary_tasks'] = tuple(options.secondary or ()) or (NONE,)
+    parameters = find_gains(options) | building_blocks(options)
+    for name in ('limits', 'preferences', 'secondary_tasks'):
+        parameters[name] = parameters[name] or (NONE,)  # ROS takes an empty array for no value
+    if not options.scaling:
+        del parameters['scaling']
     parameters['task_space'] = motion.task_space
     parameters['plugins'] = tuple(map(os.path.abspath, options.plugin or ())) or (NONE,)
-    parameters['limit_scale'] = options.limit_scale
-    parameters['torque_scale'] = options.torque_scale
-    if options.scaling:
-        parameters['scaling'] = options.scaling
     if options.tip:
         parameters['tip_frame'] = options.tip
     if options.elbow:
@@ -220,8 +185,11 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     return parameters
 
 
-def _number(option: str, text: str) -> float:
+def _number(name: str, text: str) -> float:
+    """A preference's gain from its text. Raises OptionError."""
     try:
         return float(text)
     except ValueError:
-        raise OptionError(f'--prefer {option}; expected NAME=GAIN, as joint_centering=4') from None
+        raise OptionError(
+            f'--prefer {name}={text}; expected NAME=GAIN, as joint_centering=4'
+        ) from None
