@@ -16,6 +16,7 @@ from redres_ros.paper.claims import (
     Finding,
     assumptions,
     check_all,
+    damping,
     table,
     theoretical,
     write_csv,
@@ -39,12 +40,12 @@ CHEAP = (
     theoretical.two_forms,
     theoretical.special_case_35,
     theoretical.optimality,
-    theoretical.resting_place,
-    theoretical.regimes,
+    damping.resting_place,
+    damping.regimes,
     theoretical.damped_variation,
     theoretical.several_tasks,
     theoretical.unneeded_joint,
-    theoretical.stops_at_once,
+    damping.stops_at_once,
     assumptions.geometry,
 )
 

@@ -53,13 +53,13 @@ class Scheme(ABC):
             dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
         """
 
-    @abstractmethod
     def metric(self, state: RobotState) -> Weight:
         """W, in which the scheme chooses among the ddq; None for the identity."""
+        return None
 
-    @abstractmethod
     def pseudoinverse(self, state: RobotState) -> np.ndarray:
         """J_W^#, (n, m), in that metric."""
+        return _pseudoinverse(state.J[:3])
 
     def preferred(self, state: RobotState) -> np.ndarray:
         """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), and the
@@ -81,12 +81,6 @@ class MinimumAccelerationScheme(Scheme):
         J_pinv = self.pseudoinverse(state)
         ddq_N = self.preferred(state)
         return J_pinv @ (ddx - dJ_dq) + ddq_N - J_pinv @ (state.J[:3] @ ddq_N)  # Eq. (18)
-
-    def metric(self, state: RobotState) -> Weight:
-        return None
-
-    def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        return _pseudoinverse(state.J[:3])
 
 
 @dataclass(frozen=True)
@@ -127,12 +121,6 @@ class MinimumWeightedTorqueScheme(TorqueScheme):
         ddq_N = self.preferred(state)
         tau = M @ (J_pinv @ (ddx - dJ_dq + J @ np.linalg.solve(M, n)))  # Eq. (25)
         return tau + M @ (ddq_N - J_pinv @ (J @ ddq_N))  # M P ddq_N
-
-    def metric(self, state: RobotState) -> Weight:
-        return None
-
-    def pseudoinverse(self, state: RobotState) -> np.ndarray:
-        return _pseudoinverse(state.J[:3])
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
 from redres_ros.paper.claims.claim import ROUNDING, Finding, claim
+from redres_ros.paper.claims.damping import NULL_SPACE_DAMPING
 from redres_ros.paper.equivalence import Difference
 from redres_ros.paper.runs import (
     CONVERGING_LAWS,
@@ -235,80 +236,10 @@ def optimality(runs: Runs) -> Finding:
     )
 
 
-@claim('B (B.2)', 'Once the task has gone, the joints come to rest at q_0 + T dq_0 / (1 - lambda)')
-def resting_place(runs: Runs) -> Finding:
-    """A task that has vanished: where the joints come to rest, against (B.2)."""
-    T = SIMULATION_T
-    first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
-    start = runs.task.start
-    dq = first
-    q = start
-    forgetting_factor = make_law(
-        'minimum_acceleration', damping=SIMULATION_DAMPING
-    ).forgetting_factor(T)
-    for _ in range(5000):
-        q = q + T * dq
-        dq = resolve(np.zeros((3, 7)), np.zeros(3), forgetting_factor * dq)  # Eq. (B.1)
-    miss = float(np.abs(q - (start + T * first / (1.0 - forgetting_factor))).max())
-    return Finding(miss <= 1e-12, f'the joints rest {miss:.1e} rad from where Eq. (B.2) says')
-
-
-@claim(
-    'B',
-    'k_d up to 1/T: no oscillation; up to 2/T: dies out oscillating; 2/T: for ever; '
-    'beyond: diverges',
-)
-def regimes(runs: Runs) -> Finding:
-    """Signs and growth of a null-space velocity for k_d T = 0.5, 1.5, 2 and 2.5."""
-    seen = {}
-    for share in (0.5, 1.5, 2.0, 2.5):
-        dq = np.ones(1)
-        speeds = []
-        for _ in range(60):
-            dq = resolve(np.zeros((1, 1)), np.zeros(1), (1.0 - share) * dq)  # Eq. (B.1)
-            speeds.append(float(dq[0]))
-        sign = 'alternating' if speeds[0] * speeds[1] < 0.0 else 'one sign'
-        seen[share] = (sign, _fate(abs(speeds[-1])))
-    expected = {
-        0.5: ('one sign', 'dies out'),
-        1.5: ('alternating', 'dies out'),
-        2.0: ('alternating', 'stays'),
-        2.5: ('alternating', 'grows'),
-    }
-    return Finding(
-        seen == expected,
-        '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()),
-    )
-
-
-@claim('B', 'With lambda = 0 the joints stop at the next step, at the cost of a high acceleration')
-def stops_at_once(runs: Runs) -> Finding:
-    """A task that has vanished, and the largest damping."""
-    T = SIMULATION_T
-    first = np.linspace(-1.0, 1.0, 7)  # (n,) [rad/s]
-    law = make_law('minimum_acceleration', damping=1.0 / T)
-    dq = resolve(
-        np.zeros((3, 7)), np.zeros(3), law.bias(runs.model.state(runs.task.start, first), T)
-    )
-    speed = float(np.linalg.norm(first))
-    return Finding(
-        not dq.any(),
-        f'from {speed:.2f} rad/s to {float(np.linalg.norm(dq)):g} rad/s in one step of '
-        f'{1e3 * T:g} ms, which takes {float(np.linalg.norm(first - dq)) / T:.0f} rad/s^2',
-    )
-
-
 @claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
 def full_damping(runs: Runs) -> Finding:
     """Scheme (22) with k_d = 1/T and law (2), each in a closed loop of its own."""
     return same_velocities(runs['difference_2'])
-
-
-def _fate(ratio: float) -> str:
-    """What becomes of a speed that is so many times the first one after a while."""
-    if ratio < 1e-6:
-        return 'dies out'
-    return 'grows' if ratio > 1e6 else 'stays'
 
 
 @claim('7', 'The velocity laws cost no more computation than the second-order schemes')
@@ -370,9 +301,7 @@ THEORETICAL = (
     unneeded_joint,
     special_case_35,
     optimality,
-    resting_place,
-    regimes,
-    stops_at_once,
+    *NULL_SPACE_DAMPING,
     full_damping,
     cost,
 )
