@@ -237,7 +237,10 @@ def _solve(
     dq: np.ndarray,
 ) -> int:
     """The outcome of `closed_form`, which writes into dq; arrays of any type."""
-    array, form = as_array(W)
+    array = _NO_WEIGHT
+    form = IDENTITY
+    if W is not None:
+        array, form = as_array(W)
     try:
         outcome: int = closed_form(*first, *lower, b, array, form, size, fastest, dq)
     except TypeError:  # not of float64

@@ -15,6 +15,8 @@ from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.kinematics import Kinematics
 from redres_ros.vectors import finite_vector
 
+_ALIGNED = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, along the axes of the base
+
 # w.dot(_CROSS), as (3, 3), is the matrix K with K v = w x v
 _CROSS = np.array(
     (
@@ -304,9 +306,7 @@ class RobotModel:
         dq = finite_vector(dq, self.n, 'dq')
         self._placed = b''
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(self.n))
-        ddx = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._tip, pin.LOCAL_WORLD_ALIGNED
-        )
+        ddx = pin.getFrameClassicalAcceleration(self._model, self._data, self._tip, _ALIGNED)
         return ddx.vector.copy()
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -370,7 +370,12 @@ class RobotModel:
             q: (n,) [rad].
             frame: Name of a link.
         """
-        return self._jacobian(finite_vector(q, self.n, 'q'), self._frame(frame))
+        q = finite_vector(q, self.n, 'q')
+        self._placed = b''
+        J: np.ndarray = pin.computeFrameJacobian(
+            self._model, self._data, q, self._frame(frame), _ALIGNED
+        )
+        return J
 
     def check_reach(self, x: np.ndarray) -> None:
         """Refuse a point that the tip cannot reach: one that is farther from the first joint than
@@ -410,24 +415,19 @@ class RobotModel:
         return self._tip_R.copy()
 
     def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
-        self._place_tip(q)
-        return self._tip_J.copy()
+        return self._place_tip(q).copy()
 
-    def _place_tip(self, q: np.ndarray) -> None:
-        """Compute the tip's Jacobian and pose, unless they were last computed for the same q.
+    def _place_tip(self, q: np.ndarray) -> np.ndarray:
+        """The tip's Jacobian, which is computed with its pose unless q is that of the last call.
 
         A tick asks for all of them: each alone takes as long as they do together.
         """
         key = q.tobytes()
         if self._placed != key:
-            self._tip_J = self._jacobian(q, self._tip)
+            self._placed = b''  # in case that this fails
+            self._tip_J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
             self._placed = key
-
-    def _jacobian(self, q: np.ndarray, frame: int) -> np.ndarray:
-        self._placed = b''
-        return pin.computeFrameJacobian(  # a copy
-            self._model, self._data, q, frame, pin.LOCAL_WORLD_ALIGNED
-        )
+        return self._tip_J
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return pin.crba(self._model, self._data, q)  # a copy
