@@ -106,7 +106,7 @@ class CommandLoop:
         self._waiting: _State | None = None
         self.q: np.ndarray | None = None  # of the newest state, (n,) [rad]
         self._published = False  # a reference: the next one has to follow from it
-        self._response: Response | None = None  # to the newest state
+        self.newest_response: Response | None = None
         self._response_cycle = 0  # of the newest state with a response
         self._state_cycle = 0  # of the newest state that was believed
         self._state_arrived = 0.0  # when that came [s]
@@ -118,11 +118,6 @@ class CommandLoop:
     def commanding(self) -> bool:
         """Whether the robot takes commands, as far as is known."""
         return self.faults.executes and self._session.commanding_at(self._cycles.newest)
-
-    @property
-    def newest_response(self) -> Response | None:
-        """The response to the newest state; None if there is none."""
-        return self._response
 
     @property
     def settings(self) -> LoopSettings:
@@ -137,9 +132,9 @@ class CommandLoop:
     def limit_warning(self) -> str:
         """What has slowed the task down for a second or more; empty if nothing has."""
         slow = self._slow_since and (self._response_cycle - self._slow_since) * self._controller.T
-        if not self._response or slow < _LONG:
+        if not self.newest_response or slow < _LONG:
             return ''
-        _, command, scaling, _ = self._response
+        _, command, scaling, _ = self.newest_response
         return f'the limits leave {scaling:.1%} of the task velocity ({command.active_limits})'
 
     @property
@@ -203,7 +198,7 @@ class CommandLoop:
     def forget(self) -> None:
         """Reset all but the settings."""
         self._waiting = None
-        self._response = None
+        self.newest_response = None
         self.q = None
         self._held = False
         self._cycles = CycleCounter(round(NANOSECONDS * self._controller.T))
@@ -222,11 +217,6 @@ class CommandLoop:
         """Whether commands may reach the robot at all; a moving arm is not let go of."""
         if self.mode not in (Mode.MOVING, Mode.STOPPING):
             self._session.is_connected = connected
-
-    @property
-    def rows(self) -> int:
-        """m, rows of a task velocity."""
-        return self._controller.policy.task.rows(self._controller.model)
 
     # --- states and task velocities ---------------------------------------------------------------
 
@@ -399,11 +389,11 @@ class CommandLoop:
             return None
         self._waiting = None
         self._expecting = self._expecting and known
-        self._response = self._respond(state, now)
-        if self._response is not None:
+        self.newest_response = self._respond(state, now)
+        if self.newest_response is not None:
             self._response_cycle = state.cycle
             self.responses += 1
-        return self._response
+        return self.newest_response
 
     def _same_again(self, q: np.ndarray, now: float) -> Response | None:
         """A robot that waits for its command asks again, and gets the same one."""
@@ -411,7 +401,7 @@ class CommandLoop:
             raise ClockError(
                 'stamped as the last one, but with other positions; expected a later stamp'
             )
-        return self.respond_if_due(now) if self._waiting else self._response
+        return self.respond_if_due(now) if self._waiting else self.newest_response
 
     def _must_wait(self, state: _State, now: float) -> bool:
         """Whether a task velocity that is not there may yet come in time."""
@@ -463,8 +453,8 @@ class CommandLoop:
             return missed
         if (
             not holds
-            and self._response
-            and self._missed.explain(state.q - self._response.q, missed)
+            and self.newest_response
+            and self._missed.explain(state.q - self.newest_response.q, missed)
         ):
             return missed
         if moves:

@@ -10,7 +10,6 @@ from redres_ros.controller import Controller
 _TOGETHER = 0.001  # [s] that both transports take, of the state and of the response
 _TOGETHER_FRACTION = 0.25  # of a cycle, if that is less
 _GAP_TIME = 2.0  # [s] after which a gap between states counts for less
-_MORE = 2  # cycles by which the next gap may be longer
 
 
 class MissedCycles:
@@ -41,7 +40,7 @@ class MissedCycles:
         elif (cycle - self._gap_cycle) * controller.T > _GAP_TIME:
             self._gap -= 1
             self._gap_cycle = cycle
-        controller.gap = self._gap + _MORE if self._gap > 1 else 1
+        controller.gap = self._gap
 
     def explain(self, moved: np.ndarray, missed: int) -> bool:
         """Whether a robot that extrapolates has gone on by itself all the time: it still moves.

@@ -101,7 +101,8 @@ class ControllerNode(ManagedNode):
             integrate_from=settings.integrate_from,
         )
         self._controller.set_policy(self._policy.policy)
-        self._sensors = Sensors(self, model, self._controller.m, T, settings.switch_time)
+        self._rows = self._controller.m
+        self._sensors = Sensors(self, model, self._rows, T, settings.switch_time)
         self._loop = CommandLoop(
             self._controller,
             loop_settings,
@@ -171,8 +172,7 @@ class ControllerNode(ManagedNode):
         check_finite(dx, 'cartesian_velocity')
         if self._loop.q is not None:
             dx = self._transformer.to_base(dx, frame, self._loop.q)
-        dx = dx[: self._loop.rows]
-        return self._loop.enter_twist(stamp, dx, time.monotonic(), time.time_ns())
+        return self._loop.enter_twist(stamp, dx[: self._rows], time.monotonic(), time.time_ns())
 
     def _on_joint_velocity(self, message: JointState) -> None:
         self._respond('joint_velocity', self._enter_joint_velocity, message)
