@@ -20,8 +20,11 @@ ROWS = (
     'bare echo node',
     'controller, standing still',
     'planner, controller',
-    'the same in one process',
+    'planner and controller in one process',
+    'planner, controller and robot in one process',
+    'bare echo node, kept awake',
     'planner, controller, kept awake',
+    'planner and controller in one process, kept awake',
 )
 PAGE = Path(__file__).parents[1] / 'docs' / 'real_time.md'
 

@@ -37,7 +37,7 @@ ARGUMENTS = {
     'use_sim_time': ('false', 'take the time of the nodes from /clock; not with our own sim'),
     'sim': ('true', 'start the fake arm; false: states, URDF and frames come from a robot'),
     'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
-    'composed': ('false', 'fake arm, controller and planner in one process'),
+    'composed': ('false', 'controller, planner and, if it is started, fake arm in one process'),
     'rviz': ('false', 'show the arm, its traces and the points of the task in RViz'),
     'log_level': ('', 'of our nodes: debug, info, warn, error or fatal'),
 }
@@ -104,8 +104,8 @@ def _check(given: dict[str, str], all_given: Iterable[str]) -> None:
             check_law(given['law'])
     if given['rate'] and not _is_positive(given['rate']):
         raise ValueError(f'rate: got {given["rate"]!r}; allowed: a positive number [Hz]')
-    if _is_true(given['composed']) and 'false' in (given['sim'], given['planner']):
-        raise ValueError("composed: got 'true'; allowed only with sim:=true and planner:=true")
+    if _is_true(given['composed']) and not _is_true(given['planner']):
+        raise ValueError("composed: got 'true'; allowed only with planner:=true")
 
 
 def _check_robot(given: dict[str, str], all_given: Iterable[str]) -> None:
@@ -162,6 +162,7 @@ def _of_ours(executable: str, names: list[str], given: dict[str, str]) -> Node:
         namespace=given['namespace'],
         parameters=[_file(given), _parameters(names, given)],
         remappings=_states(given),
+        arguments=['--no-sim'] if executable == 'composed' and 'sim' not in names else [],
         ros_arguments=['--log-level', level] if level else [],
         output='screen',
         on_exit=Shutdown(reason=f'{executable} ended'),

@@ -42,7 +42,7 @@ class Listener(Node):
 
     def __init__(self, received: list[Any], name: str = 'listener', namespace: str = '/') -> None:
         super().__init__(name, namespace=namespace)
-        for topic in ('inner', 'open', 'other'):
+        for topic in ('inner', 'open', 'other', 'shared'):
             self.create_subscription(
                 Float64,
                 topic,
@@ -57,7 +57,7 @@ class Listener(Node):
 def intra_process() -> Iterator[IntraProcess]:
     """In a domain of its own."""
     with ros():
-        yield IntraProcess(('inner',), open_topics=('open',))
+        yield IntraProcess(('inner',), open_topics=('open',), shared_topics=('shared',))
 
 
 def test_receivers_are_called_within_publish_in_the_order_in_which_they_were_made(
@@ -114,6 +114,35 @@ def test_others_receive_every_topic_but_reach_only_open_and_ordinary_ones(
     spinner.close()
     for node in (*inside, *outside):
         node.destroy_node()
+
+
+def test_receivers_of_a_shared_topic_get_each_message_of_another_process_by_one_subscription(
+    intra_process: IntraProcess,
+) -> None:
+    received: list[Any] = []
+    inside = [intra_process.node(Listener)(received, name) for name in ('first', 'second')]
+    outside = rclpy.create_node('outside')
+    publisher = outside.create_publisher(Float64, 'shared', PUBLISH)
+    spinner = Spinner((*inside, outside), threading.Event())
+    until = time.monotonic() + PATIENCE
+    while not received and time.monotonic() < until:
+        publisher.publish(Float64(data=1.0))
+        spinner.sleep(0.05)
+    spinner.close()
+    for node in (*inside, outside):
+        node.destroy_node()
+    (first, _, message, _), (second, _, same, _) = received[:2]
+    assert (first, second) == ('first', 'second')
+    assert message is same
+
+
+def test_planner_and_controller_in_one_process_move_a_robot_in_another(tmp_path: Path) -> None:
+    with graph(Observer) as (observer, start):
+        start('sim', tmp_path / 'sim.log', patience=5.0)
+        composed = start('composed --no-sim', tmp_path / 'composed.log', autostart=True)
+        await_that(lambda: observer.speed > 0.02, 'motion', every=0.02)
+        composed.check()
+        observer.assert_all_was_well()
 
 
 def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(

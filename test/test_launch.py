@@ -139,7 +139,7 @@ def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
         ({'robot': 'topic'}, ("robot: got 'topic'", 'robot_description')),
         ({'params_file': '/no/such.yaml'}, ('params_file:', '/no/such.yaml')),
         ({'use_sim_time': 'true'}, ('use_sim_time', '/clock')),
-        ({'composed': 'true', 'sim': 'false', 'robot': 'fr3'}, ('composed', 'sim:=true')),
+        ({'composed': 'true', 'planner': 'false'}, ('composed', 'planner:=true')),
         ({'sim': 'false'}, ('params_file:=FILE', 'robot:=NAME')),
         ({'sim': 'false', 'parms_file': 'fr3.yaml'}, ('got parms_file', 'params_file:=FILE')),
     ],
@@ -174,6 +174,13 @@ def test_composed_is_one_process_whose_nodes_keep_their_names(launch_file):
     assert composed.name is None
     values = {'law': 'minimum_velocity', 'task': 'table', 'use_sim_time': False}
     assert composed.parameters[1] == values
+    assert not composed.arguments
+
+
+def test_beside_a_robot_composed_has_no_fake_arm(launch_file):
+    nodes = started(launch_file, composed='true', sim='false', robot='fr3')
+    assert nodes.keys() == {'composed'}
+    assert nodes['composed'].arguments == ['--no-sim']
 
 
 def test_only_the_fake_arm_publishes_the_description(launch_file):

@@ -23,9 +23,11 @@ GRAPHS = {  # what runs together; the last process of each has the robot in it
     'bare echo node': ('bench.echo', 'sim'),
     'controller, standing still': ('controller', 'sim'),
     'planner, controller': ('planner', 'controller', 'sim'),
-    'the same in one process': ('composed',),
+    'planner and controller in one process': ('composed --no-sim', 'sim'),
+    'planner, controller and robot in one process': ('composed',),
     'bare echo node, kept awake': ('bench.echo', 'sim'),
     'planner, controller, kept awake': ('planner', 'controller', 'sim'),
+    'planner and controller in one process, kept awake': ('composed --no-sim', 'sim'),
 }
 
 _AWAKE = ', kept awake'  # no processor sleeps
@@ -39,6 +41,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     'planner': {'autostart': True},
     'sim': _ROBOT,
     'composed': {'autostart': True, **_ROBOT},
+    'composed --no-sim': {'autostart': True},
 }
 
 

@@ -92,7 +92,8 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: of the executable in nodes/, or of a module of the package, as 'bench.echo'.
+        name: of the executable in nodes/, or of a module of the package, as 'bench.echo'; its own
+            options may follow, as in 'composed --no-sim'.
         log: file for what it prints.
         parameters: of the node.
         recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
@@ -110,8 +111,8 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self._log = log
-        module = f'redres_ros.{name}' if '.' in name else f'redres_ros.nodes.{name}'
-        own: list[str] = []
+        node, *own = name.split()
+        module = f'redres_ros.{node}' if '.' in node else f'redres_ros.nodes.{node}'
         if recording:
             module = 'redres_ros.demo.recorded'
             own = [name, str(recording), ','.join(topics)]

@@ -2,10 +2,14 @@
 
 States, commands and task velocities are handed over directly, not through DDS. Other processes can
 still listen, and send task velocities.
+
+With --no-sim there is no sim: a robot publishes the states and receives the commands. Controller
+and planner share one subscription to the states, and the controller responds first.
 """
 
 import sys
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -16,6 +20,8 @@ from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sim import SimNode
+
+NO_SIM = '--no-sim'
 
 
 class IntraProcess:
@@ -28,11 +34,18 @@ class IntraProcess:
         topics: other processes may subscribe to these; their publications are ignored.
         open_topics: these take publications of other processes too. A message from within then
             comes a second time, by DDS.
+        shared_topics: these come from other processes only, by one subscription for all receivers.
     """
 
-    def __init__(self, topics: Collection[str], open_topics: Collection[str] = ()) -> None:
-        self._topics = topics
+    def __init__(
+        self,
+        topics: Collection[str],
+        open_topics: Collection[str] = (),
+        shared_topics: Collection[str] = (),
+    ) -> None:
+        self._handed = {*topics, *open_topics, *shared_topics}
         self._open = open_topics
+        self._shared = shared_topics
         self._receivers: dict[str, list[Callable[[Any], None]]] = {}  # by the topic's full name
 
     def node(self, cls: type[Node]) -> type[Node]:
@@ -46,13 +59,22 @@ class IntraProcess:
             node: the publisher or subscriber.
             topic: as the node names it.
         """
-        if topic not in self._topics and topic not in self._open:
+        if topic not in self._handed:
             return None
         return self._receivers.setdefault(node.resolve_topic_name(topic), [])
 
     def is_open(self, topic: str) -> bool:
         """Whether messages of other processes are received."""
         return topic in self._open
+
+    def is_shared(self, topic: str) -> bool:
+        """Whether all receivers have one subscription."""
+        return topic in self._shared
+
+
+def _hand_over(receivers: list[Callable[[Any], None]], message: Any) -> None:
+    for receive in receivers:
+        receive(message)
 
 
 class _Handing(Node):
@@ -78,7 +100,9 @@ class _Handing(Node):
         receivers = self.intra_process.receivers(self, topic)
         if receivers is not None:
             receivers.append(callback)
-            if not self.intra_process.is_open(topic):
+            if self.intra_process.is_shared(topic) and len(receivers) == 1:
+                callback = partial(_hand_over, receivers)
+            elif not self.intra_process.is_open(topic):
                 return None
         return super().create_subscription(msg_type, topic, callback, qos_profile, **options)
 
@@ -96,36 +120,44 @@ class _Publisher:
 
     def publish(self, message: Any) -> None:
         """Hand it to the receivers of this process, then publish it."""
-        for receive in self._receivers:
-            receive(message)
+        _hand_over(self._receivers, message)
         self._publisher.publish(message)
 
 
 def run_composed(
     adapt: Callable[[type[Node]], type[Node]] = lambda cls: cls,
     arguments: list[str] | None = None,
+    *,
+    with_sim: bool = True,
 ) -> int:
-    """Run the three until they are asked to end; the controller gets a state before the
-    planner gets it.
+    """Run the nodes until they are asked to end; the controller gets a state before the planner
+    gets it.
 
     Args:
         adapt: what is made of each node's class before a node is made of it.
         arguments: the command line; None for that of the process.
+        with_sim: whether the fake robot is among them.
 
     Returns:
         The exit status.
     """
+    of_robot = ('joint_states', 'joint_command') if with_sim else ()
     intra_process = IntraProcess(
-        ('joint_states', 'joint_command', 'controller/task_scaling'),
+        (*of_robot, 'controller/task_scaling'),
         open_topics=('cartesian_velocity',),
+        shared_topics=() if with_sim else ('joint_states',),
     )
-    classes = [adapt(cls) for cls in (SimNode, ControllerNode, PlannerNode)]
-    return run_nodes(*map(intra_process.node, classes), arguments=arguments, one_thread=True)
+    classes: list[type[Node]] = [ControllerNode, PlannerNode]
+    if with_sim:
+        classes.insert(0, SimNode)
+    makes = [intra_process.node(adapt(cls)) for cls in classes]
+    return run_nodes(*makes, arguments=arguments, one_thread=True)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_composed(arguments=arguments)
+    given = sys.argv if arguments is None else arguments
+    return run_composed(arguments=arguments, with_sim=NO_SIM not in given)
 
 
 if __name__ == '__main__':

@@ -6,7 +6,7 @@ import ast
 import sys
 from collections.abc import Iterator
 from importlib import import_module
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from redres_ros.files.law_names import check_law
 from redres_ros.files.remedy import not_installed
 
 _ROS = '--ros-args'
+_OPTIONS = {'composed': ('--no-sim',)}  # of an executable, before those of ROS
 _REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
 
 
@@ -53,9 +54,10 @@ def run_node(name: str, arguments: list[str]) -> int:
         if {'-h', '--help'} & set(arguments):
             print(_help(name), flush=True)
             return 0
-        if arguments and arguments[0] != _ROS:
-            print(f'redres_{name}: got {arguments[0]!r}; {_REMEDY}', file=sys.stderr)
-            return 2
+        for word in takewhile(lambda word: word != _ROS, arguments):
+            if word not in _OPTIONS.get(name, ()):
+                print(f'redres_{name}: got {word!r}; {_REMEDY}', file=sys.stderr)
+                return 2
         _check_law(arguments)
         status: int = import_module(f'redres_ros.nodes.{name}').main()
         return status
@@ -106,8 +108,9 @@ def _help(name: str) -> str:
     from redres_ros.files.share import share_path
 
     source = Path(__file__).with_name(f'{name}.py').read_text(encoding='utf-8')
+    called = ' '.join([f'redres_{name}', *(f'[{option}]' for option in _OPTIONS.get(name, ()))])
     return f"""\
-usage: redres_{name} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
+usage: {called} [{_ROS} [-p NAME:=VALUE ...] [--params-file FILE.yaml] [-r __ns:=/NAME]]
 
 {ast.get_docstring(ast.parse(source))}
 
