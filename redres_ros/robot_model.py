@@ -106,6 +106,11 @@ class RobotState:
             self._n = self.model._bias_torque(self.q, self.dq_prev)
         return self._n
 
+    @property
+    def gravity(self) -> np.ndarray:
+        """Gravity torque n(q, 0), (n,) [Nm]."""
+        return self.model._bias_torque(self.q, np.zeros(len(self.q)))
+
     def pose(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and orientation (3, 3) of a frame; '' is the tip."""
         return self.model.pose(self.q, frame) if frame else (self.x, self.R)

@@ -50,6 +50,22 @@ def test_the_acceleration_is_the_gain_times_the_torques_from_outside() -> None:
         compliance.acceleration(state)
 
 
+@pytest.mark.parametrize(
+    ('law', 'power'),
+    [('minimum_acceleration', 0), ('dynamically_consistent', 1), ('minimum_torque', 2)],
+)
+def test_a_force_on_the_tip_moves_nothing_in_the_null_space(law: str, power: int) -> None:
+    model = RobotModel.named('fr3')
+    q = np.array(model.arm.start)
+    compliance = Compliance(inertia_power=power)
+    controller = Controller(model, make_law(law), T, preferences=(compliance,))
+    alone = controller.update(q, np.zeros(3)).dq
+    tip_force = model.jacobian(q, model.arm.tip_frame)[:3].T @ np.array((5.0, -10.0, 20.0))
+    controller = Controller(model, make_law(law), T, preferences=(compliance,))
+    controller.measurements = {'external_torques': tip_force}
+    assert controller.update(q, np.zeros(3)).dq == pytest.approx(alone, abs=1e-9)
+
+
 class TorqueLoop:
     """An ideal arm behind a command loop, with torques from outside."""
 

@@ -304,6 +304,41 @@ def test_a_damping_below_the_bound_is_refused_with_the_figure_that_would_do() ->
     Admittance(replace(stiff, damping=(1001.0,) * 3), T)
 
 
+def shaking(damping: float, mass: float, filter_time: float) -> float:
+    """Velocity of the tip [m/s], half a second after a jolt, with 1 kg on the sensor.
+
+    Args:
+        damping: D_d [N s/m].
+        mass: M_d [kg].
+        filter_time: Of the wrench [s].
+    """
+    sensor = AdmittanceSettings(filter_time=filter_time)
+    given = replace(sensor, damping=(damping,) * 3, mass=(mass,) * 3, enabled=True)
+    loop = IdealLoop(ContactControl(given, T))
+    moved = np.zeros(3)  # in the last cycle
+    inertia = np.zeros(3)
+    x = STATE.x
+    for k in range(250):
+        jolt = np.array((0.0, 1.0 * (k == 0), 0.0))
+        x_next = loop.tick(np.concatenate((inertia + jolt, np.zeros(3))))
+        inertia = -1.0 * (x_next - x - moved) / T**2
+        moved = x_next - x
+        x = x_next
+    return float(np.abs(moved).max()) / T
+
+
+@pytest.mark.parametrize(('mass', 'filter_time'), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.004)])
+def test_the_bound_of_a_payload_is_where_its_inertia_shakes_the_tip(
+    mass: float, filter_time: float
+) -> None:
+    given = settings(payload_mass=1.0, mass=(mass,) * 3, filter_time=filter_time)
+    bound = given._payload_bound(mass, T)
+    assert shaking(1.1 * bound, mass, filter_time) < 1e-5
+    assert not shaking(0.9 * bound, mass, filter_time) < 1e-3
+    with pytest.raises(RangeError, match=f'allowed: {np.ceil(bound):.0f}'):
+        replace(given, damping=(0.9 * bound,) * 3).check(3, T)
+
+
 @pytest.mark.parametrize(
     ('given', 'error', 'words'),
     [

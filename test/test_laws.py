@@ -9,7 +9,7 @@ import pytest
 from doubles import FloatingArm, SpringLaw
 from scipy.linalg import null_space
 
-from redres_ros import LAWS, Controller, Law, RobotState, make_law, resolve
+from redres_ros import LAWS, Controller, Law, RobotModel, RobotState, make_law, resolve
 from redres_ros.errors import RangeError, UnknownNameError
 from redres_ros.laws import law_name
 from redres_ros.parameter import parameters
@@ -439,3 +439,13 @@ def test_one_tick_of_least_torque_makes_its_own_fast_motion_faster(states):
 
     assert max(growth('minimum_torque')) > 2.0
     assert growth('minimum_acceleration') == pytest.approx([0.98] * 30)
+
+
+@pytest.mark.parametrize('name', ['minimum_weighted_torque', 'minimum_torque'])
+def test_without_gravity_a_law_is_that_of_an_arm_that_carries_itself(name: str) -> None:
+    arm = RobotModel.named('fr3').arm
+    q = np.array(arm.start)
+    dq = np.linspace(-1.0, 1.0, 7)
+    carried = make_law(name).bias(RobotModel(arm, weight=False).state(q, dq), 0.002)
+    left_out = make_law(name, gravity=0.0).bias(RobotModel(arm).state(q, dq), 0.002)
+    assert left_out == pytest.approx(carried, abs=1e-12)

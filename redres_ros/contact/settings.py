@@ -128,18 +128,33 @@ class AdmittanceSettings:
 
         Raises:
             ArrayError: Arrays of another length than m.
-            RangeError: A damping below the bound of the contact; the error names the bound.
+            RangeError: A damping below the bound of the contact, or of the payload; the error
+                names the bound.
         """
         if len(self.damping) != rows:
             raise ArrayError(
                 f'damping holds {len(self.damping)} values; expected {rows}, as the task has rows'
             )
-        bound = minimum_damping(
+        contact = minimum_damping(
             self.contact_stiffness, T, delay=self.contact_delay, bandwidth=self.servo_bandwidth
         )
-        for value in self.damping[:3]:
+        for value, mass in zip(self.damping[:3], self.mass, strict=False):
+            bound = max(contact, self._payload_bound(mass, T))
             if value < bound:
                 raise RangeError('damping', value, math.ceil(bound), 1e6, 'N s/m')
+
+    def _payload_bound(self, mass: float, T: float) -> float:
+        """D_d below which the tip shakes by the payload's own inertia [N s/m].
+
+        The payload m acts on the sensor with -m times the acceleration. From one cycle to the next
+        that is at most 2 m/T times the velocity, less by the filter; M_d resists it.
+
+        Args:
+            mass: M_d of a direction [kg].
+            T: Sampling time [s].
+        """
+        shown = self.payload_mass * T / (T + 2.0 * self.filter_time)
+        return 2.0 * (shown - mass) / T
 
 
 def minimum_damping(stiffness: float, T: float, *, delay: int = 1, bandwidth: float) -> float:

@@ -14,8 +14,8 @@ SHAPES = (NOTHING, 'table', 'wall', 'ball')
 
 _TIP_RADIUS = 0.005  # [m] of the sphere at the tip, which alone touches anything
 # A soft contact of MuJoCo acts like a spring beside an inertia, which is this fraction of the
-# tip's own, or less.
-_IMPEDANCE = 0.001
+# tip's own, or less: the least that there is. An admittance feels it like a mass on the sensor.
+_IMPEDANCE = 0.0001
 _RELAXATION = 0.001  # [s] damping of the contact in relation to its stiffness
 _FRICTION_RATIO = 100.0  # friction is so much stiffer than the contact: the tip does not creep
 _HALF_WIDTH = 0.5  # [m] of the surfaces that pictures show; the tip touches them everywhere

@@ -7,6 +7,7 @@ import numpy as np
 
 from redres_ros.kernels.closed_form import free_motion
 from redres_ros.laws.law import Law
+from redres_ros.parameter import param
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotState
 
@@ -49,12 +50,19 @@ class MinimumKineticEnergy(Law):
 @dataclass(frozen=True)
 class _TorqueLaw(Law):
     """The bias that the torque laws share: the velocity after one tick of zero torque and
-    null-space damping.
+    null-space damping. Gravity moves the null space, unless its torques are left out.
     """
 
+    gravity: float = param(
+        1.0, 'share of the weight in the torques; 0: the robot carries itself [-]', 0.0, 1.0
+    )
+
     def bias(self, state: RobotState, T: float) -> np.ndarray:
+        n = state.n
+        if self.gravity < 1.0:
+            n = n - (1.0 - self.gravity) * state.gravity
         b = np.empty(len(state.q))  # lambda dq_{k-1} - T M^-1 n, Eq. (27), (32), (A.14)
-        free_motion(self.forgetting_factor(T), state.dq_prev, T, state.M, state.n, b)
+        free_motion(self.forgetting_factor(T), state.dq_prev, T, state.M, n, b)
         return b
 
 

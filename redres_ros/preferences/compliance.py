@@ -13,10 +13,15 @@ from redres_ros.robot_model import RobotState
 
 @dataclass(frozen=True)
 class Compliance(Preference):
-    """Yielding to torques from outside: ddq_N = k tau_ext; nothing while none are measured."""
+    """Yielding to torques from outside: ddq_N = k M^-p tau_ext; nothing while none are measured.
+
+    If the law's weight W is M^p, a force f on the tip moves nothing in the null space, dq = Z z:
+    Z' W M^-p J' f = (J Z)' f = 0.
+    """
 
     measurement: ClassVar[str] = 'external_torques'
-    gain: float = param(1.0, 'k, acceleration for each Nm [rad/(s^2 Nm)]', 0.0, 1e4)
+    gain: float = param(1.0, 'k; with p = 0 in [rad/(s^2 Nm)], with p = 1 in [1]', 0.0, 1e4)
+    inertia_power: int = param(0, "p of M^-p: that of the law's weight W = I, M or M M", 0, 2)
 
     def acceleration(self, state: RobotState) -> np.ndarray:
         torques = state.measurements.get(self.measurement)
@@ -27,4 +32,6 @@ class Compliance(Preference):
                 f'{self.measurement} has the shape {torques.shape}; expected {state.q.size} values'
             )
         ddq_N: np.ndarray = self.gain * torques
+        for _ in range(self.inertia_power):
+            ddq_N = np.linalg.solve(state.M, ddq_N)
         return ddq_N

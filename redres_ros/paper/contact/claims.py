@@ -33,10 +33,16 @@ from redres_ros.paper.contact.second_order import (
 )
 from redres_ros.paper.contact.step_response import analytic, in_the_ideal_loop, on_plant_after
 from redres_ros.paper.runs import Runs
+from redres_ros.preferences import Compliance
 from redres_ros.robot_model import RobotModel
 
 ARMS = ('fr3', 'iiwa7', 'lwr4', 'gen3')
-TORQUE_LAWS = ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')
+# Gains k of the compliance by torque law, whose weight is M^p with p = 0, 1, 2, and arm.
+TORQUE_LAWS = {
+    'minimum_weighted_torque': {'fr3': 1.0, 'iiwa7': 1.0, 'lwr4': 1.0, 'gen3': 1.0},
+    'dynamically_consistent': {'fr3': 0.15, 'iiwa7': 0.15, 'lwr4': 3.0, 'gen3': 0.05},
+    'minimum_torque': {'fr3': 0.03, 'iiwa7': 0.03, 'lwr4': 10.0, 'gen3': 0.02},
+}
 _T = 0.002  # [s]
 _STIFFNESSES = (1e4, 1e5)  # [N/m]
 _LEAST_GIVE = 0.03  # [m] of the elbow
@@ -214,22 +220,51 @@ def elbow_claim(arm: str) -> Claim:
     return Claim('elbow', says, measure, CONTACT)
 
 
-def law_claim(law: str) -> Claim:
-    """That the elbow yields with a law that minimises torques beside the arm's weight."""
+def law_claim(law: str, arm: str) -> Claim:
+    """That the elbow yields with a law that minimises torques beside the arm's weight.
+
+    Args:
+        law: Its name.
+        arm: Its name.
+    """
+    power = list(TORQUE_LAWS).index(law)
+    gain = TORQUE_LAWS[law][arm]
 
     def measure(runs: Runs) -> Finding:
-        carried, shown = _yields(elbow_pushed('fr3', True, law=law, weight=False), presses=True)
-        heavy = elbow_pushed('fr3', True, law=law, push=0.0)
-        fall = float(np.abs(heavy.elbow).max())
-        return Finding(
-            carried,
-            shown,
-            'with the weight in the norm, gravity is a motion of the null space, Eq. (A.14): '
-            f'without any push the elbow moves by {1e3 * fall:.0f} mm',
-        )
+        carrying = make_law(law, damping=10.0, gravity=0.0)
+        compliance = Compliance(gain=gain, inertia_power=power)
+        held, shown = _yields(elbow_pushed(arm, True, carrying, compliance), presses=True)
+        return Finding(held, shown)
 
-    says = f'fr3, {law}: the same, if the law minimises the torques beside the weight of the arm'
+    says = f'{arm}, {law}: pressing, the same with gravity 0, inertia_power {power}, gain {gain:g}'
     return Claim('elbow', says, measure, CONTACT)
+
+
+def gravity_claim(law: str) -> Claim:
+    """That gravity, if a law minimises it, moves the elbow without any push."""
+
+    def measure(runs: Runs) -> Finding:
+        heavy = elbow_pushed('fr3', True, make_law(law, damping=10.0), push=0.0)
+        fall = float(np.abs(heavy.elbow).max())
+        return Finding(fall > _SHARE_LEFT * _LEAST_GIVE, f'the elbow moves by {1e3 * fall:.0f} mm')
+
+    says = f'fr3, {law} with gravity 1, no push: gravity is a motion of the null space, Eq. (A.14)'
+    return Claim('elbow', says, measure, CONTACT)
+
+
+@claim(
+    'elbow', 'fr3: laws without velocity history take no preference: no null-space motion', CONTACT
+)
+def without_history(runs: Runs) -> Finding:
+    """The servos alone give way."""
+    found = []
+    for law in ('minimum_velocity', 'minimum_kinetic_energy'):
+        give = float(elbow_pushed('fr3', True, make_law(law)).elbow.max())
+        found.append((law, give))
+    return Finding(
+        all(give < 0.1 * _LEAST_GIVE for _, give in found),
+        ', '.join(f'{law} gives {1e3 * give:.1f} mm' for law, give in found),
+    )
 
 
 @claim(
@@ -361,7 +396,9 @@ CONTACT_CLAIMS: tuple[Claim, ...] = (
     presses,
     presses_with_noise,
     *(elbow_claim(arm) for arm in ARMS),
-    *(law_claim(law) for law in TORQUE_LAWS),
+    *(law_claim(law, arm) for law in TORQUE_LAWS for arm in ARMS),
+    *(gravity_claim(law) for law in TORQUE_LAWS),
+    without_history,
     bound,
     reactions,
     keeps_limits,

@@ -10,10 +10,9 @@ from redres_ros.controller import Controller
 from redres_ros.fake_robot.environment import EnvironmentSettings
 from redres_ros.fake_robot.mujoco_arm import MujocoSettings
 from redres_ros.fake_robot.plant import MujocoPlant
-from redres_ros.laws import make_law
+from redres_ros.laws import Law, make_law
 from redres_ros.preferences import Compliance, Posture
 from redres_ros.robot_model import RobotModel, RobotState
-from redres_ros.robots import find_arm
 
 FORCE = 20.0  # [N] with which the tip presses
 APPROACH = 0.02  # [m/s]
@@ -28,6 +27,8 @@ PUSH_ENDS = 2.5  # [s]
 ELBOW_LAST = 8.5  # [s]
 STIFF = 1e6  # [N s/m] of directions that do not yield
 LIMITS = ('position', 'velocity', 'acceleration')
+LAW = make_law('minimum_acceleration', damping=10.0)
+COMPLIANCE = Compliance()
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,7 @@ def pressed(case: Pressing) -> Pressed:
     environment = EnvironmentSettings('table', surface, contact_stiffness=case.stiffness)
     servo = MujocoSettings(servo_bandwidth=case.bandwidth)
     plant = MujocoPlant(model.arm, case.T, q0, servo, environment)
-    law = make_law('minimum_acceleration', damping=10.0)
-    controller = Controller(model, law, case.T, limits=LIMITS)
+    controller = Controller(model, LAW, case.T, limits=LIMITS)
     settings = AdmittanceSettings(
         enabled=True, damping=(STIFF, STIFF, case.damping), force=(0.0, 0.0, FORCE)
     )
@@ -126,9 +126,9 @@ def elbow_direction(state: RobotState) -> np.ndarray:
 def elbow_pushed(
     arm: str,
     presses: bool,
+    law: Law = LAW,
+    compliance: Compliance = COMPLIANCE,
     *,
-    law: str = 'minimum_acceleration',
-    weight: bool = True,
     push: float = PUSH,
     T: float = 0.002,
 ) -> Yielding:
@@ -137,12 +137,12 @@ def elbow_pushed(
     Args:
         arm: Its name.
         presses: Whether there is a table.
-        law: Its name.
-        weight: Whether the law's torques carry the arm.
+        law: In use.
+        compliance: Beside a posture.
         push: On the elbow [N].
         T: Sampling time [s].
     """
-    model = RobotModel(find_arm(arm), weight=weight)
+    model = RobotModel.named(arm)
     q0 = np.array(model.arm.start)
     at_rest = np.zeros(model.n)
     start = model.state(q0, at_rest)
@@ -152,10 +152,10 @@ def elbow_pushed(
     plant = MujocoPlant(model.arm, T, q0, servo, EnvironmentSettings(shape, surface))
     controller = Controller(
         model,
-        make_law(law, damping=10.0),
+        law,
         T,
         limits=LIMITS,
-        preferences=(Compliance(), Posture()),
+        preferences=(compliance, Posture()),
     )
     settings = AdmittanceSettings(
         enabled=presses, damping=(STIFF, STIFF, 1000.0), force=(0.0, 0.0, FORCE)
