@@ -10,6 +10,7 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
+from redres_ros.limits.shapes import touched
 from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.obstacles import show_obstacles, take_workspace
 
@@ -107,6 +108,29 @@ def test_the_balls_that_the_arm_is_kept_from_are_shown_while_the_limit_is_on() -
     node.look()
     assert [marker.action for marker in node.sent[-1].markers] == 2 * [Marker.DELETE]
     assert {marker.id for marker in node.sent[-1].markers} == {floor.id, ball.id}
+
+
+@pytest.mark.parametrize(
+    ('shape', 'kind', 'up'), [('table', Marker.CUBE, 1.0), ('wall', Marker.CUBE, 0.0)]
+)
+def test_the_surface_that_the_tip_can_touch_is_shown(shape: str, kind: int, up: float) -> None:
+    node = Listened()
+    parameters = {
+        'contact_shape': shape,
+        'contact_position': [0.4, 0.0, 0.3],
+        'contact_normal': [-2.0, 0.0, 0.0],
+        'contact_radius': 0.1,
+    }
+    node.get_parameter = lambda name: SimpleNamespace(value=parameters[name])
+    show_obstacles(node, 'world', touched, 'contact')
+    node.look()
+    [surface] = node.sent[-1].markers
+    assert (surface.type, surface.ns, surface.pose.position.x) == (kind, 'contact', 0.4)
+    turn = surface.pose.orientation
+    assert 1.0 - 2.0 * (turn.x**2 + turn.y**2) == pytest.approx(up)  # z of its normal
+    parameters['contact_shape'] = 'ball'
+    node.look()
+    assert node.sent[-1].markers[0].type == Marker.SPHERE
 
 
 class WithParameters(Listened):

@@ -1,4 +1,6 @@
-"""What the limits `collision` and `workspace` keep away from, as shapes to draw."""
+"""What the limits `collision` and `workspace` keep away from, and what the tip can touch, as shapes
+to draw.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -9,6 +11,7 @@ BOX = 'box'
 SPHERE = 'sphere'
 
 _PLANE = 3.0  # [m], width of a plane that has no end
+_TABLE = 1.0  # [m], width of a surface that the tip can touch
 _THICKNESS = 0.001  # [m]
 
 
@@ -21,6 +24,7 @@ class DrawnShape(NamedTuple):
         size: Edges of a box, or a sphere's diameter three times, (3,) [m].
         keeps_in: Whether the arm stays inside; else outside.
         quaternion: Orientation x, y, z, w, (4,).
+        is_solid: Whether the tip can touch it.
     """
 
     kind: str
@@ -28,6 +32,7 @@ class DrawnShape(NamedTuple):
     size: np.ndarray
     keeps_in: bool = False
     quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+    is_solid: bool = False
 
 
 def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
@@ -48,6 +53,23 @@ def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
         yield from _half_spaces(value('workspace.half_spaces'))
 
 
+def touched(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
+    """The surface that the tip can touch, where it touches it.
+
+    Args:
+        value: Of a parameter of the fake robot by its name.
+    """
+    shape = value('contact_shape')
+    centre = np.array(value('contact_position'))
+    if shape == 'ball':
+        size = np.full(3, 2.0 * value('contact_radius'))
+        yield DrawnShape(SPHERE, centre, size, is_solid=True)
+    elif shape != 'none':
+        normal = (0.0, 0.0, 1.0) if shape == 'table' else value('contact_normal')
+        plate = _turned_plate(np.array(normal), centre)
+        yield plate._replace(size=np.array((_TABLE, _TABLE, _THICKNESS)), is_solid=True)
+
+
 def _spheres(numbers: Sequence[float], keeps_in: bool) -> Iterator[DrawnShape]:
     for *centre, radius in np.reshape(numbers, (-1, 4)):
         if radius > 0.0:
@@ -61,16 +83,27 @@ def _boxes(numbers: Sequence[float], keeps_in: bool) -> Iterator[DrawnShape]:
 
 
 def _half_spaces(numbers: Sequence[float]) -> Iterator[DrawnShape]:
-    """A plate at the end of each, turned from z to its normal."""
+    """A plate at the end of each."""
     for *normal, offset in np.reshape(numbers, (-1, 4)):
         length = float(np.linalg.norm(normal))
         if length > 0.0:
             n = np.array(normal) / length
-            half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
-            if half[3] < 1e-9:
-                half = np.array((1.0, 0.0, 0.0, 0.0))
-            turn = tuple((half / np.linalg.norm(half)).tolist())
-            yield _plate(offset / length * n)._replace(quaternion=turn)
+            yield _turned_plate(n, offset / length * n)
+
+
+def _turned_plate(normal: np.ndarray, centre: np.ndarray) -> DrawnShape:
+    """A plate that is turned from z to a normal.
+
+    Args:
+        normal: Of any length, (3,).
+        centre: (3,) [m].
+    """
+    n = normal / np.linalg.norm(normal)
+    half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
+    if half[3] < 1e-9:
+        half = np.array((1.0, 0.0, 0.0, 0.0))
+    turn = tuple((half / np.linalg.norm(half)).tolist())
+    return _plate(centre)._replace(quaternion=turn)
 
 
 def _floor(height: float) -> DrawnShape:

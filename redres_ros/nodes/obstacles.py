@@ -1,6 +1,7 @@
 """What the arm keeps away from: shown as `markers`, and taken from the topic `workspace`."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -13,19 +14,26 @@ from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.markers import make_marker, to_point
 from redres_ros.nodes.qos import LATCHED, PUBLISH
 
+Shapes = Callable[[Callable[[str], Any]], Iterator[DrawnShape]]
+
 _PERIOD = 1.0  # [s]
 _RED = ColorRGBA(r=0.85, g=0.2, b=0.2, a=0.4)  # to stay out of
 _GREEN = ColorRGBA(r=0.2, g=0.7, b=0.3, a=0.15)  # to stay in
+_GREY = ColorRGBA(r=0.6, g=0.6, b=0.6, a=0.6)  # to touch
 _SIDES = ('inside', 'outside')
 _SIZES = {'boxes': 6, 'spheres': 4}  # numbers of each shape
 
 
-def show_obstacles(node: Node, frame: str) -> None:
-    """Have a node publish what its limits `collision` and `workspace` keep away from.
+def show_obstacles(
+    node: Node, frame: str, shapes: Shapes = shapes_of, namespace: str = 'obstacles'
+) -> None:
+    """Have a node publish what its limits `collision` and `workspace` keep away from, or others.
 
     Args:
         node: With the parameters of these limits.
         frame: Of their figures.
+        shapes: By the values of these parameters.
+        namespace: Of the markers.
     """
     publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
     shown: set[int] = set()
@@ -33,7 +41,8 @@ def show_obstacles(node: Node, frame: str) -> None:
     def publish() -> None:
         if publisher.get_subscription_count() == 0:
             return
-        markers = list(_obstacles(node))
+        drawn = shapes(lambda name: node.get_parameter(name).value)
+        markers = list(map(_to_marker, drawn))
         for number, marker in enumerate(markers):
             marker.id = number
         present = {marker.id for marker in markers}
@@ -41,8 +50,9 @@ def show_obstacles(node: Node, frame: str) -> None:
         shown.clear()
         shown.update(present)
         # One by one: to delete all would take the traces along.
-        markers += [Marker(ns='obstacles', id=number, action=Marker.DELETE) for number in gone]
+        markers += [Marker(id=number, action=Marker.DELETE) for number in gone]
         for marker in markers:
+            marker.ns = namespace
             marker.header.frame_id = frame
         publisher.publish(MarkerArray(markers=markers))
 
@@ -106,13 +116,10 @@ def _shape(marker: Marker, frame: str) -> tuple[str, list[float]]:
     )
 
 
-def _obstacles(node: Node) -> Iterator[Marker]:
-    yield from map(_to_marker, shapes_of(lambda name: node.get_parameter(name).value))
-
-
 def _to_marker(shape: DrawnShape) -> Marker:
     kind = Marker.SPHERE if shape.kind == SPHERE else Marker.CUBE
-    marker = make_marker('obstacles', kind, 0.0, _GREEN if shape.keeps_in else _RED)
+    colour = _GREEN if shape.keeps_in else _RED
+    marker = make_marker('', kind, 0.0, _GREY if shape.is_solid else colour)
     marker.scale.x, marker.scale.y, marker.scale.z = shape.size.tolist()
     marker.pose.position = to_point(shape.centre)
     turn = marker.pose.orientation

@@ -25,11 +25,13 @@ from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.robot_clock import RobotClock
 from redres_ros.fake_robot.session import CommandError, Session, SessionSettings
+from redres_ros.limits.shapes import touched
 from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
+from redres_ros.nodes.obstacles import show_obstacles
 from redres_ros.nodes.parameters import (
     LoopParameters,
     ParameterError,
@@ -170,6 +172,7 @@ class SimNode(ManagedNode):
         self._diagnostics = Diagnostics(self, self._description.name, self._health)
         self.create_subscription(JointState, 'joint_command', self._on_command, NEWEST, raw=True)
         self.create_service(Trigger, 'sim/reset', self._on_reset)
+        show_obstacles(self, arm.kinematics().base_frame, touched, 'contact')
         create_steady_timer(self, 0.1, self._count_commanders)
         create_steady_timer(self, _LOOK, self._end_push)
         on_live_change(

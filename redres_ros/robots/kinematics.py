@@ -49,6 +49,7 @@ class Kinematics:
         tip_parent: Index of that joint.
         tip_frame: The link that is the tip.
         description: The URDF's text.
+        base_frame: The root link.
     """
 
     joints: tuple[MovingJoint, ...]
@@ -56,6 +57,7 @@ class Kinematics:
     tip_parent: int
     tip_frame: str
     description: str
+    base_frame: str
 
     @classmethod
     def of(cls, urdf: Urdf, tree: tuple[UrdfJoint, ...], tip_frame: str) -> 'Kinematics':
@@ -91,7 +93,8 @@ class Kinematics:
                 )
             )
         tip_parent, tip = carriers[tip_frame]
-        return cls(tuple(joints), tip, tip_parent, tip_frame, urdf.text())
+        base_frame = tree[0].parent
+        return cls(tuple(joints), tip, tip_parent, tip_frame, urdf.text(), base_frame)
 
     @property
     def n(self) -> int:

@@ -100,7 +100,7 @@ class ArmScene:
             )
 
     def show_walls(self, walls: Iterable[DrawnShape]) -> None:
-        """Draw what the arm stays in, or out of, in place of what was drawn before."""
+        """Draw what the arm stays in, or out of, or touches, in place of what was drawn before."""
         for handle in self._walls:
             handle.remove()
         self._walls = [self._add_wall(number, wall) for number, wall in enumerate(walls)]
@@ -114,19 +114,20 @@ class ArmScene:
                 height=wall.size[1],
                 cell_size=0.1,
                 section_size=0.5,
-                cell_color=_PALE_RED,
-                section_color=_RED,
+                cell_color=_LINES if wall.is_solid else _PALE_RED,
+                section_color=_STONE if wall.is_solid else _RED,
                 position=wall.centre,
                 wxyz=(w, x, y, z),
             )
         kind = 'sphere' if wall.kind == SPHERE else 'box'
         size = (wall.size[0] / 2.0,) if wall.kind == SPHERE else tuple(wall.size)
+        colour = _GREEN if wall.keeps_in else _RED
         mesh = _mesh(kind, size)
         return self._scene.add_mesh_simple(
             f'/walls/{number}',
             mesh.vertices,
             mesh.faces,
-            color=_GREEN if wall.keeps_in else _RED,
+            color=_STONE if wall.is_solid else colour,
             opacity=_INSIDE if wall.keeps_in else _OUTSIDE,
             side='double',
             position=wall.centre,

@@ -14,7 +14,7 @@ from redres_ros.graph.client import GraphClient
 from redres_ros.graph.graph_monitor import NICENESS, WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.settings import points_of
-from redres_ros.limits.shapes import shapes_of
+from redres_ros.limits.shapes import shapes_of, touched
 from redres_ros.nodes.parameters import NONE, declare
 from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.runtime import Waiting, run_nodes
@@ -151,7 +151,11 @@ class Page:
             self._plots.show(self._figures.times, self._figures.values)
 
     def _show_walls(self) -> None:
-        self._scene.show_walls(shapes_of(self._bindings.values['controller'].__getitem__))
+        values = self._bindings.values
+        walls = list(shapes_of(values['controller'].__getitem__))
+        if values['sim']:
+            walls += touched(values['sim'].__getitem__)
+        self._scene.show_walls(walls)
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         """Show parameters that were changed, by this page or elsewhere."""
