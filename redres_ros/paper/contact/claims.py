@@ -41,7 +41,7 @@ ARMS = ('fr3', 'iiwa7', 'lwr4', 'gen3')
 TORQUE_LAWS = {
     'minimum_weighted_torque': {'fr3': 1.0, 'iiwa7': 1.0, 'lwr4': 1.0, 'gen3': 1.0},
     'dynamically_consistent': {'fr3': 0.15, 'iiwa7': 0.15, 'lwr4': 3.0, 'gen3': 0.05},
-    'minimum_torque': {'fr3': 0.03, 'iiwa7': 0.03, 'lwr4': 10.0, 'gen3': 0.02},
+    'minimum_torque': {'fr3': 0.03, 'iiwa7': 0.01, 'lwr4': 10.0, 'gen3': 0.02},
 }
 _T = 0.002  # [s]
 _STIFFNESSES = (1e4, 1e5)  # [N/m]
