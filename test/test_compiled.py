@@ -128,7 +128,7 @@ def ask(kernels: Path, **environment: str) -> tuple[str, str]:
     return done.stdout.strip(), done.stderr.strip()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(kernels):
     result, logged = ask(kernels)
     assert result == '12.0 1'
@@ -139,7 +139,7 @@ def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(
     assert ask(kernels)[0] == '32.0 1'
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_where_no_folder_can_be_written_every_process_compiles_and_says_what_helps(
     kernels, tmp_path
 ):
@@ -157,6 +157,25 @@ def test_where_no_folder_can_be_written_every_process_compiles_and_says_what_hel
     assert result == '12.0 1'
     assert f'kept in {tmp_path / "cache"}' in logged
     assert ask(kernels, **places) == ('12.0 0', '')
+
+
+@pytest.mark.nightly
+def test_two_processes_compile_what_a_controller_needs_and_leave_nothing_to_compile(tmp_path):
+    said = []
+    for program in (
+        'from redres_ros.kernels.ahead import compile_ahead; compile_ahead()',
+        'import redres_ros.controller, redres_ros.constrained',
+    ):
+        done = subprocess.run(
+            [sys.executable, '-c', program],
+            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        said.append(done.stderr)
+    assert said[0].count('compiling the formulas') == 1
+    assert said[1] == ''
 
 
 def test_a_node_reports_in_one_line_that_compiling_is_over(monkeypatch, capsys):

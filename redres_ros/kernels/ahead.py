@@ -1,0 +1,35 @@
+"""Compiles the formulas of a run before it begins, by two processes if they are not there yet.
+
+A command that starts nodes has nothing else to do then. As a program, this is the second process.
+"""
+
+import subprocess
+from importlib import import_module
+
+from redres_ros.files.modules import module_command, module_environment
+from redres_ros.kernels.compile_log import time_compiling
+
+_FIRST = 'redres_ros.kernels.tick'  # the smallest; whether it was there says whether others are
+_LARGEST = 'redres_ros.kernels.active_set'  # takes as long as all others together
+_OTHERS = (
+    'redres_ros.kernels.boxes',
+    'redres_ros.kernels.closed_form',
+    'redres_ros.kernels.rotation_error',
+)
+
+
+def compile_ahead() -> None:
+    """Compile what is not there. Where no folder can be written, the second process is of no use,
+    and the largest formula is compiled when it is loaded.
+    """
+    import_module(_FIRST)
+    if not time_compiling():
+        return
+    command = module_command('redres_ros.kernels.ahead')
+    with subprocess.Popen(command, env=module_environment(), stderr=subprocess.DEVNULL):
+        for name in _OTHERS:
+            import_module(name)
+
+
+if __name__ == '__main__':
+    import_module(_LARGEST)
