@@ -1,13 +1,14 @@
 """The collision limit: distances as another library has them, and arms that keep them."""
 
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from nightly import by_day
 
 from redres_ros import Command, Controller, RobotModel, RobotState, make_law
 from redres_ros.errors import ArrayError
@@ -213,8 +214,9 @@ def random_motion_of(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('settings', [{}, {'T': 0.01}, {'limit_scale': 0.3}])
-@EVERY_ARM
+@pytest.mark.parametrize(
+    ('arm', 'settings'), by_day(6, product(ARMS, [{}, {'T': 0.01}, {'limit_scale': 0.3}]))
+)
 def test_random_motion_keeps_the_clearance(arm, settings):
     """At up to 1.5 m/s, where arms that brake by the damper alone come 54 mm too near."""
     for seed in range(2):
@@ -225,7 +227,7 @@ def test_random_motion_keeps_the_clearance(arm, settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('arm', ['planar4r', 'fr3', 'gen3'])
+@pytest.mark.parametrize('arm', by_day(1, ['planar4r', 'fr3', 'gen3']))
 def test_without_an_acceleration_limit_the_clearance_is_kept_as_well(arm):
     for seed in range(2):
         limit, commands = random_motion_of(arm, seed, ('position', 'velocity'))

@@ -18,7 +18,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from lifecycle_msgs.msg import Transition
-from nightly import NIGHTLY
+from nightly import NIGHTLY, by_day
 from reference_judge import ReferenceJudge, judge_graph
 from test_contact_nodes import FORCE, ON, force, mode, table_below
 from virtual_graph import Fault, VirtualRun, virtual_run
@@ -260,7 +260,7 @@ class Scene:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('channel', 'name', 'expected'), cells())
+@pytest.mark.parametrize(('channel', 'name', 'expected'), by_day(24, cells()))
 def test_every_fault_of_every_message_ends_as_the_table_says(
     channel: Channel, name: str, expected: Cell
 ) -> None:
@@ -297,7 +297,7 @@ def test_every_fault_of_every_message_ends_as_the_table_says(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', IN_CONTACT)
+@pytest.mark.parametrize('name', by_day(3, IN_CONTACT))
 def test_what_goes_wrong_in_contact_ends_in_a_hold_with_its_reason(name: str) -> None:
     case = IN_CONTACT[name]
     with table_below(RATE) as run:
@@ -388,15 +388,6 @@ def operate(run: VirtualRun) -> None:
     run.graph.clock.repeat(0.02, lambda: run.graph.publish('cartesian_velocity', twist))
 
 
-BY_DAY = 24  # cases of several hundred
-
-
-def some_of(every: list[Any], number: int) -> list[Any]:
-    """The same ones every time."""
-    chosen = np.random.default_rng(0).choice(len(every), number, replace=False)
-    return [every[index] for index in sorted(chosen)]
-
-
 ONCE_ONLY = ('sim/session_state', 'sim/stop_reason', 'target_pose')
 
 
@@ -408,7 +399,7 @@ def other_cells() -> list[Any]:
         if (channel.topic not in ONCE_ONLY or name not in ('slow', 'intermittent', 'reordered'))
         and (channel.topic != 'target_pose' or situation is not Situation.STARTING)
     ]
-    return every if NIGHTLY else some_of(every, BY_DAY)
+    return by_day(16, every)
 
 
 @pytest.mark.slow
@@ -493,7 +484,7 @@ PAIRS = list(combinations(DISTURBANCES, 2))
 
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', range(8 if NIGHTLY else 1))
-@pytest.mark.parametrize(('one', 'other'), PAIRS if NIGHTLY else some_of(PAIRS, 7))
+@pytest.mark.parametrize(('one', 'other'), by_day(5, PAIRS))
 def test_of_two_disturbances_at_once_none_makes_a_step(one: str, other: str, seed: int) -> None:
     chance = np.random.default_rng(seed)
     loop = {'rate': RATE}

@@ -49,7 +49,7 @@ from redres_ros.robots.joint_limits import JointLimits
 
 pytestmark = pytest.mark.slow
 
-CASES = 10_000 if NIGHTLY else 1000
+CASES = 10_000 if NIGHTLY else 400
 FIRST = 10**18  # [ns] stamp of the first state
 END = 2**31 * 10**9  # [ns] beyond what a stamp can hold
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))

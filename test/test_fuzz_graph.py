@@ -28,7 +28,7 @@ from redres_ros.tasks import TASKS
 
 pytestmark = pytest.mark.slow
 
-MESSAGES = 100_000 if NIGHTLY else 3000
+MESSAGES = 100_000 if NIGHTLY else 1000
 RATE = 100.0  # [Hz]
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 ODD = (np.nan, np.inf, -np.inf, 1e300, -1e-300, 0.0)

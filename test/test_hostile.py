@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from nightly import by_day
 
 from redres_ros.cli import main
 from redres_ros.nodes.entry import run_node
@@ -43,13 +44,16 @@ def shell(line: str, folder: Path, **variables: str) -> tuple[int, str]:
 
 @pytest.mark.parametrize(
     ('command', 'unbuffered'),
-    [
-        ('--help', ''),
-        ('--version', ''),
-        ('laws', '1'),
-        (QUICK, ''),
-        (f'{QUICK} --out /dev/full', ''),
-    ],
+    by_day(
+        2,
+        [
+            ('--help', ''),
+            ('--version', ''),
+            ('laws', '1'),
+            (QUICK, ''),
+            (f'{QUICK} --out /dev/full', ''),
+        ],
+    ),
 )
 def test_a_full_device_is_reported_in_one_line(tmp_path, command, unbuffered):
     target = '' if '--out' in command else '> /dev/full'
@@ -60,10 +64,10 @@ def test_a_full_device_is_reported_in_one_line(tmp_path, command, unbuffered):
 
 
 @pytest.mark.parametrize(
-    ('redirection', 'status'), [('2> /dev/full', 1), ('2>&-', 1), ('2> /dev/full > /dev/full', 1)]
+    'redirection', by_day(1, ['2> /dev/full', '2>&-', '2> /dev/full > /dev/full'])
 )
-def test_an_error_that_nobody_can_read_still_has_its_status(tmp_path, redirection, status):
-    assert shell(f'{REDRES} simulate --law fastest {redirection}', tmp_path) == (status, '')
+def test_an_error_that_nobody_can_read_still_has_its_status(tmp_path, redirection):
+    assert shell(f'{REDRES} simulate --law fastest {redirection}', tmp_path) == (1, '')
 
 
 def test_a_closed_output_is_reported_in_one_line(tmp_path):
@@ -85,6 +89,7 @@ def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
 # --- an environment that lacks something ----------------------------------------------------------
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ('command', 'files'),
     [(QUICK, 6), ('compare --law minimum_velocity,minimum_torque --period 0.01', 16)],
@@ -98,6 +103,7 @@ def test_few_file_descriptors_are_enough_or_reported_in_one_line(tmp_path, comma
 
 
 @needs_ros
+@pytest.mark.nightly
 @pytest.mark.parametrize('files', [8, 16])
 def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_path, files):
     status, said = shell(f'ulimit -n {files}; exec {REDRES} demo --lockstep', tmp_path)
@@ -106,6 +112,7 @@ def test_few_file_descriptors_for_nodes_are_reported_and_end_with_a_line(tmp_pat
     assert said.splitlines()[-1].startswith('redres demo: ')  # DDS may have had its say before
 
 
+@pytest.mark.nightly
 def test_a_window_system_that_is_not_there_does_not_matter(tmp_path):
     one_law = 'compare --law minimum_velocity --period 0.02'
     status, said = shell(f'{REDRES} {one_law}', tmp_path, MPLBACKEND='nonsense')
@@ -162,7 +169,11 @@ def interrupted(module: str, program: str, folder: Path) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(
-    'module', ['argparse', 'redres_ros.cli.options', 'numpy', 'pinocchio', 'rich.progress', 'yaml']
+    'module',
+    by_day(
+        2,
+        ['argparse', 'redres_ros.cli.options', 'numpy', 'pinocchio', 'rich.progress', 'yaml'],
+    ),
 )
 def test_ctrl_c_while_the_command_loads_ends_it_quietly(tmp_path, module):
     program = 'from redres_ros.cli import main\nsys.exit(main(["simulate"]))'
@@ -170,7 +181,7 @@ def test_ctrl_c_while_the_command_loads_ends_it_quietly(tmp_path, module):
 
 
 @needs_ros
-@pytest.mark.parametrize('module', ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco'])
+@pytest.mark.parametrize('module', by_day(2, ['rclpy', 'numpy', 'redres_ros.nodes.sim', 'mujoco']))
 def test_ctrl_c_while_a_node_loads_ends_it_quietly(tmp_path, module):
     program = 'from redres_ros.nodes.entry import sim\nsys.exit(sim())'
     assert interrupted(module, program, tmp_path) == (130, '')

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -207,7 +208,7 @@ def shift_an_encoder(arm: Arm) -> None:
 MOVES_A_HELD_ARM = (make_too_heavy, put_an_obstacle_at_the_tip, shift_an_encoder)
 
 
-@pytest.mark.parametrize('change', MOVES_A_HELD_ARM, ids=lambda change: change.__name__)
+@pytest.mark.parametrize('change', by_day(1, MOVES_A_HELD_ARM), ids=lambda change: change.__name__)
 def test_a_held_reference_is_constant_to_the_bit(change: Any) -> None:
     with held() as arm:
         before = arm.reference
@@ -227,7 +228,9 @@ def test_what_would_move_a_held_arm_is_an_error_that_says_how_to_clear_it(change
         assert health.level == ERROR, health.message
 
 
-@pytest.mark.parametrize('change', MOVES_A_HELD_ARM[:2], ids=lambda change: change.__name__)
+@pytest.mark.parametrize(
+    'change', by_day(1, MOVES_A_HELD_ARM[:2]), ids=lambda change: change.__name__
+)
 def test_an_arm_that_nobody_moves_stands_still_whatever_its_limits_do(change: Any) -> None:
     with commanded() as arm:
         arm.go(SIDEWAYS, 0.5)
@@ -332,7 +335,7 @@ def test_a_held_arm_needs_as_long_to_stop_with_states_lost_as_without() -> None:
 # --- nothing begins anew by a step ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize('pause', [0.0, 0.004, 0.01, 0.03, 0.1])
+@pytest.mark.parametrize('pause', by_day(2, [0.0, 0.004, 0.01, 0.03, 0.1]))
 def test_deactivated_and_activated_in_motion_the_reference_makes_no_step(pause: float) -> None:
     with commanded() as arm:
         arm.go(SIDEWAYS, 1.0)
@@ -380,7 +383,7 @@ def test_a_servo_that_lags_more_than_is_tolerated_makes_no_step(tmp_path: Path) 
         now.judge.assert_followable()
 
 
-@pytest.mark.parametrize('joint', range(6))  # the last one has no part in it
+@pytest.mark.parametrize('joint', by_day(2, range(6)))  # the last one has no part in it
 def test_a_blocked_joint_makes_no_step_of_the_others(joint: int, tmp_path: Path) -> None:
     with iiwa(tmp_path, **FAST) as now:
         now.operator.velocity = np.array((0.0, 0.5, 0.0))
@@ -411,7 +414,7 @@ def test_one_state_that_is_off_does_not_step_a_reference_from_the_measurement(ra
         arm.judge.assert_followable()
 
 
-@pytest.mark.parametrize('gap', [0.02, 0.1, 0.5, 2.0])
+@pytest.mark.parametrize('gap', by_day(2, [0.02, 0.1, 0.5, 2.0]))
 def test_a_driver_of_one_turn_and_a_gap_make_no_step_of_a_turn(gap: float) -> None:
     gen3 = find_arm('gen3')
     model = RobotModel(gen3)
@@ -491,7 +494,7 @@ def test_an_inactive_controller_cannot_be_made_to_resume() -> None:
         assert not arm.hold(False)
 
 
-@pytest.mark.parametrize('pause', [0.0, 0.004, 0.05])
+@pytest.mark.parametrize('pause', by_day(1, [0.0, 0.004, 0.05]))
 def test_cleaned_up_right_after_it_was_deactivated_it_brings_the_arm_to_rest_first(
     pause: float,
 ) -> None:

@@ -286,7 +286,7 @@ DISTURBANCES: dict[str, Callable[[World], None]] = {
     'restart': World.restart,
 }
 PAIRS = tuple(combinations(DISTURBANCES, 2))
-WORLDS = 100 if NIGHTLY else 20
+WORLDS = 100 if NIGHTLY else 6
 
 
 @pytest.mark.parametrize('seed', range(WORLDS))

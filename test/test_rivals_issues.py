@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
 from redres_ros.limits import make_limits
@@ -101,7 +102,7 @@ def test_mink_162_a_target_far_out_of_reach_asks_no_joint_for_more_than_it_has()
     assert_range_kept('fr3', [command.q_ref for command in commands])
 
 
-@pytest.mark.parametrize('arm', ['fr3', 'iiwa7', 'lwr4'])
+@pytest.mark.parametrize('arm', by_day(1, ['fr3', 'iiwa7', 'lwr4']))
 def test_drake_20364_position_velocity_and_acceleration_limits_hold_together_at_an_end(
     arm: str,
 ) -> None:
@@ -204,7 +205,7 @@ def test_fairo_1412_a_stretched_arm_is_pulled_back() -> None:
     assert x[2] - model.tip(out)[0][2] > 0.7 * 400 * T * 0.05
 
 
-@pytest.mark.parametrize('arm', ['iiwa7', 'gen3', 'fr3', 'planar4r'])
+@pytest.mark.parametrize('arm', by_day(1, ['iiwa7', 'gen3', 'fr3', 'planar4r']))
 def test_aceteleop_3_an_arm_pulled_beyond_its_reach_comes_to_rest_there(arm: str) -> None:
     """There, it shook. With the limits that nodes begin with."""
     model = RobotModel.named(arm)

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Iterator
 from functools import cache
-from itertools import islice
+from itertools import islice, product
 
 import numpy as np
 import pytest
+from nightly import by_day
 from scipy.optimize import linprog, minimize
 
 from redres_ros import LAWS, Command, Controller, RobotModel, make_law
@@ -56,6 +57,7 @@ def has_stretched(arm: str) -> bool:
 
 STRETCHING = [arm for arm in ARMS if has_stretched(arm)]
 EVERY_STRETCHED = pytest.mark.parametrize('arm', STRETCHING)
+SOME_PAIRS = pytest.mark.parametrize(('arm', 'law'), by_day(12, product(STRETCHING, LAWS)))
 
 
 def driven(
@@ -93,8 +95,7 @@ def test_most_arms_can_be_stretched():
     assert {'lwr4', 'lwr4_paper', 'iiwa7', 'fr3', 'planar4r'} <= set(STRETCHING)
 
 
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law):
     q, outward = stretched(arm)
     commands = led_inward(arm, law)
@@ -105,8 +106,7 @@ def test_from_the_stretched_arm_it_goes_inward_at_once_and_soon_exactly(arm, law
     assert -(x_end - x) @ outward > 0.7 * 400 * T * SPEED
 
 
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(arm, law):
     """In between, the joints get up to speed and brake again as fast as they may."""
     _, outward = stretched(arm)
@@ -120,8 +120,7 @@ def test_out_of_it_nothing_is_lost_after_50_ms_and_the_law_is_exact_in_the_end(a
 
 
 @pytest.mark.slow
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_into_the_stretched_arm_and_back_again_nothing_leaps_or_sticks(arm, law):
     """Outward until the arm is stretched, on against its end, and inward."""
     model = model_of(arm)
@@ -136,8 +135,7 @@ def test_into_the_stretched_arm_and_back_again_nothing_leaps_or_sticks(arm, law)
     assert still(commands[600:]) <= 2
 
 
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_a_stretched_arm_that_stands_does_not_drift(arm, law):
     q, _ = stretched(arm)
     controller = Controller(model_of(arm), make_law(law), T, limits=BOX, switch_time=0.2)
@@ -197,8 +195,7 @@ def is_damped(arm: str, command: Command) -> bool:
 
 
 @pytest.mark.slow
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_the_law_is_exact_in_the_very_tick_that_leaves_the_singularity(arm, law):
     q, _ = stretched(arm)
     ticks = list(islice(ticks_along(arm, law, q, inward(arm), 1.0, ()), 100))
@@ -277,8 +274,10 @@ def arc(arm: str, width: float) -> tuple[np.ndarray, Path]:
 
 
 @pytest.mark.slow
-@EVERY_STRETCHED
-@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
+@pytest.mark.parametrize(
+    ('arm', 'law'),
+    by_day(4, product(STRETCHING, ['minimum_velocity', 'minimum_acceleration'])),
+)
 def test_an_arc_that_touches_the_end_of_the_reach_is_followed_to_its_other_side(arm, law):
     """An arc that touches the end of the reach from within, and goes on on the other side."""
     bent, path = arc(arm, 0.05)
@@ -338,8 +337,7 @@ def test_beside_the_end_of_the_reach_the_direction_is_kept_unless_it_is_to_brake
 
 
 @pytest.mark.slow
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_the_stretched_arm_swings_about_its_base(arm, law):
     """The stretched arm swings about its base."""
     q, _ = stretched(arm)

@@ -22,7 +22,7 @@ from redres_ros.nodes.qos import LATCHED
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 ARMS = {'left': 'iiwa7', 'right': 'planar4r'}
 PARAMETERS = {

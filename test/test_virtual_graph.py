@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -78,13 +79,15 @@ def undisturbed() -> float:
 
 @pytest.mark.parametrize(
     'fault',
-    [
-        late(most=6 / RATE, share=1.0),
-        late(most=12 / RATE, share=0.2),
-        held_up(every=0.5, length=0.04),
-        held_up(every=0.9, length=0.08),
-    ],
-    ids=['all up to 6 cycles', 'a fifth up to 12', '20 cycles', '40 cycles'],
+    by_day(
+        1,
+        [
+            pytest.param(late(most=6 / RATE, share=1.0), id='all up to 6 cycles'),
+            pytest.param(late(most=12 / RATE, share=0.2), id='a fifth up to 12'),
+            pytest.param(held_up(every=0.5, length=0.04), id='20 cycles'),
+            pytest.param(held_up(every=0.9, length=0.08), id='40 cycles'),
+        ],
+    ),
 )
 def test_late_task_velocities_hardly_show_without_patience(
     undisturbed: float, fault: Fault
@@ -92,7 +95,7 @@ def test_late_task_velocities_hardly_show_without_patience(
     assert peak(accelerations('none', twist=fault)) < 1.3 * undisturbed
 
 
-@pytest.mark.parametrize('missed', [1, 4])
+@pytest.mark.parametrize('missed', by_day(1, [1, 4]))
 def test_after_missed_states_the_velocity_makes_up_for_those_cycles_and_for_nothing_else(
     undisturbed: float, missed: int
 ) -> None:

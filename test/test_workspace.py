@@ -1,7 +1,10 @@
 """Walls: what they are, and that no point of the arm passes one."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from nightly import by_day
 
 from redres_ros import Controller, RobotModel
 from redres_ros.errors import ArrayError, UnknownNameError
@@ -71,8 +74,9 @@ def test_rows_are_the_speeds_at_which_distances_become_smaller():
         assert C @ dq == pytest.approx((before - after) / (2.0 * step), abs=1e-6)
 
 
-@pytest.mark.parametrize('T', [0.002, 0.01])
-@pytest.mark.parametrize('name', ['lwr4', 'fr3', 'planar4r'])
+@pytest.mark.parametrize(
+    ('name', 'T'), by_day(2, product(['lwr4', 'fr3', 'planar4r'], [0.002, 0.01]))
+)
 def test_no_point_passes_a_wall_whatever_is_asked(name, T):
     """In a box with a ball in it, under random velocities far beyond what the joints can do."""
     model = RobotModel.named(name)
