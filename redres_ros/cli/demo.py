@@ -155,11 +155,6 @@ def _demo(options: argparse.Namespace) -> int:
 
 def _make_demo(options: argparse.Namespace) -> 'Demo':
     """The run that is asked for. Raises RedresError for what a node would refuse."""
-    from redres_ros.kernels.ahead import compile_ahead
-
-    check_duration(options.duration)
-    _check_teleop(options)
-    compile_ahead()  # before anything loads the formulas
     from redres_ros.cli.controller import find_law, in_use, make_controller, node_parameters
     from redres_ros.cli.demo_results import recording_in
     from redres_ros.cli.gains import check_gains
@@ -167,6 +162,8 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.options import DemoOptions
 
+    check_duration(options.duration)
+    _check_teleop(options)
     views = _views(options)
     repeats = options.duration and not options.teleop
     motion = find_motion(options, 'side_to_side' if repeats else 'rectangle')

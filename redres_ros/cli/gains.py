@@ -87,6 +87,10 @@ def find_tables(*, limits: bool) -> dict[str, Mapping[str, type]]:
     Args:
         limits: With the limits, which take a second more to load, and once, a minute to compile.
     """
+    if limits:
+        from redres_ros.kernels.ahead import compile_ahead
+
+        compile_ahead()  # laws would load formulas one after the other
     from redres_ros.laws import LAWS
     from redres_ros.preferences import PREFERENCES
     from redres_ros.tasks import TASKS

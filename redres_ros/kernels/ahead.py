@@ -1,6 +1,6 @@
 """Compiles the formulas of a run before it begins, by two processes if they are not there yet.
 
-A command that starts nodes has nothing else to do then. As a program, this is the second process.
+A command has nothing else to do then. As a program, this is the second process.
 """
 
 import subprocess
