@@ -144,7 +144,7 @@ def test_processor_time_is_that_of_the_process() -> None:
         meter = ProcessorMeter({'it': process.pid})
         process.stdout.readline()
         assert processor_seconds(process.pid) >= 0.25
-        assert 0.0 < meter.shares()['it'] <= 1.1
+        assert 0.0 < meter.fractions()['it'] <= 1.1
         process.stdin.close()
     assert np.isnan(processor_seconds(process.pid))
 

@@ -135,12 +135,12 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
         begin = time.time()
         time.sleep(duration)
         end = time.time()
-        shares = meter.shares()
+        fractions = meter.fractions()
         time.sleep(_STRAGGLERS)
         for process in processes.values():
             process.check()
     messages = read_messages(recording)
-    trips = RoundTrips.from_messages(1.0 / rate, messages, (begin, end), shares)
+    trips = RoundTrips.from_messages(1.0 / rate, messages, (begin, end), fractions)
     recording.unlink()
     return trips
 
@@ -157,14 +157,14 @@ def _await_response(recording: Path, processes: Mapping[str, NodeProcess]) -> No
 
 
 def _cells(trips: RoundTrips) -> list[str]:
-    cells = [f'{1e6 * trips.times.quantile(share):.0f}' for share in (0.5, 0.99, 0.999, 1.0)]
-    shares = [f'{name} {share:.0%}' for name, share in trips.processors.items()]
+    cells = [f'{1e6 * trips.times.quantile(fraction):.0f}' for fraction in (0.5, 0.99, 0.999, 1.0)]
+    fractions = [f'{name} {fraction:.0%}' for name, fraction in trips.processors.items()]
     return [
         *cells,
         f'{trips.in_cycle:.2%}',
         f'{trips.lost:.2%}',
         str(trips.skipped),
-        ', '.join(shares),
+        ', '.join(fractions),
     ]
 
 
@@ -180,7 +180,7 @@ class ProcessorMeter:
         self._begun = time.perf_counter()
         self._before = self._seconds()
 
-    def shares(self) -> dict[str, float]:
+    def fractions(self) -> dict[str, float]:
         """Mean since then, by name."""
         elapsed = time.perf_counter() - self._begun
         after = self._seconds()

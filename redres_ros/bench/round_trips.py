@@ -85,8 +85,8 @@ class RoundTrips:
         counts = [len(part.latencies) for part in parts]
         processors = {}
         for name in parts[0].processors:
-            shares = [part.processors[name] for part in parts]
-            processors[name] = float(np.average(shares, weights=counts))
+            fractions = [part.processors[name] for part in parts]
+            processors[name] = float(np.average(fractions, weights=counts))
         skipped = sum(part.skipped for part in parts)
         return cls(parts[0].period, latencies, skipped, processors)
 
@@ -98,18 +98,18 @@ class RoundTrips:
     @property
     def in_cycle(self) -> float:
         """Fraction of the states whose command came within their cycle; NaN if none went out."""
-        return _share(self.latencies <= self.period)
+        return _fraction(self.latencies <= self.period)
 
     @property
     def lost(self) -> float:
         """Fraction of the states for which no command came; NaN if none went out."""
-        return _share(~np.isfinite(self.latencies))
+        return _fraction(~np.isfinite(self.latencies))
 
     def figures(self) -> dict[str, object]:
         """For the file of results."""
-        processors = {name: 100.0 * share for name, share in self.processors.items()}
+        processors = {name: 100.0 * fraction for name, fraction in self.processors.items()}
         return {
-            **{name: 1e6 * self.times.quantile(share) for name, share in _QUANTILES.items()},
+            **{name: 1e6 * self.times.quantile(fraction) for name, fraction in _QUANTILES.items()},
             'in_cycle_percent': 100.0 * self.in_cycle,
             'lost_percent': 100.0 * self.lost,
             'states': len(self.latencies),
@@ -118,5 +118,5 @@ class RoundTrips:
         }
 
 
-def _share(which: np.ndarray) -> float:
+def _fraction(which: np.ndarray) -> float:
     return float(np.mean(which)) if len(which) else float('nan')

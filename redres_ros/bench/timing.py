@@ -33,11 +33,11 @@ class Times:
         """[s]; NaN without samples."""
         return self.quantile(0.99)
 
-    def quantile(self, share: float) -> float:
+    def quantile(self, fraction: float) -> float:
         """The smallest sample that this fraction does not exceed [s]; NaN without samples."""
         if not len(self.samples):
             return float('nan')
-        return float(np.quantile(self.samples, share, method='higher'))
+        return float(np.quantile(self.samples, fraction, method='higher'))
 
     def figures(self) -> dict[str, float]:
         """For the file of results, in microseconds."""

@@ -85,11 +85,11 @@ class LiveArm:
         return figures
 
     @property
-    def shares(self) -> np.ndarray:
+    def fractions(self) -> np.ndarray:
         """Position of each joint in its range, 0 to 1, (n,)."""
         model = self.model
-        shares: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
-        return shares
+        fractions: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
+        return fractions
 
     @property
     def acting(self) -> dict[str, set[str]]:

@@ -97,7 +97,7 @@ class Watch(GraphMonitor):
         bars = []
         for index, name in enumerate(arm.model.joint_names):
             limits = tuple(sorted(acting.get(name, ())))
-            bars.append(JointBar(name, float(arm.shares[index]), float(arm.q[index]), limits))
+            bars.append(JointBar(name, float(arm.fractions[index]), float(arm.q[index]), limits))
         return bars
 
     def _listen(self, node: str) -> None:

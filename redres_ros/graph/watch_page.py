@@ -76,7 +76,7 @@ class JointBar(NamedTuple):
     """A joint: where it is in its range, 0 to 1, and in [rad]; the limits that act on it."""
 
     name: str
-    share: float
+    fraction: float
     position: float
     limits: tuple[str, ...]
 
@@ -120,9 +120,9 @@ def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
     return ', '.join(parts)
 
 
-def is_near_an_end(share: float) -> bool:
+def is_near_an_end(fraction: float) -> bool:
     """Whether a joint at that fraction of its range, 0 to 1, is near its limits."""
-    return min(share, 1.0 - share) < _NEAR
+    return min(fraction, 1.0 - fraction) < _NEAR
 
 
 def silence(received: Mapping[str, LastValue], node: str, now: float) -> float:
@@ -190,16 +190,16 @@ def _joints(joints: Sequence[JointBar]) -> Panel:
             tags.append(f' {limit} ', style=f'white on {_COLOURS.get(limit, "blue")}')
             tags.append(' ')
         degrees = f'{math.degrees(joint.position):+7.1f}°'
-        table.add_row(joint.name, degrees, _bar(joint.share), tags)
+        table.add_row(joint.name, degrees, _bar(joint.fraction), tags)
     title = Text('joints in their ranges, and the limits that act')
     return Panel(table, title=title, title_align='left', box=box.ROUNDED)
 
 
-def _bar(share: float) -> Text:
-    place = round(min(max(share, 0.0), 1.0) * (_BAR - 1))
+def _bar(fraction: float) -> Text:
+    place = round(min(max(fraction, 0.0), 1.0) * (_BAR - 1))
     bar = Text(_BAR * '─', style='dim')
     bar.plain = bar.plain[:place] + '●' + bar.plain[place + 1 :]
-    colour = 'red' if is_near_an_end(share) else 'cyan'
+    colour = 'red' if is_near_an_end(fraction) else 'cyan'
     bar.stylize(f'not dim bold {colour}', place, place + 1)
     return bar
 

@@ -67,7 +67,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
     @cached_property
     def lever(self) -> float:
         """How far a radian of any joint moves any point of the arm, at most [m]."""
-        return float(np.linalg.norm(self.model.kinematics.ways, axis=1).sum())
+        return float(np.linalg.norm(self.model.kinematics.offsets, axis=1).sum())
 
     @abstractmethod
     def approaches(self, q: np.ndarray, reach: float) -> Near:

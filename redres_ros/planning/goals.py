@@ -16,7 +16,7 @@ from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 
-_SHORTEST = 0.5  # [s] that a way takes at least
+_SHORTEST = 0.5  # [s] that a motion takes at least
 
 
 class GoalError(RedresError):
@@ -145,7 +145,7 @@ class Goals:
         return Goal(self.path_home, patience=self._settings.resume_within)
 
     def path_home(self, q: np.ndarray) -> JointPath | None:
-        """The way of the joints from q (n,) [rad] to the start of the task; None at the start."""
+        """The path of the joints from q (n,) [rad] to the start of the task; None at the start."""
         settings = self._settings
         start = self._task.start
         return path_to(self._model, q, start, settings.home_speed, settings.home_tolerance)
@@ -165,8 +165,8 @@ class Goals:
         self._model.check_reach(x_end)
 
         def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
-            way = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns)
-            return Planner(way, x, R, feedback_limit=settings.feedback_limit)
+            path = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns)
+            return Planner(path, x, R, feedback_limit=settings.feedback_limit)
 
         def make_follower(x: np.ndarray, R: np.ndarray, dx: np.ndarray, t: float) -> TargetFollower:
             follower = TargetFollower(

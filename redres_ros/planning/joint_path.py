@@ -92,7 +92,7 @@ class JointPath:
 
 
 def path_to(
-    model: RobotModel, q: np.ndarray, q_end: np.ndarray, share: float, tolerance: float
+    model: RobotModel, q: np.ndarray, q_end: np.ndarray, fraction: float, tolerance: float
 ) -> JointPath | None:
     """The joint-space motion of an arm to given positions; None if it is there.
 
@@ -102,7 +102,7 @@ def path_to(
         model: The arm.
         q: Where the joints are, (n,) [rad].
         q_end: Where they are to go, (n,) [rad].
-        share: Of the arm's velocity and acceleration limits that the motion uses.
+        fraction: Of the arm's velocity and acceleration limits that the motion uses.
         tolerance: Distance of each joint below which the arm is there [rad].
     """
     turning = model.q_max - model.q_min > _TURN
@@ -112,7 +112,7 @@ def path_to(
     if np.abs(q_end - q).max() < tolerance:
         return None
     acceleration = np.array(model.arm.acceleration_limit or (np.inf,) * model.n)
-    return JointPath(q, q_end, share * model.dq_max, share * acceleration, turning=turning)
+    return JointPath(q, q_end, fraction * model.dq_max, fraction * acceleration, turning=turning)
 
 
 def whole_turns(angle: np.ndarray, turning: np.ndarray) -> np.ndarray:

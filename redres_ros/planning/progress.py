@@ -3,7 +3,7 @@
 import numpy as np
 
 _STEP = 0.05  # [s] of the segment's time that count as progress
-_SHARE = 0.9  # of the error at the end of a segment's time, below which it has become smaller
+_FRACTION = 0.9  # of the error at the end of a segment's time, below which it has become smaller
 _MOMENT = 100_000_000  # [ns] in which a tip that is asked to move does so
 _STILL = 0.05  # of the asked distance, below which it has not
 
@@ -41,7 +41,7 @@ class ProgressMonitor:
             error: Of the position, in any unit.
         """
         goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
-        comes_nearer = left <= 0.0 and error < _SHARE * self._error
+        comes_nearer = left <= 0.0 and error < _FRACTION * self._error
         if segment != self._segment or goes_on or comes_nearer:
             self._segment = segment
             self._left = left

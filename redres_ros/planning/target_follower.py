@@ -123,20 +123,22 @@ class TargetFollower:
             distance = max(distance, LEVER * angle)
         return distance / self._speed if distance > self._task.tolerance else 0.0
 
-    def _next_velocity(self, way: np.ndarray, v: np.ndarray, dt: float, scale: float) -> np.ndarray:
+    def _next_velocity(
+        self, offset: np.ndarray, v: np.ndarray, dt: float, scale: float
+    ) -> np.ndarray:
         """The velocity after dt [s], (3,).
 
         Args:
-            way: To the target, (3,).
+            offset: To the target, (3,).
             v: The velocity now, (3,).
             dt: [s].
             scale: Of speed and acceleration: 1 for lengths, 1 / LEVER for turns.
         """
-        distance = float(np.linalg.norm(way))
+        distance = float(np.linalg.norm(offset))
         acceleration = scale * self._acceleration
         braking = np.sqrt(acceleration * distance)  # with half of the acceleration
         speed = min(_GAIN * distance, braking, scale * self._speed)
-        wanted = way * (speed / distance) if distance > 0.0 else np.zeros(3)
+        wanted = offset * (speed / distance) if distance > 0.0 else np.zeros(3)
         change = min(_DAMPING * _GAIN * dt, 1.0) * (wanted - v)
         excess = float(np.linalg.norm(change)) / max(acceleration * dt, 1e-12)
         changed: np.ndarray = v + change / max(excess, 1.0)

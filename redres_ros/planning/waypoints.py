@@ -104,8 +104,8 @@ class WaypointTask:
         way = self.waypoints[ends] - start
         since = x - start
         length = np.einsum('ni,ni->n', way, way)  # squared
-        share = np.einsum('ni,ni->n', since, way) / np.where(length > 0.0, length, 1.0)
-        distance = np.linalg.norm(since - share[:, None] * way, axis=1)
+        fraction = np.einsum('ni,ni->n', since, way) / np.where(length > 0.0, length, 1.0)
+        distance = np.linalg.norm(since - fraction[:, None] * way, axis=1)
         return np.where(segment > 0, distance, 0.0)
 
 

@@ -33,14 +33,14 @@ class Bodies(NamedTuple):
             radius: Of the base and of each link, (n + 1,) [m]; 0 for one without a body.
         """
         base = kinematics.joints[0].before[:3, 3]
-        ways = (base, *kinematics.ways)
+        offsets = (base, *kinematics.offsets)
         links = ('base', *(joint.link for joint in kinematics.joints))
         chosen = [
             index
-            for index, way in enumerate(ways)
-            if radius[index] > 0.0 and np.linalg.norm(way) > SHORTEST
+            for index, offset in enumerate(offsets)
+            if radius[index] > 0.0 and np.linalg.norm(offset) > SHORTEST
         ]
-        ends = [_axis(ways[index], radius[index], index == kinematics.n) for index in chosen]
+        ends = [_axis(offsets[index], radius[index], index == kinematics.n) for index in chosen]
         return cls(
             tuple(links[index] for index in chosen),
             np.array(chosen, np.int64),
@@ -64,8 +64,8 @@ class Bodies(NamedTuple):
         return np.array(pairs, np.int64).reshape(-1, 2)
 
 
-def _axis(way: np.ndarray, radius: float, is_last: bool) -> tuple[np.ndarray, np.ndarray]:
+def _axis(offset: np.ndarray, radius: float, is_last: bool) -> tuple[np.ndarray, np.ndarray]:
     """The ends of a capsule's axis. The last cap ends at the tip, which may be in contact."""
-    length = float(np.linalg.norm(way))
-    share = max(1.0 - radius / length, 0.0) if is_last else 1.0
-    return np.zeros(3), share * way
+    length = float(np.linalg.norm(offset))
+    fraction = max(1.0 - radius / length, 0.0) if is_last else 1.0
+    return np.zeros(3), fraction * offset

@@ -13,7 +13,7 @@ PRISMATIC_ACCELERATION = 5.0  # [m/s^2]
 
 _BENT_JOINTS = 3  # at most, of a start
 _POSTURES = 5_000  # at most, that are looked at for one
-_BEND = 1.0  # [rad] or [m], by which such a joint is away from its middle, or half of the way
+_BEND = 1.0  # [rad] or [m], from the middle of such a joint's range; at most half-way to its end
 _GOOD_ENOUGH = 0.4  # of the best conditioning found
 
 
@@ -67,7 +67,7 @@ def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
     arm cannot move at all, as out of its plane, do not count.
     """
     jacobians = np.array([kinematics.jacobian(q) for q in postures])  # (N, 6, n)
-    jacobians[:, :3] /= np.linalg.norm(kinematics.ways, axis=1).sum()  # no units
+    jacobians[:, :3] /= np.linalg.norm(kinematics.offsets, axis=1).sum()  # no units
     rows = 6 if kinematics.n >= 6 else 3
     values = np.linalg.svd(jacobians[:, :rows], compute_uv=False)  # (N, k), descending
     largest = values[:, 0].max()
@@ -81,6 +81,6 @@ def default_elbow(kinematics: Kinematics) -> str:
 
     The middle is halfway along the links from the first joint to the tip.
     """
-    along = np.cumsum([np.linalg.norm(way) for way in kinematics.ways])  # (n,) [m], the tip last
+    along = np.cumsum(np.linalg.norm(kinematics.offsets, axis=1))  # (n,) [m], the tip last
     from_middle = np.abs(np.concatenate(([0.0], along[:-1])) - along[-1] / 2.0)
     return kinematics.joints[kinematics.leading[int(np.argmin(from_middle))]].link

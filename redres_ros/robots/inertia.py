@@ -29,18 +29,18 @@ def make_cylinders(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> None:
             continue
         for dynamics in joint.element.findall('dynamics'):
             joint.element.remove(dynamics)
-        _set_cylinder(urdf, joint.child, _way_along_z(urdf, chain, joint.child))
+        _set_cylinder(urdf, joint.child, _offset_along_z(urdf, chain, joint.child))
 
 
-def _way_along_z(urdf: Urdf, chain: tuple[UrdfJoint, ...], link: str) -> float:
+def _offset_along_z(urdf: Urdf, chain: tuple[UrdfJoint, ...], link: str) -> float:
     """From a link's frame along z, through fixed joints, to the next moving one or the end [m]."""
     following = next((j for j in (*chain, *urdf.joints) if j.parent == link), None)
     if following is None:
         return 0.0
-    way = float(urdf.placement(following.element, f'joint {following.name}')[2, 3])
+    offset = float(urdf.placement(following.element, f'joint {following.name}')[2, 3])
     if following.type == 'fixed':
-        way += _way_along_z(urdf, chain, following.child)
-    return way
+        offset += _offset_along_z(urdf, chain, following.child)
+    return offset
 
 
 def _set_cylinder(urdf: Urdf, link: str, offset: float) -> None:

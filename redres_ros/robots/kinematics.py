@@ -127,7 +127,7 @@ class Kinematics:
         return indices[::-1]
 
     @property
-    def ways(self) -> np.ndarray:
+    def offsets(self) -> np.ndarray:
         """From each joint that leads to the tip to the next, the last to the tip, (k, 3) [m]."""
         to_the_next = [self.joints[index].before[:3, 3] for index in self.leading[1:]]
         return np.array([*to_the_next, self.tip[:3, 3]])

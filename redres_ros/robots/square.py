@@ -11,10 +11,10 @@ LARGEST_SIDE = 0.1  # [m]
 SMALLEST_SIDE = 0.002  # [m]
 
 _PLANES = ((1, 2), (0, 2), (0, 1))  # before the arm, beside it, lying: axes of the two sides
-_STEPS = 5  # of each side, in which the way of the joints is found
+_STEPS = 5  # of each side, in which the path of the joints is found
 _PRECISION = 1e-5  # [m], to which the tip has to get to the end of each step
 _MARGIN = 0.02  # of each joint's range that stays free at both ends
-_SHARE = 0.3  # of the limits on velocity and acceleration that the joints may use
+_FRACTION = 0.3  # of the limits on velocity and acceleration that the joints may use
 _SHORTEST = 1.0  # [s], of a side
 _LONGEST = 6.0  # [s]; an arm with a slow joint, as a lift, gets a smaller square
 
@@ -68,9 +68,9 @@ def _square(
     for axes in _PLANES:
         for signs in product((1.0, -1.0), repeat=2):
             waypoints = _corners(x, axes, side * inward[list(axes)] * signs)
-            way = _way_of_joints(kinematics, start, waypoints)
-            if way is not None:
-                return SquareTask(waypoints, _segment_time(kinematics, way, acceleration))
+            path = _joint_path(kinematics, start, waypoints)
+            if path is not None:
+                return SquareTask(waypoints, _segment_time(kinematics, path, acceleration))
     return None
 
 
@@ -81,21 +81,21 @@ def _corners(x: np.ndarray, axes: tuple[int, int], sides: np.ndarray) -> np.ndar
     return np.array((x, x + first, x + first + second, x + second, x))
 
 
-def _way_of_joints(
+def _joint_path(
     kinematics: Kinematics, start: np.ndarray, waypoints: np.ndarray
 ) -> np.ndarray | None:
     """Joint positions (4 _STEPS + 1, n) with the tip on the path; None if it is not feasible."""
     margin = _MARGIN * (kinematics.upper - kinematics.lower)
-    way = [start]
+    path = [start]
     for begin, end in pairwise(waypoints):
-        for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
-            q = _nearest(kinematics, way[-1], begin + share * (end - begin))
+        for fraction in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+            q = _nearest(kinematics, path[-1], begin + fraction * (end - begin))
             if q is None:
                 return None
             if (q < kinematics.lower + margin).any() or (q > kinematics.upper - margin).any():
                 return None
-            way.append(q)
-    return np.array(way)
+            path.append(q)
+    return np.array(path)
 
 
 def _nearest(kinematics: Kinematics, q: np.ndarray, x: np.ndarray) -> np.ndarray | None:
@@ -109,10 +109,10 @@ def _nearest(kinematics: Kinematics, q: np.ndarray, x: np.ndarray) -> np.ndarray
     return None
 
 
-def _segment_time(kinematics: Kinematics, way: np.ndarray, acceleration: np.ndarray) -> float:
+def _segment_time(kinematics: Kinematics, path: np.ndarray, acceleration: np.ndarray) -> float:
     """Time a side [s], to a tenth, from how far each joint goes for a side at its fastest."""
-    rates = np.abs(np.diff(way, axis=0)).max(axis=0) * _STEPS  # (n,) [rad] or [m] a side
-    by_velocity = 1.875 * rates / (_SHARE * kinematics.velocity)  # 15/8: peak of ds, Eq. (36)
-    by_acceleration = np.sqrt(5.774 * rates / (_SHARE * acceleration))  # 10/sqrt(3): of dds
+    rates = np.abs(np.diff(path, axis=0)).max(axis=0) * _STEPS  # (n,) [rad] or [m] a side
+    by_velocity = 1.875 * rates / (_FRACTION * kinematics.velocity)  # 15/8: peak of ds, Eq. (36)
+    by_acceleration = np.sqrt(5.774 * rates / (_FRACTION * acceleration))  # 10/sqrt(3): of dds
     longest = max(_SHORTEST, float(by_velocity.max()), float(by_acceleration.max()))
     return float(np.ceil(10.0 * longest) / 10.0)

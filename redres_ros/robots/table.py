@@ -185,7 +185,7 @@ def arm_from_urdf(
             f'{arm.source}: {kinematics.n} joints move {tip_frame}; '
             f'expected at least {FEWEST_JOINTS}, as a position has three coordinates'
         )
-    if not kinematics.ways.any():
+    if not kinematics.offsets.any():
         raise FileError(f'{arm.source}: all joints of {tip_frame} are at one point; expected links')
     elbow = elbow_frame or defaults.default_elbow(kinematics)
     acceleration = acceleration_limit or defaults.default_acceleration(kinematics)

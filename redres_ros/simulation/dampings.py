@@ -50,13 +50,13 @@ class Trials:
         """Fraction of the tasks on which a damping is within GOOD times of the best, (d,)."""
         return (self.ratios <= GOOD).mean(axis=0)
 
-    def resolves(self, share: float) -> bool:
+    def resolves(self, fraction: float) -> bool:
         """Whether there are enough tasks to distinguish that quantile from the maximum."""
-        return len(self.ratios) * (1.0 - share) >= 1.0 - 1e-9
+        return len(self.ratios) * (1.0 - fraction) >= 1.0 - 1e-9
 
-    def quantiles(self, share: float) -> np.ndarray:
+    def quantiles(self, fraction: float) -> np.ndarray:
         """Of the ratios, (d,)."""
-        return np.quantile(self.ratios, share, axis=0, method='inverted_cdf')
+        return np.quantile(self.ratios, fraction, axis=0, method='inverted_cdf')
 
 
 def sweep(
@@ -104,8 +104,8 @@ def damping_table(trials: Trials, title: str) -> Table:
         trials: Of one law.
         title: Says what was tried.
     """
-    share = _MOST if trials.resolves(_MOST) else 1.0
-    most = trials.quantiles(share)
+    fraction = _MOST if trials.resolves(_MOST) else 1.0
+    most = trials.quantiles(fraction)
     columns = (trials.good, trials.quantiles(0.5), most, trials.kept.mean(axis=0))
     rows = [
         [f'{damping:g}', f'{good:.0%}', f'{half:.2f}', f'{most:.3g}', f'{kept:.0%}']
@@ -115,7 +115,7 @@ def damping_table(trials: Trials, title: str) -> Table:
         'k_d [1/s]',
         f'within {GOOD:g} x the best',
         'median of peak / best',
-        'nine in ten below' if share < 1.0 else 'largest',
+        'nine in ten below' if fraction < 1.0 else 'largest',
         'joints within limits',
     )
     return table(heads, rows, title=f'{trials.law}, {title}')
@@ -132,16 +132,18 @@ def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
     good, bad = figure.subplots(2, 1, sharex=True)
     good.set_title(title)
     fewest = min(results, key=lambda trials: len(trials.ratios))
-    shares = {share: style for share, style in _QUANTILES.items() if fewest.resolves(share)}
+    fractions = {
+        fraction: style for fraction, style in _QUANTILES.items() if fewest.resolves(fraction)
+    }
     for trials in results:
         places = np.arange(len(trials.dampings))
         colour = law_colour(trials.law)
         good.plot(places, 100.0 * trials.good, 'o-', color=colour, label=trials.law)
-        for share, style in shares.items():
-            bad.plot(places, trials.quantiles(share), style, color=colour)
+        for fraction, style in fractions.items():
+            bad.plot(places, trials.quantiles(fraction), style, color=colour)
     good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
     good.set_ylim(0.0, 105.0)
-    below = ', '.join(f'{100.0 * share:g}' for share in shares)
+    below = ', '.join(f'{100.0 * fraction:g}' for fraction in fractions)
     bad.set_ylabel(f'peak / least peak [-]\n(of 100 tasks {below} are below)')
     bad.set_yscale('log')
     bad.minorticks_off()

@@ -23,7 +23,7 @@ _LOOK = 0.1  # [s] between looks at how far the others are
 # in a worker: what to do, with what, and an array, shared by all, of how far each piece is
 _work: Any = None
 _items: Sequence[Any] = ()
-_shares: Any = None
+_fractions: Any = None
 
 
 def in_parallel(
@@ -42,10 +42,10 @@ def in_parallel(
     workers = min(len(os.sched_getaffinity(0)), len(items))
     if workers <= 1:
         return [work(item, _part(progress, place, items)) for place, item in enumerate(items)]
-    shares = multiprocessing.RawArray('d', len(items))
-    with processes(workers, _share, work, items, shares) as pool:
+    fractions = multiprocessing.RawArray('d', len(items))
+    with processes(workers, _share, work, items, fractions) as pool:
         futures = [pool.submit(_piece, place) for place in range(len(items))]
-        _watch(futures, shares, progress)
+        _watch(futures, fractions, progress)
         return [future.result() for future in futures]
 
 
@@ -77,17 +77,17 @@ def processes(
 
 def _part(progress: Progress, place: int, items: Sequence[Any]) -> Progress:
     """Turns the progress of one item into that of the whole; those before it are done."""
-    return lambda share: progress((place + share) / len(items))
+    return lambda fraction: progress((place + fraction) / len(items))
 
 
-def _watch(futures: Sequence[Future[Any]], shares: Sequence[float], progress: Progress) -> None:
+def _watch(futures: Sequence[Future[Any]], fractions: Sequence[float], progress: Progress) -> None:
     """Report the progress until everything is done. Raises what a piece of work raised."""
     pending = set(futures)
     while pending:
         done, pending = wait(pending, _LOOK, FIRST_COMPLETED)
         for future in done:
             future.result()
-        progress(sum(shares) / len(shares))
+        progress(sum(fractions) / len(fractions))
 
 
 def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
@@ -97,16 +97,16 @@ def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
         begin(*args)
 
 
-def _share(work: Any, items: Sequence[Any], shares: Any) -> None:
-    global _work, _items, _shares
+def _share(work: Any, items: Sequence[Any], fractions: Any) -> None:
+    global _work, _items, _fractions
     _work = work
     _items = items
-    _shares = shares
+    _fractions = fractions
 
 
 def _piece(place: int) -> Any:
-    def progress(share: float) -> None:
-        _shares[place] = share
+    def progress(fraction: float) -> None:
+        _fractions[place] = fraction
 
     try:
         result = _work(_items[place], progress)

@@ -65,8 +65,8 @@ def _draw_arrows(ax: Any, path: np.ndarray, color: str) -> None:
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     lengths = np.concatenate(([0.0], np.cumsum(steps)))  # (N,)
     size = min(_ARROW, _LARGEST_ARROW * float(lengths[-1]))
-    for share in (0.15, 0.5, 0.85):
-        at = int(np.searchsorted(lengths, share * lengths[-1]))
+    for fraction in (0.15, 0.5, 0.85):
+        at = int(np.searchsorted(lengths, fraction * lengths[-1]))
         ahead = min(int(np.searchsorted(lengths, lengths[at] + size / 4.0)), len(path) - 1)
         direction = path[ahead] - path[at]
         direction *= size / max(float(np.linalg.norm(direction)), 1e-9)

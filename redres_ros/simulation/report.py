@@ -147,12 +147,12 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     task = bar.add_task(label, total=1.0)
     drawn_at = -math.inf
 
-    def update(share: float) -> None:
+    def update(fraction: float) -> None:
         nonlocal drawn_at
         now = time.monotonic()
-        if now - drawn_at >= _DRAWN_EVERY or share >= 1.0:
+        if now - drawn_at >= _DRAWN_EVERY or fraction >= 1.0:
             drawn_at = now
-            bar.update(task, completed=share, refresh=True)
+            bar.update(task, completed=fraction, refresh=True)
 
     with bar:
         yield update

@@ -22,7 +22,7 @@ from redres_ros.simulation.render import Film, render
 FORMATS = ('.mp4', '.webp', '.gif')
 
 _RATE = {'.mp4': 20.0, '.webp': 12.5, '.gif': 12.5}  # pictures a second
-_SHARE = {'.mp4': 1.0, '.webp': 0.75, '.gif': 0.6}  # of the size in which the arm is drawn
+_FRACTION = {'.mp4': 1.0, '.webp': 0.75, '.gif': 0.6}  # of the size in which the arm is drawn
 _QUALITY = 55  # of a webp, 0 to 100
 _LAST = 1.5  # [s] for which the last picture stays
 _DOTS = 100.0  # a matplotlib inch
@@ -103,7 +103,7 @@ def write_film(
         frames = _one(motions[0], arms[0], times)
     else:
         frames = _several(motions, arms, times, compared)
-    pictures = (_scaled(frame, _SHARE[path.suffix]) for frame in frames)
+    pictures = (_scaled(frame, _FRACTION[path.suffix]) for frame in frames)
     with writing(path):
         if path.suffix == '.mp4':
             _write_video(path, pictures)
@@ -256,11 +256,11 @@ class _Plots:
         ax.grid(alpha=0.25)
 
 
-def _scaled(picture: np.ndarray, share: float) -> np.ndarray:
+def _scaled(picture: np.ndarray, fraction: float) -> np.ndarray:
     """A picture of another size, with even edges as films need them."""
     from PIL import Image
 
-    height, width = (2 * round(share * edge / 2) for edge in picture.shape[:2])
+    height, width = (2 * round(fraction * edge / 2) for edge in picture.shape[:2])
     image = Image.fromarray(picture)
     return np.asarray(image.resize((width, height), Image.Resampling.LANCZOS))
 

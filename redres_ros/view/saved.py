@@ -12,7 +12,7 @@ from redres_ros.view.origin_check import CONTENT, close_server, free_port, open_
 from redres_ros.view.scene import ArmScene
 
 _RATE = 20.0  # pictures a second
-_TRACED = 4  # pictures from one drawing of the ways to the next
+_TRACED = 4  # pictures from one drawing of the paths to the next
 _LAST = 1.5  # [s] for which the last picture stays
 _LABEL = np.array((0.0, 0.0, 1.25))  # of the arm's reach: where the title stands
 
@@ -37,13 +37,13 @@ def write_page(
         scene = ArmScene(server, model, task.waypoints)
         server.scene.add_label('/title', title, position=model.reach * _LABEL)
         serializer = server.get_scene_serializer()
-        ways: dict[str, list[np.ndarray]] = {}
+        paths: dict[str, list[np.ndarray]] = {}
         for number, q in enumerate(_postures(recording)):
             scene.show(q)
-            for way, place in scene.ways(q).items():
-                ways.setdefault(way, []).append(place)
+            for name, place in scene.traced(q).items():
+                paths.setdefault(name, []).append(place)
                 if number % _TRACED == 0:
-                    scene.trace(way, np.array(ways[way]))
+                    scene.trace(name, np.array(paths[name]))
             serializer.insert_sleep(1.0 / _RATE)
         serializer.insert_sleep(_LAST)
         page = serializer.as_html()

@@ -25,9 +25,9 @@ _INSIDE = 0.12  # opacity of what the arm stays in
 _OUTSIDE = 0.2  # of what it stays out of
 _STONE = (150, 153, 160)
 _LINES = (205, 210, 216)
-_WAYS = {'tip': _BLACK, 'elbow': _BLUE}
+_PATHS = {'tip': _BLACK, 'elbow': _BLUE}
 _POINT = 0.018  # [m] radius of a point of the task
-_THICKNESS = 0.008  # [m] of a way
+_THICKNESS = 0.008  # [m] of a path
 _TOOL = 0.011  # [m] radius of what leads from the last joint's shapes to the tip
 _FLOOR = -0.3  # [m]; the paper's task leads the wrist below the base
 _PEDESTAL = 0.1  # [m] radius
@@ -79,24 +79,24 @@ class ArmScene:
             else:
                 link.wxyz = _wxyz(moved)
 
-    def ways(self, q: np.ndarray) -> dict[str, np.ndarray]:
+    def traced(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """Positions of tip and elbow at q (n,) [rad], each (3,) [m]; an arm may have no elbow."""
         places = {'tip': self._model.tip(q)[0]}
         if self._model.arm.elbow_frame:
             places['elbow'] = self._model.position(q, self._model.elbow_frame)
         return places
 
-    def trace(self, way: str, points: np.ndarray) -> None:
+    def trace(self, name: str, points: np.ndarray) -> None:
         """Draw the path of tip or elbow.
 
         Args:
-            way: 'tip' or 'elbow'.
+            name: 'tip' or 'elbow'.
             points: (N, 3) [m].
         """
         if len(points) > 1:
             segments = np.stack((points[:-1], points[1:]), axis=1)  # (N - 1, 2, 3)
             self._scene.add_line_segments(
-                f'/ways/{way}', segments, colors=_WAYS[way], thickness=_THICKNESS
+                f'/paths/{name}', segments, colors=_PATHS[name], thickness=_THICKNESS
             )
 
     def show_walls(self, walls: Iterable[DrawnShape]) -> None:
@@ -164,11 +164,11 @@ class ArmScene:
 
     def _add_tool(self) -> None:
         """A rod from the last link to a tip that lies away from it."""
-        way = self._kinematics.tip[:3, 3]
-        length = float(np.linalg.norm(way))
+        offset = self._kinematics.tip[:3, 3]
+        length = float(np.linalg.norm(offset))
         if length < _TOOL:
             return
-        mesh = trimesh.creation.cylinder(_TOOL, segment=np.stack((np.zeros(3), way)))
+        mesh = trimesh.creation.cylinder(_TOOL, segment=np.stack((np.zeros(3), offset)))
         drawn = self._scene.add_mesh_simple(
             f'{self._links[-1].name}/tool', mesh.vertices, mesh.faces, color=_STONE
         )
@@ -199,7 +199,7 @@ def _mesh(kind: str, size: tuple[float, ...]) -> trimesh.Trimesh:
 
 
 def _colour(colour: tuple[float, ...]) -> tuple[int, int, int]:
-    red, green, blue = (round(255 * share) for share in colour)
+    red, green, blue = (round(255 * fraction) for fraction in colour)
     return red, green, blue
 
 

@@ -30,7 +30,7 @@ from redres_ros.view.teleoperation import Teleoperation
 from redres_ros.view.words import joint_bars, limits_text, state_text
 
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
-_SLOWLY = 6  # pictures from one drawing of plots, ways and words to the next
+_SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
 _PLOTTED = 15.0  # [s] of the robot's clock
 _TRACED = 20.0  # [s]
 _WALLS = ('limits', 'workspace.', 'collision.')  # parameters of what is drawn
@@ -71,7 +71,7 @@ class Page:
         channel.rows = self._teleoperation.rows
         self._show_walls()
         self._figures = RingBuffer(_PLOTTED)
-        self._ways = {way: RingBuffer(_TRACED) for way in self._scene.ways(self._arm.q)}
+        self._paths = {name: RingBuffer(_TRACED) for name in self._scene.traced(self._arm.q)}
         self._shown = np.full(model.n, np.nan)  # q of the newest picture
         monitor.on_parameters = self._on_parameters
 
@@ -124,12 +124,12 @@ class Page:
         for each in figures:
             self._figures.add(each.time, each)
         if figures:
-            for way, place in self._scene.ways(self._arm.q).items():
-                self._ways[way].add(figures[-1].time, place)
+            for name, place in self._scene.traced(self._arm.q).items():
+                self._paths[name].add(figures[-1].time, place)
 
     def _forget(self) -> None:
         """Clear plots and traces, so that no line bridges the gap."""
-        for trail in (self._figures, *self._ways.values()):
+        for trail in (self._figures, *self._paths.values()):
             trail.clear()
 
     def _show_arm(self) -> None:
@@ -143,10 +143,10 @@ class Page:
         progress = self._monitor.progress()
         self._state.content = state_text(newest, self._monitor.health(), progress)
         arm = self._arm
-        self._bars.content = joint_bars(arm.model.joint_names, arm.shares, arm.acting)
+        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, arm.acting)
         self._leave.content = limits_text(self._monitor.limits())
-        for way, trail in self._ways.items():
-            self._scene.trace(way, np.array(trail.values))
+        for name, trail in self._paths.items():
+            self._scene.trace(name, np.array(trail.values))
         if len(self._figures.times) > 1:
             self._plots.show(self._figures.times, self._figures.values)
 

@@ -62,7 +62,9 @@ def limits_text(report: LimitReport) -> str:
     """
     scaling = report.scaling if report.limit else {}
     shown = {_SCALED[name]: min(max(scaling.get(name, 1.0), 0.0), 1.0) for name in _SCALED}
-    rows = [_row(f'{name} {share:.0%}', _filled(share), ()) for name, share in shown.items()]
+    rows = [
+        _row(f'{name} {fraction:.0%}', _filled(fraction), ()) for name, fraction in shown.items()
+    ]
     line = _dim('no limit acts')
     if report.limit:
         line = f'<b>{_escaped(report.limit)}</b>'
@@ -72,18 +74,18 @@ def limits_text(report: LimitReport) -> str:
 
 
 def joint_bars(
-    names: Sequence[str], shares: np.ndarray, acting: Mapping[str, Iterable[str]]
+    names: Sequence[str], fractions: np.ndarray, acting: Mapping[str, Iterable[str]]
 ) -> str:
     """A bar for each joint as HTML, with the limits that act.
 
     Args:
         names: Of the joints.
-        shares: Where each is in its range, 0 to 1, (n,).
+        fractions: Where each is in its range, 0 to 1, (n,).
         acting: The limits that act on a joint, or on a pair of bodies, by its name.
     """
     rows = [
-        _row(name, _bar(share), acting.get(name, ()))
-        for name, share in zip(names, shares.tolist(), strict=True)
+        _row(name, _bar(fraction), acting.get(name, ()))
+        for name, fraction in zip(names, fractions.tolist(), strict=True)
     ]
     others = [place for place in acting if place not in names]
     rows.extend(_row(place, '', acting[place]) for place in sorted(others))
@@ -104,9 +106,9 @@ def _row(place: str, bar: str, limits: Iterable[str]) -> str:
     )
 
 
-def _bar(share: float) -> str:
-    place = 100.0 * min(max(share, 0.0), 1.0)
-    colour = '#d62728' if is_near_an_end(share) else '#1f77b4'
+def _bar(fraction: float) -> str:
+    place = 100.0 * min(max(fraction, 0.0), 1.0)
+    colour = '#d62728' if is_near_an_end(fraction) else '#1f77b4'
     knob = (
         f'<div style="position: absolute; left: calc({place:.1f}% - 5px); width: 10px; '
         f'height: 9px; border-radius: 5px; background: {colour};"></div>'
@@ -114,10 +116,10 @@ def _bar(share: float) -> str:
     return f'<div style="{_TRACK}">{knob}</div>'
 
 
-def _filled(share: float) -> str:
-    colour = '#2ca02c' if share > _ALMOST_ALL else '#ff7f0e'
+def _filled(fraction: float) -> str:
+    colour = '#2ca02c' if fraction > _ALMOST_ALL else '#ff7f0e'
     full = (
-        f'<div style="width: {100.0 * share:.1f}%; height: 9px; border-radius: 5px; '
+        f'<div style="width: {100.0 * fraction:.1f}%; height: 9px; border-radius: 5px; '
         f'background: {colour};"></div>'
     )
     return f'<div style="{_TRACK}">{full}</div>'

@@ -34,14 +34,14 @@ def resting_place(runs: Runs) -> Finding:
 def regimes(runs: Runs) -> Finding:
     """Signs and growth of a null-space velocity for k_d T = 0.5, 1.5, 2 and 2.5."""
     seen = {}
-    for share in (0.5, 1.5, 2.0, 2.5):
+    for fraction in (0.5, 1.5, 2.0, 2.5):
         dq = np.ones(1)
         speeds = []
         for _ in range(60):
-            dq = resolve(np.zeros((1, 1)), np.zeros(1), (1.0 - share) * dq)  # Eq. (B.1)
+            dq = resolve(np.zeros((1, 1)), np.zeros(1), (1.0 - fraction) * dq)  # Eq. (B.1)
             speeds.append(float(dq[0]))
         sign = 'alternating' if speeds[0] * speeds[1] < 0.0 else 'one sign'
-        seen[share] = (sign, _fate(abs(speeds[-1])))
+        seen[fraction] = (sign, _fate(abs(speeds[-1])))
     expected = {
         0.5: ('one sign', 'dies out'),
         1.5: ('alternating', 'dies out'),
@@ -50,7 +50,7 @@ def regimes(runs: Runs) -> Finding:
     }
     return Finding(
         seen == expected,
-        '; '.join(f'k_d = {share:g}/T: {sign}, {end}' for share, (sign, end) in seen.items()),
+        '; '.join(f'k_d = {fraction:g}/T: {sign}, {end}' for fraction, (sign, end) in seen.items()),
     )
 
 
