@@ -2,10 +2,13 @@
 
 import asyncio
 import json
+import shutil
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
 from http.client import HTTPConnection
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -68,6 +71,51 @@ def test_one_at_a_time_holds_the_switch_and_only_he_lets_it_go() -> None:
 def test_what_the_script_would_not_send_is_refused(message: str) -> None:
     with pytest.raises(BeatError):
         read_beat(message)
+
+
+# What the page's script finds in a browser with a gamepad: a shoulder button is held at first, the
+# left stick is pushed forward and right, the right one hardly sideways, and a trigger is pressed.
+BROWSER = """
+const release = {pressed: false, value: 0.0};
+const buttons = Array(8).fill(release);
+buttons[4] = {pressed: true, value: 1.0};
+buttons[7] = {pressed: true, value: 0.75};
+class WebSocket {
+  static OPEN = 1;
+  readyState = 1;
+  bufferedAmount = 0;
+  addEventListener() {}
+  send(message) { console.log(message); }
+}
+const nothing = {addEventListener() {}};
+require('vm').runInNewContext(require('fs').readFileSync(0, 'utf8'), {
+  WebSocket,
+  location: {host: 'here'},
+  window: nothing,
+  document: {
+    hasFocus: () => true,
+    addEventListener: (name, call) => name === 'DOMContentLoaded' && call(),
+  },
+  navigator: {getGamepads: () => [null, {buttons, axes: [0.5, -1.0, 0.05, 0.25]}]},
+  setInterval: (beat) => { beat(); buttons[4] = release; beat(); beat(); },
+});
+"""
+
+
+@pytest.mark.skipif(not shutil.which('node'), reason='needs Node.js, which runs the script')
+def test_a_gamepad_is_sent_while_its_shoulder_button_is_held_and_then_let_go() -> None:
+    script = Path(dead_man.__file__).with_name('teleop.js').read_text().replace('__KEYS__', '{}')
+    done = subprocess.run(
+        ['node', '-e', BROWSER],
+        input=script,
+        text=True,
+        capture_output=True,
+        check=True,
+        timeout=60,
+    )
+    direction, let_go = done.stdout.splitlines()
+    assert np.array_equal(read_beat(direction), (1.0, -0.5, 0.75, 0.0, -0.25, 0.0))
+    assert read_beat(let_go) is None
 
 
 # --- its connection -------------------------------------------------------------------------------
