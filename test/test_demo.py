@@ -402,7 +402,7 @@ def test_bad_options_get_one_line(
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('--period', '0.003'), ('333', 'plant steps')),  # refused by the sim
+        (('--period', '0.0033'), ('3.3', 'plant steps')),  # refused by the sim
     ],
 )
 def test_what_shows_when_the_graph_starts_gets_one_line_too(

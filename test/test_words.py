@@ -18,7 +18,7 @@ PAPERS = DemoOptions('rectangle', 'minimum_acceleration', 500.0, parameters={'li
 def outcome(**given: Any) -> Any:
     motion = SimpleNamespace(path_deviation=(0.0004, 3.0), acceleration=(8.7, 7.3))
     usual = {'motion': motion, 'interrupted': False, 'stop_reason': '', 'succeeded': True}
-    return SimpleNamespace(**{'forces': np.zeros((0, 4)), **usual, **given})
+    return SimpleNamespace(**{'forces': np.zeros((0, 4)), 'goals': None, **usual, **given})
 
 
 def test_before_it_names_the_arm_the_law_and_what_is_at_stake(model: RobotModel) -> None:
