@@ -3,6 +3,7 @@ part by itself.
 """
 
 from dataclasses import fields, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from redres_ros import (
 )
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.parameter import parameters
+from redres_ros.policy import make_policy
 from redres_ros.robots import ARMS
 
 T = 0.002  # [s]
@@ -38,6 +40,30 @@ def begun(name: str, state: RobotState) -> Preference:
     """Of that name, with what is left open taken from another state nearby."""
     elsewhere = state.model.state(state.q + 0.1, state.dq_prev)
     return make_preference(name).with_initial_targets(elsewhere)
+
+
+class NullSpaceTorque(Preference):
+    """A torque of a user's own."""
+
+    tau: ClassVar[np.ndarray] = np.array((3.0, -2.0, 1.0, 4.0, -0.5, 0.2, 0.1))  # [Nm]
+
+    def acceleration(self, state: RobotState) -> np.ndarray:
+        return np.linalg.solve(state.M, self.tau)
+
+
+def test_a_torque_in_the_null_space_is_that_of_equation_32(states):
+    policy = make_policy(
+        states[0].model,
+        make_law('dynamically_consistent', damping=0.0),
+        preferences=(NullSpaceTorque(),),
+    )
+    for state in states[:10]:
+        M_inverse = np.linalg.inv(state.M)
+        J = state.J[:3]
+        inverse = M_inverse @ J.T @ np.linalg.inv(J @ M_inverse @ J.T)  # J_M^#, Eq. (A.5)
+        free = state.dq_prev + T * M_inverse @ (NullSpaceTorque.tau - state.n)
+        expected = inverse @ DX + (np.eye(7) - inverse @ J) @ free  # Eq. (32)
+        assert policy.solve(state, DX, T).dq == pytest.approx(expected, abs=1e-9)
 
 
 # --- every preference -----------------------------------------------------------------------------
