@@ -21,7 +21,7 @@ class Compliance(Preference):
 
     measurement: ClassVar[str] = 'external_torques'
     gain: float = param(1.0, 'k; with p = 0 in [rad/(s^2 Nm)], with p = 1 in [1]', 0.0, 1e4)
-    inertia_power: int = param(0, "p of M^-p: that of the law's weight W = I, M or M M", 0, 2)
+    inertia_power: int = param(0, "p of M^-p: that of the law's weight W = I, M or M M [1]", 0, 2)
 
     def acceleration(self, state: RobotState) -> np.ndarray:
         torques = state.measurements.get(self.measurement)
