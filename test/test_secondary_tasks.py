@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 from redres_ros import LAWS, TASKS, Controller, RobotModel, RobotState, Task, make_law, make_task
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
@@ -183,7 +184,7 @@ def test_a_frame_within_the_arm_can_be_held(model, task):
     )
 
 
-@EVERY_LAW
+@pytest.mark.parametrize('law', by_day(2, LAWS))
 def test_a_configuration_below_closes_every_closed_path(law, model, task):
     """Without it the joints end 0.01 to 9 rad from where they began."""
     T = 0.004  # [s]
