@@ -68,6 +68,7 @@ def alone() -> dict[str, Effort]:
     return efforts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('executor', [None, InlineExecutor(), ThreadPoolExecutor(2)])
 def test_figures_are_those_of_a_single_run_wherever_they_are_computed(executor, alone):
     results = by_case(batch(CASES, executor))
@@ -182,6 +183,7 @@ def test_a_random_task_is_the_same_every_time_and_starts_at_its_first_point(kind
     assert model.tip(task.start)[0] == pytest.approx(task.waypoints[0])
 
 
+@pytest.mark.slow
 def test_near_singular_tasks_come_nearer_to_singularities_than_others():
     model = RobotModel.named('lwr4')
 

@@ -198,6 +198,7 @@ def test_the_command_writes_plot_and_data(
     }
 
 
+@pytest.mark.slow
 def test_a_drawing_as_out_is_written_with_no_data_beside_it(tmp_path: Path) -> None:
     out = tmp_path / 'laws.pdf'
     arguments = ['--law', 'minimum_velocity', '--period', '0.01', '--out', str(out)]

@@ -13,6 +13,7 @@ from redres_ros.paper.contact.scenes import PUSH, elbow_direction, elbow_pushed
 T = 0.002  # [s]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'arm',
     ['fr3', *(pytest.param(arm, marks=pytest.mark.nightly) for arm in ('iiwa7', 'lwr4', 'gen3'))],
@@ -95,6 +96,7 @@ class TorqueLoop:
         return np.array(references)
 
 
+@pytest.mark.slow
 def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
     arm = TorqueLoop()
     start = arm.q
@@ -125,6 +127,7 @@ def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command()
     assert arm.loop.gate.count == 0
 
 
+@pytest.mark.slow
 def test_torques_that_are_no_longer_measured_move_nothing() -> None:
     arm = TorqueLoop()
     arm.run(0.1, np.full(7, 5.0))

@@ -283,6 +283,7 @@ def test_a_search_for_contact_is_bounded_in_speed_and_distance() -> None:
     assert x[-1][2] - x0[2] == pytest.approx(-0.03, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_contact_that_was_found_begins_the_search_distance_anew() -> None:
     given = settings(force=(0.0, 0.0, 20.0), search_speed=0.01, search_distance=0.03)
     loop = IdealLoop(ContactControl(given, T))

@@ -60,6 +60,7 @@ def force(run: VirtualRun, seconds: float) -> np.ndarray:
     return np.linalg.norm([(each.x, each.y, each.z) for each in wrenches], axis=1)
 
 
+@pytest.mark.slow
 def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
     with table_below(500.0) as run:
         assert run.set('controller', **ON)
@@ -149,6 +150,7 @@ def thousandfold(message: Any, now: float) -> list[tuple[float, Any]]:
 NIGHTLY = pytest.mark.nightly
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('fault', 'words'),
     [

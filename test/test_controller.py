@@ -332,6 +332,7 @@ def peak(commands: list[Command]) -> float:
     return max(np.linalg.norm(command.ddq) for command in commands)
 
 
+@pytest.mark.slow
 def test_a_switch_that_would_jump_needs_a_fraction_of_the_acceleration(underway):
     jumps = 0
     # which needs thousands of rad/s^2 by itself
@@ -582,6 +583,7 @@ def test_a_law_asked_for_while_holding_is_the_one_resumed(underway):
 # --- real time ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', LAWS)
 def test_ticks_give_the_garbage_collector_no_reason_to_run(model, task, name):
     """Python looks for cycles once so many more objects were made than freed; a tick frees what it

@@ -59,6 +59,7 @@ def test_bad_options_get_one_line(
     assert words in lines[0]
 
 
+@pytest.mark.slow
 def test_the_command_shows_a_table_and_draws(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -113,6 +113,7 @@ def test_a_command_does_what_it_is_there_for(
     assert main(arguments) == (int(wanted[1]) if wanted else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('page', python_pages())
 def test_the_python_of_a_page_runs(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -21,6 +21,7 @@ def check_pressed(case: Pressing, rms: float) -> None:
     assert x[-1][1] - x[0][1] == pytest.approx(case.distance + 0.5 * RAMP * SLIDE, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_20_N_are_kept_on_a_hard_wall_over_0_3_m() -> None:
     check_pressed(Pressing(stiffness=1e5), rms=0.02)
 

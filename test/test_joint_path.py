@@ -33,6 +33,7 @@ def test_it_goes_from_the_start_to_the_end() -> None:
         assert path.reference(end, path.duration).q_d == pytest.approx(end, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_no_joint_is_faster_than_it_may_be_and_one_is_as_fast_if_that_takes_longest() -> None:
     for _, _, path in random_paths():
         q = positions(path)

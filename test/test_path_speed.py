@@ -45,6 +45,7 @@ def test_a_greedy_path_asks_for_its_speed_whatever_is_executed() -> None:
     assert speed.fraction == 1.0
 
 
+@pytest.mark.slow
 def test_where_limits_act_joints_reverse_less_and_the_task_takes_no_longer() -> None:
     """Least acceleration at 0.4 of the limits, to the stretched arm and back."""
     task = load_task('rectangle')

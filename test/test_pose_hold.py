@@ -61,6 +61,7 @@ def turning(t: float) -> np.ndarray:
     return np.array((0.0, 0.0, 0.0, 0.3 * np.sin(t), 0.2 * np.cos(2.0 * t), 0.0))
 
 
+@pytest.mark.slow
 def test_translation_alone_does_not_turn_the_tip():
     arm = Arm()
     _, R = arm.model.tip(arm.q)
@@ -71,6 +72,7 @@ def test_translation_alone_does_not_turn_the_tip():
     assert arm.turned(R) - first < np.radians(0.05) * 8.0 / 60.0
 
 
+@pytest.mark.slow
 def test_rotation_alone_does_not_move_the_tip():
     arm = Arm()
     x, _ = arm.model.tip(arm.q)
@@ -81,6 +83,7 @@ def test_rotation_alone_does_not_move_the_tip():
     assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) - first < 5e-5 * 8.0 / 60.0
 
 
+@pytest.mark.slow
 def test_a_planners_velocities_are_executed_as_they_are():
     """It closes a loop of its own: the same velocities, stamped with states, drift as ever."""
     arm = Arm()
@@ -94,6 +97,7 @@ def test_a_planners_velocities_are_executed_as_they_are():
     assert steered.controller.policy.scaling == 'components'
 
 
+@pytest.mark.slow
 def test_a_tip_that_limits_have_turned_comes_back():
     """Limits turn it while it is dragged beyond where its orientation can be kept."""
     arm = Arm()

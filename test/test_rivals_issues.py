@@ -205,6 +205,7 @@ def test_fairo_1412_a_stretched_arm_is_pulled_back() -> None:
     assert x[2] - model.tip(out)[0][2] > 0.7 * 400 * T * 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('arm', by_day(1, ['iiwa7', 'gen3', 'fr3', 'planar4r']))
 def test_aceteleop_3_an_arm_pulled_beyond_its_reach_comes_to_rest_there(arm: str) -> None:
     """There, it shook. With the limits that nodes begin with."""

@@ -221,6 +221,7 @@ def greatest_scaling(arm: str, command: Command, dx: np.ndarray, dq_prev: np.nda
     return float(solution.x[-1])
 
 
+@pytest.mark.slow
 @EVERY_STRETCHED
 @EVERY_LAW
 def test_within_limits_it_is_on_its_path_at_once_and_at_full_speed_as_soon_as_joints_can(arm, law):

@@ -74,6 +74,7 @@ def test_rows_are_the_speeds_at_which_distances_become_smaller():
         assert C @ dq == pytest.approx((before - after) / (2.0 * step), abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'T'), by_day(2, product(['lwr4', 'fr3', 'planar4r'], [0.002, 0.01]))
 )
