@@ -31,7 +31,7 @@ from redres_ros.view.film import FilmedMotion, write_film
 
 PAGE = Path(__file__).with_name('teleoperation.md')
 DRAWN = 45.0  # [s]
-FILMED = 24.0  # [s]
+FILMED = 12.0  # [s]
 EVERY = 10  # ticks
 COLOURED_AS = {'task': '', 'components': 'minimum_acceleration'}  # laws, whose colours these get
 
