@@ -13,17 +13,23 @@ from rclpy.parameter import Parameter
 from redres_ros.nodes import runtime
 from redres_ros.nodes.parameters import misspelt
 
-GIVEN = {'law': 'minimum_velocity', 'limit_scael': 0.5, 'camera.exposure': 3.0}
+GIVEN = {
+    'law': 'minimum_velocity',
+    'limit_scael': 0.5,
+    'camera.exposure': 3.0,
+    'target_timeout': 1.0,  # of the planner
+}
 
 
 @pytest.fixture(scope='module')
 def node() -> Iterator[Node]:
-    """One with two parameters, started with three."""
+    """One with three parameters, started with four."""
     with ros():
         overrides = [Parameter(name, value=value) for name, value in GIVEN.items()]
         node = Node('arm', parameter_overrides=overrides)
         node.declare_parameter('law', '')
         node.declare_parameter('limit_scale', 1.0)
+        node.declare_parameter('state_timeout', 0.1)
         yield node
         node.destroy_node()
 

@@ -29,7 +29,7 @@ P = TypeVar('P', bound='DataclassInstance')
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
-_ALIKE = 0.8  # of two names, 1 for equal ones
+_ALIKE = 0.85  # of two names, 1 for equal ones; a planner's target_timeout is no state_timeout
 
 
 class ParameterError(RedresError):
