@@ -75,8 +75,10 @@ def _skipped_without_package(report: Any) -> Any:
     return report
 
 
-_OPTIONAL = ('matplotlib', 'mcap', 'mujoco', 'viser')
-_MISSING = re.compile(r"No module named '(\w+)|needs (\w+), which is not installed")
+_OPTIONAL = ('imageio_ffmpeg', 'matplotlib', 'mcap', 'mujoco', 'rclpy', 'viser')
+_MISSING = re.compile(
+    r"No module named '(\w+)|(?:needs|package) (\w+),?(?: which)? is not installed"
+)
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:

@@ -10,9 +10,11 @@ from pathlib import Path
 _EXTRAS = {'imageio_ffmpeg': 'video', 'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
 _FOR = {'mujoco': 'the fake robot needs mujoco, which'}
 _MARKER = 'share/ament_index/resource_index/packages/redres_ros'
-_ON_PYPI = {  # where the name of the package is not that of its module
+_ON_PYPI = {  # where the name of the package is not that of its module or solver
     'imageio_ffmpeg': 'imageio-ffmpeg',
+    'pink': 'pin-pink',
     'pinocchio': 'pin',
+    'proxqp': 'proxsuite',
     'yaml': 'PyYAML',
 }
 
