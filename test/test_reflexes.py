@@ -4,12 +4,10 @@ A Franka arm at 1000 Hz, whose client commands a motion that each test continues
 """
 
 from collections.abc import Callable
-from itertools import product
 
 import numpy as np
 import pytest
 from fake_robot_helpers import Door
-from nightly import by_day
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.fake_robot.command_validator import CommandValidator
@@ -18,15 +16,20 @@ from redres_ros.fake_robot.profile import FCI, State
 from redres_ros.fake_robot.reflex import Reflex
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import Session, SessionSettings
+from redres_ros.laws import LAWS
+from redres_ros.loop.command_loop import CommandLoop
+from redres_ros.loop.settings import LoopSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation import closed_loop
+from redres_ros.simulation.operators import GoalOperator
 
 T = 0.001  # [s]
 LIMITS = JointLimits.of(find_arm('fr3'))
 START = np.array(find_arm('fr3').start)
 FIRST = np.eye(7)[0]  # the first joint alone
 ROUNDING = 1e-12  # [rad]
+OPERATED = 20.0  # [s] of each run under an operator
 
 
 class Client:
@@ -213,10 +216,8 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ('law', 'lost'),
-    by_day(1, product(['minimum_velocity', 'minimum_weighted_torque'], [0.0, 0.02])),
-)
+@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_weighted_torque'])
+@pytest.mark.parametrize('lost', [0.0, 0.02], ids=['every command comes', 'one in fifty is lost'])
 def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
     model = RobotModel.named('fr3')
     controller = Controller(
@@ -236,3 +237,38 @@ def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
         else:
             client.say(q)
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('every', [0, 50], ids=['every command comes', 'one in fifty is lost'])
+def test_teleoperation_at_the_full_limits_keeps_clear_of_every_reflex(every):
+    """By an operator who steers the tip to goals, under one law after the other."""
+    model = RobotModel.named('fr3')
+    controller = Controller(
+        model,
+        'minimum_acceleration',
+        T,
+        task='pose',
+        switch_time=0.3,
+        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
+        limit_gains={'jerk.lost': 2 if every else 0, 'acceleration.reach': 0.02},
+        scaling='components',
+    )
+    loop = CommandLoop(controller, LoopSettings(scaling='components'))
+    operator = GoalOperator(model, T, 0)
+    client = commanding()
+    laws = list(LAWS)
+    q = START
+    for k in range(1, round(OPERATED / T)):
+        if k % round(OPERATED / T / len(laws)) == 0:
+            controller.switch_law(laws.pop())
+        x, R = model.tip(q)
+        loop.enter_twist(0, operator.twist(k * T, x, R), k * T)
+        response = loop.enter_state(round(1e9 * k * T), q, k * T)
+        q = q if response is None else response.command.q_ref
+        if every and k % every == 0:
+            client.advance()
+        else:
+            client.say(q)
+    assert (client.session.state, client.session.reason) == (State.MOVE, '')
+    assert operator.reached > 0
