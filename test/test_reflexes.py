@@ -4,10 +4,12 @@ A Franka arm at 1000 Hz, whose client commands a motion that each test continues
 """
 
 from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 import pytest
 from fake_robot_helpers import Door
+from nightly import by_day
 
 from redres_ros import Controller, RobotModel, load_task, make_law
 from redres_ros.fake_robot.command_validator import CommandValidator
@@ -216,8 +218,10 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_weighted_torque'])
-@pytest.mark.parametrize('lost', [0.0, 0.02], ids=['every command comes', 'one in fifty is lost'])
+@pytest.mark.parametrize(
+    ('law', 'lost'),
+    by_day(1, product(['minimum_velocity', 'minimum_weighted_torque'], [0.0, 0.02])),
+)
 def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
     model = RobotModel.named('fr3')
     controller = Controller(
