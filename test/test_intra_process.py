@@ -141,7 +141,9 @@ def test_planner_and_controller_in_one_process_move_a_robot_in_another(tmp_path:
         start('sim', tmp_path / 'sim.log', patience=5.0)
         composed = start('composed --no-sim', tmp_path / 'composed.log', autostart=True)
         await_that(lambda: observer.speed > 0.02, 'motion', every=0.02)
+        await_that(lambda: observer.commands, 'commands at the observer')
         composed.check()
+        observer.assert_all_was_well()
 
 
 def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_event(
