@@ -329,7 +329,7 @@ class TestOneController:
     ) -> None:
         probe, lines = resting
         before, _ = probe.ask(START)
-        before = set(probe.responses)
+        responses = set(probe.responses)
         reported = len(lines())
         message = probe.state(START)
         spoil(message)
@@ -342,7 +342,7 @@ class TestOneController:
         for _ in range(4):
             probe.send(message)
             probe.settle()
-        assert set(probe.responses) == before
+        assert set(probe.responses) == responses
         after, _ = probe.ask(START)
         np.testing.assert_array_equal(after, before)
         await_that(
