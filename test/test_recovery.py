@@ -84,6 +84,15 @@ class Graph(NamedTuple):
         logs = self.directory.glob(f'{name}*.log')
         return sum(words in line for log in logs for line in log.read_text().splitlines())
 
+    def await_states(self, name: str) -> None:
+        """Wait until a node has received states for a while, and will notice their end."""
+
+        def received() -> bool:
+            silences = self.lines(name, 'no joint_states')
+            return self.lines(name, 'joint_states is back') == silences
+
+        await_that(received, f'states at the {name}')
+
     def kill(self, name: str) -> None:
         """SIGKILL: no last words."""
         os.kill(self.processes[name].pid, signal.SIGKILL)
@@ -168,9 +177,7 @@ class TestStopped:
         moving.await_stop('timing')
         set_parameters(observer, 'sim', {'state_loss': 0.0})
         for name in ('controller', 'planner'):
-            await_that(
-                lambda name=name: moving.lines(name, 'joint_states is back') > 0, 'the states'
-            )
+            moving.await_states(name)
         observer.await_standstill(observer.at)
         assert observer.reset() < RECOVERY
         await_going_on(observer)
@@ -193,6 +200,7 @@ class TestStopped:
     ) -> None:
         observer = moving.observer
         observer.assert_all_was_well()
+        moving.await_states('controller')
         silences = moving.lines('controller', 'no joint_states')
         moving.kill('sim')
         await_that(lambda: moving.lines('controller', 'no joint_states') > silences, 'the silence')
