@@ -54,7 +54,7 @@ class _TorqueLaw(Law):
     """
 
     gravity: float = param(
-        1.0, 'share of the weight in the torques; 0: the robot carries itself [-]', 0.0, 1.0
+        1.0, 'fraction of the weight in the torques; 0: the robot carries itself [-]', 0.0, 1.0
     )
 
     def bias(self, state: RobotState, T: float) -> np.ndarray:
