@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.planner import LonePlannerNode
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal
-from redres_ros.planning.planner import Planner, Reference
+from redres_ros.planning.planner import Reference, ReferenceSource, orientation_error
 from redres_ros.planning.task_executor import Step
 from redres_ros.simulation.operators import GoalOperator
 
@@ -28,7 +27,7 @@ class OperatorParameters:
     seed: int = param(0, "of the operator's goals", 0, 1_000_000)
 
 
-class SteeredPlanner(Planner):
+class SteeredPlanner(ReferenceSource):
     """An operator in the place of a path: goal after goal, for some time.
 
     Args:
@@ -61,7 +60,7 @@ class SteeredPlanner(Planner):
         number = operator.reached + operator.given_up + 1
         if finished:
             dx = np.zeros(6)
-        turn_left = rotation_error(R, R_d)
+        turn_left = orientation_error(R_d, R)
         return Reference(dx, goal.x, goal.x - x, number, finished, R_d, turn_left)
 
     def is_due(self, t: float) -> bool:
@@ -93,7 +92,7 @@ class OperatorNode(LonePlannerNode):
         """The joints to the start, then the operator."""
         settings = self._operator
 
-        def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
+        def make_planner(x: np.ndarray, R: np.ndarray) -> SteeredPlanner:
             operator = GoalOperator(self._model, self._T, settings.seed)
             return SteeredPlanner(operator, settings.duration)
 

@@ -30,7 +30,7 @@ _GRAPH_LOOK = 0.1  # [s] between looks at whether it is there
 _SETTLING = 0.5  # [s] for the rest of it to be discovered
 _NEEDED = ('controller', 'planner')
 # Clients of these are made while the graph is awaited: a server must have found them before it can
-# response.
+# respond.
 _STEERED = {
     'planner/start': Trigger,
     'planner/stop': Trigger,

@@ -11,7 +11,7 @@ from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to
-from redres_ros.planning.planner import LEVER, Planner
+from redres_ros.planning.planner import LEVER, Planner, ReferenceSource
 from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
@@ -60,7 +60,7 @@ class Goal:
     """
 
     make_path: Callable[[np.ndarray], JointPath | None] | None = None
-    make_planner: Callable[[np.ndarray, np.ndarray], Planner] | None = None
+    make_planner: Callable[[np.ndarray, np.ndarray], ReferenceSource] | None = None
     duration: float = 0.0
     goes_on: bool = False
     target: Target | None = None

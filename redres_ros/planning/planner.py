@@ -3,7 +3,7 @@ position of the tip alone or together with its orientation.
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -63,7 +63,44 @@ class Reference(NamedTuple):
     orientation_error: np.ndarray | None = None
 
 
-class Planner:
+class ReferenceSource(Protocol):
+    """What leads the tip: points, a target that moves, an operator."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+
+    def reference(
+        self,
+        x: np.ndarray,
+        t: float,
+        R: np.ndarray | None = None,
+        *,
+        unachieved: np.ndarray | None = None,
+        rate: float = 1.0,
+    ) -> Reference:
+        """The reference at this time.
+
+        Args:
+            x: (3,) where the tip is [m].
+            t: Time of the task [s] since it began; it never goes back. Where the arm executes the
+                fraction s of the velocity, it goes on by s T.
+            R: (3, 3) how the tip is turned; None for the position alone.
+            unachieved: (m,), the part of the last dx that a singularity blocks.
+            rate: Factor on the velocity along the path, for a clock that is going slower.
+        """
+
+    def is_due(self, t: float) -> bool:
+        """Whether the segment under way should be over at a time t of the task [s]."""
+
+    def time_left(self, t: float) -> float:
+        """Time of the segment under way that is left at a time t of the task [s]."""
+
+    def elapsed(self, t: float) -> float:
+        """How much of the duration is over at a time t of the task [s]."""
+
+
+class Planner(ReferenceSource):
     """Passes a task's points, one segment after the other, and then holds the last one."""
 
     def __init__(
@@ -113,20 +150,11 @@ class Planner:
         unachieved: np.ndarray | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """The reference at this time.
+        """The reference at this time; arguments as of ReferenceSource.reference().
 
         The next segment begins at the first tick at which this one is over, WaypointTask.switching
-        saying when that is.
-
-        Args:
-            x: (3,) where the tip is [m].
-            t: Time of the task [s] since it began; it never goes back. Where the arm executes the
-                fraction s of the velocity, it goes on by s T.
-            R: (3, 3) how the tip is turned; None for the position alone.
-            unachieved: (m,), the part of the last dx that a singularity blocks. A point that can be
-                reached no better does not keep a segment from ending; the last point must be
-                reached all the same.
-            rate: Factor on the velocity along the path, for a clock that is going slower.
+        saying when that is. A point that can be reached no better, because of what is unachieved,
+        does not keep a segment from ending; the last point must be reached all the same.
         """
         if R is not None and self._turns is None:
             self._hold(R)

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from redres_ros.kernels.rotation_error import rotation_error
-from redres_ros.planning.planner import LEVER, Reference, limited
+from redres_ros.planning.planner import LEVER, Reference, ReferenceSource, limited
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
 
@@ -13,7 +13,7 @@ _GAIN = 3.0  # [1/s] speed for a distance near the target
 _DAMPING = 4.0  # times the gain: both poles are at -2 gain
 
 
-class TargetFollower:
+class TargetFollower(ReferenceSource):
     """A point mass that is drawn to the target, with limited speed and acceleration.
 
     Nothing of it jumps with the target: a new one changes the acceleration alone. From rest it
@@ -73,14 +73,9 @@ class TargetFollower:
         unachieved: np.ndarray | None = None,
         rate: float = 1.0,
     ) -> Reference:
-        """The reference at a time; as of Planner.reference(), whose place it takes.
+        """The reference at this time; arguments as of ReferenceSource.reference().
 
-        Args:
-            x: Where the tip is, (3,) [m].
-            t: Time of the task [s], which never goes back.
-            R: Orientation of the tip, (3, 3); None for the position alone.
-            unachieved: Not used: only the target itself ends the motion.
-            rate: Factor on the velocity, for a clock that goes slower.
+        What is unachieved is not looked at: only the target itself ends the motion.
         """
         dt = max(t - self._t, 0.0)
         self._t = t

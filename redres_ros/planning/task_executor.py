@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.loop.cycle_counter import NANOSECONDS, CycleCounter
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.joint_path import JointPath
-from redres_ros.planning.planner import LEVER, Planner, Reference
+from redres_ros.planning.planner import LEVER, Reference, ReferenceSource
 from redres_ros.planning.progress import ProgressMonitor
 from redres_ros.planning.target_follower import TargetFollower
 from redres_ros.planning.task_clock import TaskClock
@@ -80,7 +80,7 @@ class _Pursuit:
 
     goal: Goal
     path: JointPath | None = None
-    planner: Planner | TargetFollower | None = None
+    planner: ReferenceSource | None = None
     has_begun: bool = False
     at_home: bool = False
     x_d: np.ndarray | None = None
@@ -380,7 +380,7 @@ class TaskExecutor:
     def _follow_path(
         self,
         pursuit: _Pursuit,
-        make_planner: Callable[[np.ndarray, np.ndarray], Planner],
+        make_planner: Callable[[np.ndarray, np.ndarray], ReferenceSource],
         state: _ArmState,
     ) -> Step | None:
         """The task velocity along the tip's path."""

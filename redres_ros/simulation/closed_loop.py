@@ -146,10 +146,8 @@ class _Loop:
         if speed > SPEED_LIMIT:
             raise DivergedError(speed, SPEED_LIMIT, 'the scheme')
         executed = self._speed.fraction * command.s  # of the nominal speed
-        if executed != command.s:
-            self._recorder.add(t, command._replace(s=executed), reference)
-        else:
-            self._recorder.add(t, command, reference)
+        recorded = command if executed == command.s else command._replace(s=executed)
+        self._recorder.add(t, recorded, reference)
         self._late += (1.0 - executed) * self._controller.T
         self._speed.advance(command.s, self._controller.T)
         self._unachieved = command.unachieved
