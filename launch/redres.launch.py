@@ -3,9 +3,9 @@ all arguments: ros2 launch redres_ros redres.launch.py --show-args.
 """
 
 import math
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ ARGUMENTS = {
     'task': ('', 'task: a name in config/tasks or a path ending in .yaml'),
     'law': ('', 'law of the controller, as minimum_acceleration'),
     'limits': ('', 'limits of the controller, as position,velocity,acceleration or none'),
+    'limit_scale': ('', 'fraction of the velocity and acceleration limits, as 0.2'),
     'rate': ('', 'cycles per second [Hz]'),
     'autostart': ('', 'true: the task begins as soon as the robot takes commands'),
     'initial_state': ('', 'life cycle of our nodes: unconfigured, inactive or active'),
@@ -44,7 +45,13 @@ ARGUMENTS = {
 DEFAULT_ROBOT = 'lwr4_paper'
 TOPIC = 'topic'  # in place of an arm's name
 OF_EVERY_NODE = ('robot', 'rate', 'initial_state')
-OF_ONE = {'controller': ('law', 'limits'), 'planner': ('task', 'autostart'), 'sim': ()}
+OF_ONE = {
+    'controller': ('law', 'limits', 'limit_scale'),
+    'planner': ('task', 'autostart'),
+    'sim': (),
+}
+NUMBERS = ('rate', 'limit_scale')
+OF_ROS = ('launch-prefix', 'launch-prefix-filter')  # options that `ros2 launch` adds as arguments
 CHOICES = {
     'initial_state': ('unconfigured', 'inactive', 'active'),
     'log_level': ('debug', 'info', 'warn', 'error', 'fatal'),
@@ -63,8 +70,10 @@ def generate_launch_description() -> LaunchDescription:
 
 def start_nodes(context: LaunchContext) -> list[Node]:
     """The nodes that the arguments ask for."""
+    if _is_ours(sys.argv):
+        _check_names(context.argv)
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    _check(given, context.launch_configurations)
+    _check(given)
     with_sim = _is_true(given['sim'])
     wanted = {'sim': with_sim, 'controller': True, 'planner': _is_true(given['planner'])}
     names = [name for name, start in wanted.items() if start]
@@ -82,12 +91,35 @@ def start_nodes(context: LaunchContext) -> list[Node]:
     return nodes
 
 
-def _check(given: dict[str, str], all_given: Iterable[str]) -> None:
+def _is_ours(command: Iterable[str]) -> bool:
+    """Whether a command starts a launch file of this package: one that includes it may have
+    arguments of its own.
+    """
+    files = [Path(word) for word in command if ':=' not in word]
+    beside = [file.with_name(Path(__file__).name) for file in files if file.is_file()]
+    return Path('redres_ros') in files or any(file.is_file() for file in beside)
+
+
+def _check_names(arguments: Iterable[str]) -> None:
+    """Refuse an argument that does not exist, which ROS ignores.
+
+    Args:
+        arguments: As the command line has them: name:=value.
+
+    Raises:
+        ValueError: Names it, and those that exist.
+    """
+    for argument in arguments:
+        name, _, _ = argument.partition(':=')
+        if name not in ARGUMENTS and name not in OF_ROS:
+            raise ValueError(f'{name}: no such argument; allowed: {", ".join(ARGUMENTS)}')
+
+
+def _check(given: dict[str, str]) -> None:
     """Refuse what cannot be meant.
 
     Args:
         given: The arguments.
-        all_given: Names of all that the command line has, known or not.
 
     Raises:
         ValueError: Names the argument, what it got, and what is allowed.
@@ -96,19 +128,20 @@ def _check(given: dict[str, str], all_given: Iterable[str]) -> None:
         allowed = choices or ('true', 'false')
         if given[name] and given[name].lower() not in allowed:
             raise ValueError(f'{name}: got {given[name]!r}; allowed: {", ".join(allowed)}')
-    _check_robot(given, all_given)
+    _check_robot(given)
     with _naming('params_file'):
         _check_sections(_file(given))
     if given['law'] and not given['params_file']:  # such a file may name plugins
         with _naming('law'):
             check_law(given['law'])
-    if given['rate'] and not _is_positive(given['rate']):
-        raise ValueError(f'rate: got {given["rate"]!r}; allowed: a positive number [Hz]')
+    for name in NUMBERS:
+        if given[name] and not _is_positive(given[name]):
+            raise ValueError(f'{name}: got {given[name]!r}; allowed: a positive number')
     if _is_true(given['composed']) and not _is_true(given['planner']):
         raise ValueError("composed: got 'true'; allowed only with planner:=true")
 
 
-def _check_robot(given: dict[str, str], all_given: Iterable[str]) -> None:
+def _check_robot(given: dict[str, str]) -> None:
     """Refuse an arm that is unknown, or that cannot be had with or without the fake arm."""
     robot = given['robot']
     if robot and robot != TOPIC and not names_an_arm(robot):
@@ -119,12 +152,7 @@ def _check_robot(given: dict[str, str], all_given: Iterable[str]) -> None:
         if _is_true(given['use_sim_time']):
             raise ValueError("use_sim_time: got 'true'; the fake arm publishes no /clock")
     elif not (robot or given['params_file']):
-        others = [name for name in all_given if name not in ARGUMENTS]
-        meant = [name for name in others if get_close_matches(name, ['params_file', 'robot'], 1)]
-        hint = f' (got {", ".join(meant)}: is one of them meant?)' if meant else ''
-        raise ValueError(
-            f"sim: got 'false'; a robot needs params_file:=FILE or robot:=NAME, too{hint}"
-        )
+        raise ValueError("sim: got 'false'; a robot needs params_file:=FILE or robot:=NAME, too")
 
 
 def _check_sections(file: str) -> None:
@@ -188,8 +216,8 @@ def _parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
     """
     wanted = [*OF_EVERY_NODE, *(parameter for name in names for parameter in OF_ONE[name])]
     values: dict[str, Any] = {key: given[key] for key in wanted if given[key]}
-    if 'rate' in values:
-        values['rate'] = float(values['rate'])
+    for name in values.keys() & set(NUMBERS):
+        values[name] = float(values[name])
     if 'autostart' in values:
         values['autostart'] = _is_true(values['autostart'])
     return {**values, 'use_sim_time': _is_true(given['use_sim_time'])}

@@ -78,7 +78,8 @@ def loaded(file: Path) -> ModuleType:
 def started(launch_file: ModuleType, **given: str) -> dict[str, Recorded]:
     """The nodes that the arguments start, by executable."""
     defaults = {a.name: a.default_value for a in launch_file.generate_launch_description()[:-1]}
-    context = SimpleNamespace(launch_configurations={**defaults, **given})
+    argv = [f'{name}:={value}' for name, value in given.items()]
+    context = SimpleNamespace(launch_configurations={**defaults, **given}, argv=argv)
     nodes = launch_file.start_nodes(context)
     return {node.executable: node for node in nodes}
 
@@ -98,13 +99,14 @@ def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
         robot='fr3',
         law='minimum_velocity',
         limits='none',
+        limit_scale='0.2',
         rate='250',
         namespace='left',
     )
     shared = {'robot': 'fr3', 'rate': 250.0, 'use_sim_time': False}
     assert nodes['sim'].parameters[1] == shared
     assert nodes['planner'].parameters[1] == shared
-    own = {'law': 'minimum_velocity', 'limits': 'none'}
+    own = {'law': 'minimum_velocity', 'limits': 'none', 'limit_scale': 0.2}
     assert nodes['controller'].parameters[1] == {**shared, **own}
     assert {node.namespace for node in nodes.values()} == {'left'}
     description = nodes['robot_state_publisher'].parameters[0]['robot_description']
@@ -134,6 +136,7 @@ def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
         ({'initial_state': 'on'}, ("initial_state: got 'on'", 'unconfigured, inactive, active')),
         ({'rate': 'fast'}, ("rate: got 'fast'",)),
         ({'rate': '0'}, ("rate: got '0'", 'a positive number')),
+        ({'limit_scale': '-1'}, ("limit_scale: got '-1'", 'a positive number')),
         ({'law': 'least'}, ('law: unknown', 'least', 'minimum_torque')),
         ({'robot': 'r2d2'}, ("robot: got 'r2d2'", 'lwr4_paper', 'planar4r', '.urdf', 'topic')),
         ({'robot': 'topic'}, ("robot: got 'topic'", 'robot_description')),
@@ -141,13 +144,30 @@ def test_on_a_robot_only_what_it_lacks_is_started(launch_file):
         ({'use_sim_time': 'true'}, ('use_sim_time', '/clock')),
         ({'composed': 'true', 'planner': 'false'}, ('composed', 'planner:=true')),
         ({'sim': 'false'}, ('params_file:=FILE', 'robot:=NAME')),
-        ({'sim': 'false', 'parms_file': 'fr3.yaml'}, ('got parms_file', 'params_file:=FILE')),
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_names_the_argument(launch_file, given, words):
     with pytest.raises(ValueError) as refused:  # noqa: PT011, its words are looked at
         started(launch_file, **given)
     assert all(word in str(refused.value) for word in words), refused.value
+
+
+@pytest.mark.parametrize(
+    'file', ['redres_ros redres.launch.py', str(ROOT / 'launch/fr3.launch.py')]
+)
+def test_an_argument_that_does_not_exist_is_refused(launch_file, file, monkeypatch):
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', *file.split()])
+    started(launch_file, **{'limit_scale': '0.2', 'launch-prefix': 'xterm -e'})
+    with pytest.raises(ValueError, match='limit_scal: no such argument; allowed: robot, task'):
+        started(launch_file, limit_scal='0.2')
+
+
+def test_a_launch_file_that_includes_ours_may_have_other_arguments(
+    launch_file, monkeypatch, tmp_path
+):
+    (tmp_path / 'cell.launch.py').touch()
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', str(tmp_path / 'cell.launch.py')])
+    assert started(launch_file, robot_ip='10.0.0.1')
 
 
 def test_a_file_that_sets_nothing_for_nodes_is_refused(launch_file, tmp_path):
