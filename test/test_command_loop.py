@@ -453,6 +453,16 @@ def test_before_an_inactive_controller_is_silent_it_repeats_its_last_reference()
     np.testing.assert_array_equal(robot.references[-1], robot.references[-2])
 
 
+def test_a_controller_activated_while_the_robot_waits_responds_to_the_state_it_repeats() -> None:
+    robot = make()
+    robot.following.deactivate()
+    assert robot.ask() is None
+    robot.following.activate()
+    response = robot.following.enter_state(robot.stamp, robot.q, robot.now)
+    assert response is not None
+    np.testing.assert_array_equal(response.command.q_ref, robot.q)
+
+
 def test_null_space_motion_without_end_is_brought_to_rest_and_reported() -> None:
     period = 0.01  # [s]
     model = RobotModel.named('gen3')

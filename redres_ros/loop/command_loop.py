@@ -397,7 +397,10 @@ class CommandLoop:
 
     def _same_again(self, q: np.ndarray, now: float) -> Response | None:
         """A robot that waits for its command asks again, and gets the same one."""
-        if not (self.q is not None and np.array_equal(q, self.q)):
+        if self.q is None:  # activated while the robot waits
+            self.q = self._controller.nearest_turn(q)
+            self._waiting = _State(self._cycles.newest, self._cycles.number, self.q, now)
+        elif not np.array_equal(q, self.q):
             raise ClockError(
                 'stamped as the last one, but with other positions; expected a later stamp'
             )
