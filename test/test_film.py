@@ -1,8 +1,5 @@
 """Films and pages of a recorded motion."""
 
-import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -128,35 +125,3 @@ def test_a_file_that_cannot_be_made_is_refused_before_anything_runs(
     monkeypatch.chdir(tmp_path)
     assert main(['demo', *option]) == 1
     assert said in capsys.readouterr().err
-
-
-def test_a_window_without_a_display_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv('DISPLAY', raising=False)
-    monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
-    assert main(['demo', '--view', 'window']) == 1
-    assert '--view window needs a display' in capsys.readouterr().err
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not shutil.which('xvfb-run'), reason='needs a display: xvfb')
-def test_where_there_is_a_display_a_window_shows_the_arm_and_closes() -> None:
-    script = """
-import numpy as np
-from redres_ros.view.window import opened
-from redres_ros.robots import find_arm
-arm = find_arm('planar4r')
-with opened(arm) as window:
-    for _ in range(3):
-        window.show(np.array(arm.start))
-    print('open' if window.is_open else 'closed')
-"""
-    done = subprocess.run(
-        ['xvfb-run', '-a', sys.executable, '-c', script],
-        text=True,
-        timeout=120,
-        capture_output=True,
-        check=False,
-    )
-    assert (done.returncode, done.stdout.strip()) == (0, 'open'), done.stderr

@@ -82,7 +82,6 @@ def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
             'fake_robot/mujoco_arm.py',
             'fake_robot/environment.py',
             'simulation/render.py',
-            'view/window.py',
             PEERS,
         }
     )

@@ -17,7 +17,6 @@ from redres_ros.errors import RangeError
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
 
-_PAGE = 'view.serve'
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
 _TELEOP = 60.0  # [s] for which an operator steers
 _WIDTH = 100  # columns of what is said in sentences
@@ -99,11 +98,8 @@ def _add_pages(group: Any) -> None:
     """Where one can look at the arm."""
     group.add_argument(
         '--view',
-        nargs='?',
-        const='page',
-        choices=('page', 'window'),
-        help='page (if nothing is named): in the browser, to see and steer the nodes, which stay '
-        "until Ctrl-C; window: MuJoCo's, where there is a display",
+        action='store_true',
+        help='a page in the browser, to see and steer the nodes, which stay until Ctrl-C',
     )
 
 
@@ -164,7 +160,6 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
 
     check_duration(options.duration)
     _check_teleop(options)
-    views = _views(options)
     repeats = options.duration and not options.teleop
     motion = find_motion(options, 'side_to_side' if repeats else 'rectangle')
     switches = tuple(map(_switch, options.switch or ()))
@@ -180,7 +175,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
         options.composed,
         options.duration if repeats else 0.0,
         (options.duration or _TELEOP) if options.teleop else 0.0,
-        views,
+        _page_parameters(options) if options.view else None,
         recording_in(options.save or ()),
         {'plant': options.plant, **node_parameters(options, motion), **task_space},
     )
@@ -210,21 +205,15 @@ def _rate(period: float) -> float:
     return 1.0 / period
 
 
-def _views(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """What shows the nodes: modules of the package with their parameters."""
-    views: dict[str, dict[str, Any]] = {}
-    if options.view == 'window':
-        if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
-            raise OptionError('--view window needs a display, and there is none; try --view page')
-        views['view.window'] = {}
-    if options.view == 'page':
-        from redres_ros.demo.demo import START_PATIENCE
-        from redres_ros.view.origin_check import free_port
+def _page_parameters(options: argparse.Namespace) -> dict[str, Any]:
+    """Parameters of the node that serves the page."""
+    from redres_ros.demo.demo import START_PATIENCE
+    from redres_ros.view.origin_check import free_port
 
-        views[_PAGE] = {'port': free_port(), 'patience': START_PATIENCE}
-        if options.plugin:
-            views[_PAGE]['plugins'] = tuple(map(os.path.abspath, options.plugin))
-    return views
+    parameters: dict[str, Any] = {'port': free_port(), 'patience': START_PATIENCE}
+    if options.plugin:
+        parameters['plugins'] = tuple(map(os.path.abspath, options.plugin))
+    return parameters
 
 
 def _say(text: str) -> None:

@@ -155,7 +155,7 @@ class Demo:
                 self._first_began = monitor.began
                 if self.options.duration:
                     endurance = self._repeat(monitor, progress)
-                if self.options.views:
+                if self.options.page is not None:
                     last = monitor.newest
                     self._stay(monitor)
         except KeyboardInterrupt:
@@ -258,7 +258,7 @@ class Demo:
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, monitor: DemoMonitor) -> None:
-        """Keep the nodes while a view is open, or until Ctrl-C, an ordinary end here."""
+        """Keep the nodes until Ctrl-C, an ordinary end here, or until the page ends."""
         try:
             # Loads what draws, so that nobody waits for that after Ctrl-C.
             import_module('redres_ros.simulation.plots')

@@ -13,7 +13,8 @@ from redres_ros.files.signals import handled
 from redres_ros.laws import Law
 from redres_ros.planning.waypoints import WaypointTask
 
-_PAGE = 'page: '  # how the line begins in which it reports its address
+_PAGE = 'view.serve'  # module that serves the page
+_ADDRESS = 'page: '  # how the line begins in which it reports its address
 
 _LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
 # [s] that an ordinary machine may stall; the fake arm's clock then stands still
@@ -21,7 +22,7 @@ _CLOCK_PATIENCE = 5.0
 
 
 class NodeGroup:
-    """The nodes of one run, and their views.
+    """The nodes of one run, and the page that shows them.
 
     Args:
         options: The options of a run.
@@ -32,7 +33,7 @@ class NodeGroup:
 
     def __init__(self, options: DemoOptions, task: WaypointTask, law: Law, out: Path) -> None:
         self.nodes: list[NodeProcess] = []
-        self._views: list[NodeProcess] = []
+        self._page: NodeProcess | None = None
         self._options = options
         self._task = task
         self._law = law
@@ -52,35 +53,34 @@ class NodeGroup:
                 log = self._out / f'{name}.log'
                 path = self._recording(name)
                 self.nodes.append(NodeProcess(name, log, own, recording=path, topics=topics))
-            for name, given in self._options.views.items():
-                self._views.append(NodeProcess(name, self._out / f'{name}.log', given))
+            if self._options.page is not None:
+                self._page = NodeProcess(_PAGE, self._out / f'{_PAGE}.log', self._options.page)
             yield
         finally:
             # A second signal must not leave a process behind.
             with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
-                for view in self._views:
-                    view.ask_to_end()  # nobody waits for these
-                for process in (*self.nodes, *self._views):
+                pages = [self._page] if self._page else []
+                for page in pages:
+                    page.ask_to_end()  # nobody waits for it
+                for process in (*self.nodes, *pages):
                     process.end()
 
     def check(self) -> None:
-        """Raise GraphError if a node has ended, or a view has failed."""
+        """Raise GraphError if a node has ended, or the page has failed."""
         for node in self.nodes:
             node.check()
-        for view in self._views:
-            if view.status:
-                view.check()
+        if self._page and self._page.status:
+            self._page.check()
 
     @property
     def is_watched(self) -> bool:
-        """Whether a view still runs."""
-        return any(view.status is None for view in self._views)
+        """Whether the page is served."""
+        return self._page is not None and self._page.status is None
 
     @property
     def page(self) -> str:
         """Where the page is served; empty before it is."""
-        pages = [view.last_line().partition(_PAGE)[2] for view in self._views]
-        return next(filter(None, pages), '')
+        return self._page.last_line().partition(_ADDRESS)[2] if self._page else ''
 
     @property
     def recordings(self) -> list[Path]:

@@ -26,9 +26,8 @@ class DemoOptions:
         composed: One process instead of three.
         duration: How long the task is repeated [s]; 0 for once.
         teleop: How long an operator steers in place of a task [s]; 0 for a task.
-        views: Modules of this package that show the nodes, with their parameters. For them the
-            nodes stay until Ctrl-C.
-        mcap: File for all that the nodes say; None for none.
+        page: Parameters of the page, with which the nodes stay until Ctrl-C; None for no page.
+        mcap: File for all that the nodes publish; None for none.
         parameters: More of them, for every node that has them.
     """
 
@@ -41,6 +40,6 @@ class DemoOptions:
     composed: bool = False
     duration: float = 0.0
     teleop: float = 0.0
-    views: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    page: Mapping[str, Any] | None = None
     mcap: Path | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)

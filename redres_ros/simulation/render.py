@@ -124,7 +124,7 @@ def _draw_elsewhere(backend: str, job: Path, pictures: Path, limit: float) -> st
 def _draw(job: Path, pictures: Path) -> None:
     with np.load(job) as content:
         film = Film(**{field.name: content[field.name] for field in fields(Film)})
-        model = scene(str(content['urdf']), str(content['tip_frame']))
+        model = _scene(str(content['urdf']), str(content['tip_frame']))
     data = mujoco.MjData(model)
     width, height = _SIZE
     drawn = model.ngeom + len(film.tip) + len(film.elbow) + len(film.points)
@@ -136,7 +136,7 @@ def _draw(job: Path, pictures: Path) -> None:
 def _shot(renderer: mujoco.Renderer, data: mujoco.MjData, film: Film, frame: int) -> np.ndarray:
     data.qpos[:] = film.q[frame]
     mujoco.mj_forward(renderer.model, data)
-    renderer.update_scene(data, camera())
+    renderer.update_scene(data, _camera())
     for path, colour in ((film.tip, _BLACK), (film.elbow, _BLUE)):
         traced = path[: round(film.traced[frame] * len(path))]
         for start, end in pairwise(traced):
@@ -169,7 +169,7 @@ def _add_shape(
     return geom
 
 
-def camera() -> mujoco.MjvCamera:
+def _camera() -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.lookat[:] = _LOOK_AT
     camera.distance = _DISTANCE
@@ -178,13 +178,8 @@ def camera() -> mujoco.MjvCamera:
     return camera
 
 
-def scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
-    """The arm with the shapes of its URDF, with a tool, on a pedestal, in the light.
-
-    Args:
-        urdf: Text of the URDF.
-        tip_frame: Where the tool is.
-    """
+def _scene(urdf: str, tip_frame: str) -> mujoco.MjModel:
+    """The arm with the shapes of its URDF, with a tool at its tip, on a pedestal, in the light."""
     spec = mujoco.MjSpec.from_string(urdf)
     spec.add_material(name='paint', specular=0.5, shininess=0.6)
     for geom in spec.geoms:
