@@ -358,12 +358,13 @@ class Controller:
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
         q_ref = np.empty(self.model.n)
-        if not integrate(start, self.T, dq, q_ref) <= SPEED_LIMIT:
+        ddq = np.empty(self.model.n)
+        if not integrate(start, self.T, dq, dq_prev, q_ref, ddq) <= SPEED_LIMIT:
             self._refuse(dq, dx, motion, state)
         self.before = before
         self._q_ref = q_ref
         self._dq_prev = dq
-        self._ddq_prev = (dq - dq_prev) / self.T
+        self._ddq_prev = ddq
         self.dq = dq if start is before[0] else (q_ref - before[0]) / self.T
         self._motion = motion.after(solution) if isinstance(motion, Crossfade) else motion
         self._has_open_targets = False

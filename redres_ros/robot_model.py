@@ -5,6 +5,7 @@ from copy import copy
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -157,7 +158,7 @@ class RobotModel:
         self._tip = self._frame(arm.tip_frame)
         self._tip_x = self._data.oMf[self._tip].translation  # in the data: changes with them
         self._tip_R = self._data.oMf[self._tip].rotation
-        self._tip_J = np.empty((6, 0))
+        self._tip_J: Any = None  # (6, n), until somebody asks for it
         # The bytes of the q that these three belong to, or nothing. What computes M, n or a torque
         # leaves them.
         self._placed = b''
@@ -420,10 +421,15 @@ class RobotModel:
         return self._tip_R.copy()
 
     def _tip_jacobian(self, q: np.ndarray) -> np.ndarray:
-        return self._place_tip(q).copy()
+        if self._tip_J is None:
+            self._placed = b''
+        self._place_tip(q)
+        J: np.ndarray = self._tip_J
+        self._tip_J = None  # whoever asked for it may change it
+        return J
 
-    def _place_tip(self, q: np.ndarray) -> np.ndarray:
-        """The tip's Jacobian, which is computed with its pose unless q is that of the last call.
+    def _place_tip(self, q: np.ndarray) -> None:
+        """Compute the tip's pose and its Jacobian, unless q is that of the last call.
 
         A tick asks for all of them: each alone takes as long as they do together.
         """
@@ -432,7 +438,6 @@ class RobotModel:
             self._placed = b''  # in case that this fails
             self._tip_J = pin.computeFrameJacobian(self._model, self._data, q, self._tip, _ALIGNED)
             self._placed = key
-        return self._tip_J
 
     def _inertia(self, q: np.ndarray) -> np.ndarray:
         return pin.crba(self._model, self._data, q)  # a copy

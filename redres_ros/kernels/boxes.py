@@ -208,7 +208,7 @@ def box_of_joint(
         box: What the limits before allow [rad/s].
         T: Sampling time [s].
         gap: As of fill_boxes().
-        first: The same.
+        first: Gaps until the next command, at most.
     """
     dq_prev, ddq_prev = last
     J, A_most, lowered = jerk
@@ -302,7 +302,7 @@ def fill_boxes(
     figures: np.ndarray,
     boxes: np.ndarray,
     gap: float,
-    first: float,
+    longest_gap: float,
 ) -> tuple[bool, bool]:
     """Write the box of each limit, and last the one that is in all of them.
 
@@ -319,13 +319,14 @@ def fill_boxes(
         figures: (k, 3, n) of each limit.
         boxes: (k + 1, 2, n) receives them.
         gap: Cycles between two commands, with which a joint must be able to stop.
-        first: Of these so many cycles, or 1, may pass before the next command.
+        longest_gap: Cycles until the next command, at most.
 
     Returns:
         Whether they have something in common in every joint; and whether dq is in all of them.
     """
     meet = True
     inside = True
+    first = max(longest_gap / gap, 1.0)  # of these cycles, before the next command
     for i in range(len(q)):
         lower = -np.inf
         upper = np.inf

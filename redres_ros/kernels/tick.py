@@ -20,11 +20,19 @@ def are_usable(x: np.ndarray, y: np.ndarray, most: float) -> bool:
 
 
 @direct
-@compiled(float64(vector(), float64, vector(), float64[::1]))
-def integrate(q: np.ndarray, T: float, dq: np.ndarray, q_ref: np.ndarray) -> float:
-    """Write q + T dq (footnote 1) into q_ref; the speed |dq|."""
+@compiled(float64(vector(), float64, vector(), vector(), float64[::1], float64[::1]))
+def integrate(
+    q: np.ndarray,
+    T: float,
+    dq: np.ndarray,
+    dq_prev: np.ndarray,
+    q_ref: np.ndarray,
+    ddq: np.ndarray,
+) -> float:
+    """Write q + T dq (footnote 1) into q_ref, and (dq - dq_prev) / T into ddq; the speed |dq|."""
     square = 0.0
     for i in range(len(q)):
         q_ref[i] = q[i] + T * dq[i]
+        ddq[i] = (dq[i] - dq_prev[i]) / T
         square += dq[i] * dq[i]
     return np.sqrt(square)

@@ -233,7 +233,6 @@ class Limits:
         figures = self._figures
         for k in self._given:
             figures[k, :2] = self.box_limits[k].box(state, T)
-        first = max(state.longest_gap / state.gap, 1.0)
         found: tuple[bool, bool] = fill_boxes(
             dq,
             state.q,
@@ -244,7 +243,7 @@ class Limits:
             figures,
             self._boxes,
             state.gap,
-            first,
+            state.longest_gap,
         )
         return found
 
