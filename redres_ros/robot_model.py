@@ -425,7 +425,7 @@ class RobotModel:
             self._placed = b''
         self._place_tip(q)
         J: np.ndarray = self._tip_J
-        self._tip_J = None  # whoever asked for it may change it
+        self._tip_J = None  # the caller may change it
         return J
 
     def _place_tip(self, q: np.ndarray) -> None:
