@@ -342,32 +342,25 @@ class RobotModel:
         """
         return self.pose(q, frame)[0]
 
-    def positions(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Positions of a frame's origin in the base frame, (ticks, 3) [m].
-
-        Args:
-            q: (ticks, n) [rad].
-            frame: Name of a link.
-        """
-        index = self._frame(frame)
-        self._placed = b''
-        x = np.empty((len(q), 3))
-        for k, each in enumerate(q):
-            pin.forwardKinematics(self._model, self._data, each)
-            x[k] = pin.updateFramePlacement(self._model, self._data, index).translation
-        return x
-
-    def kinetic_energies(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """1/2 dq' M dq, (ticks,) [J], without M.
+    def energies_and_positions(
+        self, q: np.ndarray, dq: np.ndarray, frame: str
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """1/2 dq' M dq, (ticks,) [J], without M, and the positions of a frame's origin in the base
+        frame, (ticks, 3) [m].
 
         Args:
             q: (ticks, n) [rad].
             dq: (ticks, n) [rad/s].
+            frame: Name of a link.
         """
+        index = self._frame(frame)
         self._placed = b''
-        pairs = zip(q, dq, strict=True)
-        energies = [pin.computeKineticEnergy(self._model, self._data, *pair) for pair in pairs]
-        return np.array(energies)
+        energies = np.empty(len(q))
+        x = np.empty((len(q), 3))
+        for k, each in enumerate(q):
+            energies[k] = pin.computeKineticEnergy(self._model, self._data, each, dq[k])
+            x[k] = pin.updateFramePlacement(self._model, self._data, index).translation
+        return energies, x
 
     def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Jacobian of a frame in the base frame, (6, n): the linear rows, then the angular ones.

@@ -69,8 +69,7 @@ class Effort:
         T = recording.T
         q = recording.vectors('q1')
         dq = recording.vectors('dq1')
-        energies = model.kinetic_energies(q, dq)
-        elbow = model.positions(q, model.arm.elbow_frame)
+        energies, elbow = model.energies_and_positions(q, dq, model.arm.elbow_frame)
         return cls(
             recording.peak('joint_acceleration_norm')[0],
             recording.peak('joint_velocity_norm')[0],
