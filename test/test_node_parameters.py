@@ -163,3 +163,4 @@ def test_a_remedy_names_the_bare_package_where_ros_has_installed_this_one(
     marker.touch()
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     assert remedy('video', 'imageio_ffmpeg') == 'pip install imageio-ffmpeg'
+    assert remedy('ros', 'pinocchio') == 'rosdep install --from-paths src --ignore-src'

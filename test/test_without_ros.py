@@ -49,6 +49,15 @@ def test_the_block_blocks():
     assert 'blocked: sensor_msgs' in run_blocked('from sensor_msgs.msg import JointState').stderr
 
 
+def test_a_pinocchio_that_is_too_old_is_named_in_one_line():
+    old = "import pinocchio as pin; pin.__version__ = '2.7.0'; del pin.Model.armature\n"
+    result = run_blocked(old + REDRES, 'simulate')
+    assert result.returncode == 1
+    [line] = result.stderr.splitlines()
+    assert line.startswith('redres simulate: got Pinocchio 2.7.0 in')
+    assert 'allowed: 3.3.1 or newer' in line
+
+
 def test_the_core_loads_without_ros():
     modules = {
         found.file.removesuffix('.py').removesuffix('/__init__').replace('/', '.')

@@ -1,5 +1,5 @@
-"""How to get what is not installed: an extra of this package by pip, or the bare package beside a
-workspace of ROS, which pip knows nothing of.
+"""How to get what is not installed: an extra of this package by pip. Beside a workspace of ROS, of
+which pip knows nothing, it is rosdep or the bare package.
 """
 
 import os
@@ -10,12 +10,12 @@ from pathlib import Path
 _EXTRAS = {'imageio_ffmpeg': 'video', 'mujoco': 'fake', 'scipy': 'paper', 'viser': 'view'}
 _FOR = {'mujoco': 'the fake robot needs mujoco, which'}
 _MARKER = 'share/ament_index/resource_index/packages/redres_ros'
+# In package.xml. pip would bring another numpy than the one that the distribution's packages take.
+_BY_ROSDEP = {'matplotlib', 'numba', 'numpy', 'pinocchio', 'rich', 'scipy', 'yaml'}
 _ON_PYPI = {  # where the name of the package is not that of its module or solver
     'imageio_ffmpeg': 'imageio-ffmpeg',
     'pink': 'pin-pink',
-    'pinocchio': 'pin',
     'proxqp': 'proxsuite',
-    'yaml': 'PyYAML',
 }
 
 
@@ -34,6 +34,8 @@ def remedy(extra: str, *modules: str) -> str:
     """
     if not _is_in_workspace():
         return f"pip install 'redres_ros[{extra}]'"
+    if _BY_ROSDEP.issuperset(modules):
+        return 'rosdep install --from-paths src --ignore-src'
     return f'pip install {" ".join(_ON_PYPI.get(module, module) for module in modules)}'
 
 

@@ -11,7 +11,14 @@ import numpy as np
 import pinocchio as pin
 
 from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.files.remedy import remedy
 from redres_ros.files.text import read_file
+
+if not hasattr(pin.Model, 'armature'):  # 2.7, which pip chooses if asked for numpy 1.26, too
+    raise ImportError(
+        f'got Pinocchio {pin.__version__} in {pin.__file__}; allowed: 3.3.1 or newer; '
+        f'remove it, then: {remedy("ros", "pinocchio")}'
+    )
 
 _LARGEST = 20_000_000  # [bytes]; those with everything in them have some hundred thousand
 _MOST_JOINTS = 500  # humanoids with hands have two hundred; with a thousand a node thinks for long
