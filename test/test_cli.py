@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from redres_ros import LAWS, Controller, RobotModel, RobotState, load_task, make_law
-from redres_ros.cli import main
-from redres_ros.cli.command import make_parser
+from redres_ros.cli import main, make_parser
 from redres_ros.laws.laws import MinimumAcceleration
 from redres_ros.parameter import param
 from redres_ros.robots import ARMS

@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import pytest
 
-from redres_ros.cli import main
-from redres_ros.cli.command import make_parser
+from redres_ros.cli import main, make_parser
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]

@@ -4,8 +4,7 @@ import argparse
 from collections.abc import Iterator
 
 from extension.markdown import code, plain, table
-from redres_ros.cli.command import make_parser
-from redres_ros.cli.gains import Gain
+from redres_ros.cli import make_parser
 from redres_ros.cli.options import GAINS_HELP
 from redres_ros.cli.parser import Parser
 
@@ -25,9 +24,6 @@ def commands() -> Iterator[str]:
             actions = [a for a in group._group_actions if _is_shown(a)]
             if actions:
                 yield from table((group.title or '', 'default', 'is'), map(_option, actions))
-        gains = command.get_default('gains')
-        if gains:
-            yield from table(('gains', 'default', 'is'), map(_gain, gains))
 
 
 def _is_shown(action: argparse.Action) -> bool:
@@ -47,12 +43,6 @@ def _option(action: argparse.Action) -> tuple[str, str, str]:
     if action.default not in (None, False, '', (), argparse.SUPPRESS):
         default = code(_shown(action.default))
     return f'{names} {value or ""}'.strip(), default, meaning
-
-
-def _gain(gain: Gain) -> tuple[str, str, str]:
-    """The option of a gain, as cells."""
-    meaning, _, default = plain(gain.help).replace('%%', '%').partition(_DEFAULT)
-    return f'{code(f"--{gain.key}")} {gain.metavar}', default, meaning
 
 
 def _shown(default: object) -> str:

@@ -1,18 +1,40 @@
-"""The command `redres`."""
+"""The command `redres`: runs a subcommand and turns its result into an exit status.
+
+What takes long to load is loaded within functions, so that Ctrl-C meanwhile ends quietly.
+"""
 
 import atexit
 import gc
 import os
+import sys
+from importlib import import_module
+from itertools import pairwise
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from redres_ros.cli.parser import Parser
 
 # Matrices of seven joints are no work for several threads, and a process that shares its work by
 # making copies of itself should have one thread only. Read when numpy is loaded.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
+# Modules of this package, in the order of `redres --help`.
+_COMMANDS = (
+    'demo simulate compare batch dampings reproduce laws view watch record check teleop bench'
+)
+_PLUGIN = '--plugin'
+_BEGINNING = """\
+redres moves an arm that has more joints than its task needs. What to try first:
+  redres demo       see an arm move: planner, controller and a simulated robot as ROS 2 nodes
+  redres compare    see what the choice of a law changes, in plots and a table; without ROS
+  redres simulate   every tick of a motion as numbers; without ROS
+  redres laws       what there is to choose from: laws, preferences, tasks, limits, arms
+  redres --help     all commands; redres COMMAND --help: their options
+"""
+
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one subcommand.
-
-    Everything else is loaded in here, so that Ctrl-C while Python still loads ends quietly too.
+    """Run one subcommand; every error becomes one line.
 
     Args:
         arguments: What follows the word redres; None: those of this process.
@@ -27,8 +49,115 @@ def main(arguments: list[str] | None = None) -> int:
         from redres_ros.files.streams import open_error_output
 
         open_error_output()
-        from redres_ros.cli.command import run_command
-
-        return run_command(arguments)
+        return _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         return 130
+
+
+def _run(given: list[str]) -> int:
+    from redres_ros.errors import RedresError
+
+    # Pictures go to files. A window system that the user named for other programs may not be here.
+    os.environ.pop('MPLBACKEND', None)
+    command = ' '.join(['redres', *given[:1]])
+    if sys.stdout is None:  # there is nowhere to print
+        _complain(f'{command}: standard output is closed; expected an open one, as /dev/null')
+        return 1
+    try:
+        try:
+            return _run_command(given)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:  # who read our output, as in `redres laws | head`, has gone
+        _let_go_of(sys.stdout)
+        return 1
+    except (RedresError, OSError, ImportError, MemoryError) as error:
+        _complain(f'{command}: {_line(error)}')
+        return 1
+
+
+def _run_command(given: list[str]) -> int:
+    if not given:
+        sys.stderr.write(_BEGINNING)
+        return 2
+    _load_plugins(given)
+    parser = make_parser()
+    options, others = parser.parse_known_args(given)
+    if others:
+        parser.prog = f'redres {options.command}'
+        parser.error(f'unknown: {" ".join(" ".join(others).split())}')
+    status: int = options.run(options)
+    return status
+
+
+def _load_plugins(words: list[str]) -> None:
+    """Load the files of --plugin, so that the parser knows their gains."""
+    paths = [path for word, path in pairwise(words) if word == _PLUGIN]
+    paths += [word.partition('=')[2] for word in words if word.startswith(f'{_PLUGIN}=')]
+    if paths:
+        from redres_ros.files.plugins import load_plugins
+
+        load_plugins(paths)
+
+
+def _line(error: BaseException) -> str:
+    """An error in one line, with a remedy where there is one."""
+    if isinstance(error, ModuleNotFoundError):
+        if (error.name or '').startswith('redres_ros'):
+            raise error
+        from redres_ros.files.remedy import not_installed
+
+        return not_installed(error.name or '')
+    if isinstance(error, OSError) and error.strerror:
+        place = f': {error.filename}' if error.filename else ''
+        return f'{error.strerror}{place}'
+    if isinstance(error, MemoryError):
+        from redres_ros.errors import quoted
+
+        return f'out of memory {quoted(error)}'
+    return ' '.join(str(error).split())
+
+
+def _complain(line: str) -> None:
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        _let_go_of(sys.stdout)
+    if sys.stderr is None:  # as it is when the process was started without one
+        return
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:
+        _let_go_of(sys.stderr)
+
+
+def _let_go_of(stream: TextIO) -> None:
+    """Discard unwritten output; without this Python would try once more."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+
+
+def make_parser() -> 'Parser':
+    """The parser of `redres` with all its subcommands."""
+    from redres_ros.cli.parser import Parser, version
+
+    description = 'Redundancy resolution for arms behind a position interface.'
+    parser = Parser(prog='redres', description=description)
+    parser.add_argument(
+        '--version', action='version', version=version(), help='print the version, and end'
+    )
+    commands = parser.add_subparsers(
+        dest='command', required=True, metavar='COMMAND', title='commands'
+    )
+    commands.type = str  # the words after a command are not its business, not even an empty one
+    for name in _COMMANDS.split():
+        import_module(f'redres_ros.cli.{name}').add(commands)
+    for subparser in commands.choices.values():
+        subparser.add_argument(
+            _PLUGIN,
+            action='append',
+            metavar='FILE.py',
+            help='a file with laws, preferences, tasks or limits of your own; it is executed',
+        )
+    return parser

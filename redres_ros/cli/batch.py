@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from redres_ros.cli.parser import add_command
 
 if TYPE_CHECKING:
-    from redres_ros.laws import Law
     from redres_ros.simulation.batch import Result
     from redres_ros.simulation.case import Case
     from redres_ros.simulation.results_file import ResultsFile
@@ -59,36 +58,6 @@ def _batch(options: argparse.Namespace) -> int:
     for result in failed[:3]:
         print(f'{result.case.law}, {result.case.robot}, seed {result.case.seed}: {result.error}')
     return 0 if len(results) == len(left) and not failed else 1
-
-
-def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
-    """The case that the options of a motion describe, without its task.
-
-    Args:
-        options: The command line.
-        law: The law in force.
-
-    Raises:
-        RedresError: A name or a figure that is not allowed.
-    """
-    from redres_ros.cli.controller import building_blocks, find_gains
-    from redres_ros.laws import law_name
-    from redres_ros.simulation.case import Case
-
-    gains = find_gains(options)
-    if law.has_memory:
-        gains['damping'] = law.damping
-    return Case(
-        options.robot or 'lwr4_paper',
-        law_name(law),
-        options.period,
-        gains=gains,
-        tip_frame=options.tip or '',
-        elbow_frame=options.elbow or '',
-        dynamics=options.dynamics,
-        plugins=tuple(options.plugin or ()),
-        **building_blocks(options),
-    )
 
 
 def run_cases(cases: 'Sequence[Case]', file: 'ResultsFile | None' = None) -> 'list[Result]':

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import DEMO_LIMITS, add_loop, add_motion, add_pictures_out
+from redres_ros.cli.options import DEMO_LIMITS, add_loop, add_motion, add_out
 from redres_ros.cli.parser import NONE, OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -71,7 +71,7 @@ def add(commands: Any) -> None:
         'task files',
     )
     loop = add_loop(compare)
-    add_pictures_out(loop, 'redres_compare', 'plots and data')
+    add_out(loop, 'redres_compare', 'plots and data', plots=True)
     compare.set_defaults(run=_compare)
 
 
@@ -86,8 +86,8 @@ def _compare(options: argparse.Namespace) -> int:
 def _compare_many(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
-    from redres_ros.cli.batch import case_of, run_cases
-    from redres_ros.cli.controller import in_use
+    from redres_ros.cli.batch import run_cases
+    from redres_ros.cli.controller import case_of, in_use
     from redres_ros.cli.gains import check_gains
     from redres_ros.simulation.case import MOST_SEEDS
     from redres_ros.simulation.random_tasks import RANDOM_TASKS

@@ -1,4 +1,4 @@
-"""Builds the controller from the options: a law, preferences, tasks and limits."""
+"""The controller of the options, or the same as parameters of the nodes or as a case of a batch."""
 
 import argparse
 import os
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from redres_ros.cli.task import WantedMotion
     from redres_ros.controller import Controller
     from redres_ros.laws import Law
+    from redres_ros.simulation.case import Case
 
 
 def find_law(options: argparse.Namespace, name: str, damping: float | None = None) -> 'Law':
@@ -64,17 +65,46 @@ def make_controller(
         T,
         task=motion.task_space,
         switch_time=switch_time,
-        limit_gains=find_gains(options),
-        **building_blocks(options),
+        limit_gains=_find_gains(options),
+        **_building_blocks(options),
     )
 
 
-def building_blocks(options: argparse.Namespace) -> dict[str, Any]:
+def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
+    """The case that the options of a motion describe, without its task.
+
+    Args:
+        options: The command line.
+        law: The law in force.
+
+    Raises:
+        RedresError: A name or a figure that is not allowed.
+    """
+    from redres_ros.laws import law_name
+    from redres_ros.simulation.case import Case
+
+    gains = _find_gains(options)
+    if law.has_memory:
+        gains['damping'] = law.damping
+    return Case(
+        options.robot or 'lwr4_paper',
+        law_name(law),
+        options.period,
+        gains=gains,
+        tip_frame=options.tip or '',
+        elbow_frame=options.elbow or '',
+        dynamics=options.dynamics,
+        plugins=tuple(options.plugin or ()),
+        **_building_blocks(options),
+    )
+
+
+def _building_blocks(options: argparse.Namespace) -> dict[str, Any]:
     """Limits, preferences and secondary tasks by name, as a Controller and a Case take them.
 
     Raises RedresError for a name or a scale that is not allowed.
     """
-    limits = limit_names(options)
+    limits = _limit_names(options)
     _check_scales(options, limits)
     return {
         'limits': limits,
@@ -86,7 +116,7 @@ def building_blocks(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def find_gains(options: argparse.Namespace) -> dict[str, Any]:
+def _find_gains(options: argparse.Namespace) -> dict[str, Any]:
     """The gains that the command line gives, such as {'posture.gain': 4.0}.
 
     Raises OptionError for one of --prefer that is no number.
@@ -128,7 +158,7 @@ def _preferences(options: argparse.Namespace) -> dict[str, str | None]:
     return {name: gain if equals else None for name, equals, gain in given}
 
 
-def limit_names(options: argparse.Namespace) -> tuple[str, ...]:
+def _limit_names(options: argparse.Namespace) -> tuple[str, ...]:
     """The names in --limits; empty for none. Raises RedresError for one that is not allowed."""
     if options.limits == NONE:
         return ()
@@ -153,7 +183,7 @@ def in_use(options: argparse.Namespace, *laws: str) -> set[tuple[str, str]]:
         *laws: Names of the laws.
     """
     used = {('law', law) for law in laws}
-    used |= {('limit', name) for name in limit_names(options)}
+    used |= {('limit', name) for name in _limit_names(options)}
     used |= {('preference', name) for name in _preferences(options)}
     return used | {('task', name) for name in options.secondary or ()}
 
@@ -171,7 +201,7 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     for gain in given_gains(options):
         if gain.default == ():
             raise OptionError(f'--{gain.key} cannot be set on nodes, which take the start for it')
-    parameters = find_gains(options) | building_blocks(options)
+    parameters = _find_gains(options) | _building_blocks(options)
     for name in ('limits', 'preferences', 'secondary_tasks'):
         parameters[name] = parameters[name] or (NONE,)  # ROS takes an empty array for no value
     if not options.scaling:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_laws, add_pictures_out, add_robot
+from redres_ros.cli.options import add_laws, add_out, add_robot
 from redres_ros.cli.parser import OptionError, add_command
 from redres_ros.errors import RangeError
 
@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
     dampings.add_argument(
         '--period', type=float, default=0.005, metavar='S', help='sampling time T [s]'
     )
-    add_pictures_out(dampings, 'redres_dampings', 'the picture')
+    add_out(dampings, 'redres_dampings', 'the picture', plots=True)
     dampings.set_defaults(run=_dampings)
 
 

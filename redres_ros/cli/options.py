@@ -2,16 +2,12 @@
 
 import argparse
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from redres_ros.cli.parser import NONE, Parser
 from redres_ros.errors import RangeError, quoted
-
-if TYPE_CHECKING:
-    from redres_ros.cli.gains import Gain
 
 DEMO_LIMITS = 'position,velocity,acceleration'
 GAINS_HELP = '--help-gains'
@@ -158,41 +154,10 @@ def _add_gains(parser: Parser, words: Sequence[str]) -> None:
     gains = tuple(gains_in(find_tables(limits=wanted)))
     parser.set_defaults(gains=gains)
     group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
-    group.add_argument(GAINS_HELP, action=_GainsHelp, gains=gains, help='list them, and end')
+    group.add_argument(GAINS_HELP, action='help', help='print this help with all gains, and end')
     for gain in gains:
-        group.add_argument(
-            f'--{gain.key}', type=gain.read, metavar=gain.metavar, help=argparse.SUPPRESS
-        )
-
-
-class _GainsHelp(argparse.Action):
-    """Lists the gains as options.
-
-    Args:
-        option_strings: As of argparse.Action, like all that follow.
-        dest: Where a value would go.
-        gains: Those that are listed.
-        help: What it does.
-    """
-
-    def __init__(
-        self,
-        option_strings: Sequence[str],
-        dest: str,
-        gains: 'Sequence[Gain]',
-        help: str = '',  # noqa: A002
-    ) -> None:
-        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
-        self._gains = gains
-
-    def __call__(self, parser: argparse.ArgumentParser, *args: Any) -> None:
-        """Print them, and end."""
-        listed = argparse.ArgumentParser(parser.prog, add_help=False)
-        listed.formatter_class = parser.formatter_class
-        for gain in self._gains:
-            listed.add_argument(f'--{gain.key}', metavar=gain.metavar, help=gain.help)
-        sys.stdout.write(listed.format_help())
-        parser.exit()
+        shown = gain.help if GAINS_HELP in words else argparse.SUPPRESS
+        group.add_argument(f'--{gain.key}', type=gain.read, metavar=gain.metavar, help=shown)
 
 
 def _concerns_limits(word: str) -> bool:
@@ -215,34 +180,21 @@ def add_loop(parser: Parser) -> Any:
     return loop
 
 
-def add_out(group: Any, default: str, says: str) -> None:
+def add_out(group: Any, default: str, says: str, *, plots: bool = False) -> None:
     """--out of commands that write several files.
 
     Args:
         group: Of the subcommand's options.
         default: The directory, unless another is named.
         says: What is written there.
+        plots: Whether a file for a publication may be named instead, for the plots alone.
     """
-    group.add_argument(
-        '--out', type=Path, default=Path(default), metavar='DIR', help=f'directory for {says}'
-    )
-
-
-def add_pictures_out(group: Any, default: str, says: str) -> None:
-    """--out of commands that draw: a directory, or a file for a publication.
-
-    Args:
-        group: Of the subcommand's options.
-        default: The directory, unless another is named.
-        says: What is written there.
-    """
-    group.add_argument(
-        '--out',
-        type=Path,
-        default=Path(default),
-        metavar='DIR|FILE.pdf|FILE.svg',
-        help=f'directory for {says}; or only the plots, at the width of a column (3.5 in)',
-    )
+    metavar = 'DIR'
+    meaning = f'directory for {says}'
+    if plots:
+        metavar += '|FILE.pdf|FILE.svg'
+        meaning += '; or only the plots, at the width of a column (3.5 in)'
+    group.add_argument('--out', type=Path, default=Path(default), metavar=metavar, help=meaning)
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:

@@ -3,10 +3,12 @@
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
 from redres_ros.errors import RedresError, quoted
+from redres_ros.files.share import share_path
 
 NONE = 'none'  # the word for no limits at all
 
@@ -18,7 +20,7 @@ class OptionError(RedresError):
     """An option that cannot be parsed, or conflicts with others."""
 
 
-class Help(argparse.ArgumentDefaultsHelpFormatter):
+class _Help(argparse.ArgumentDefaultsHelpFormatter):
     """Shows the defaults that say something, and leaves gains out of the usage: they fill a screen
     below it.
     """
@@ -55,7 +57,7 @@ class Parser(argparse.ArgumentParser):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(**{'formatter_class': Help, 'allow_abbrev': False, **kwargs})
+        super().__init__(**{'formatter_class': _Help, 'allow_abbrev': False, **kwargs})
         self._declarations: list[Callable[[Sequence[str]], None]] = []
         for kind, reading in _READINGS.items():
             self.register('type', kind, reading)
@@ -126,18 +128,11 @@ def _read_path(text: str) -> Path:
     return Path(text)
 
 
-def _read_number(text: str) -> float:
+def _read_number(text: str, kind: type = float, expected: str = 'a number') -> Any:
     try:
-        return float(text)
+        return kind(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a number') from None
-
-
-def _read_whole_number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected a whole number') from None
+        raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}') from None
 
 
 # What reads an option's text, by the type that it is declared with; None for plain text.
@@ -145,28 +140,11 @@ _READINGS: dict[type | None, Callable[[str], Any]] = {
     None: _read_text,
     Path: _read_path,
     float: _read_number,
-    int: _read_whole_number,
+    int: partial(_read_number, kind=int, expected='a whole number'),
 }
 
 
-class Version(argparse.Action):
-    """Prints the package's version.
-
-    Args:
-        option_strings: As of argparse.Action, like all that follow.
-        dest: Where a value would go.
-        help: What it does.
-    """
-
-    def __init__(self, option_strings: Sequence[str], dest: str, help: str = '') -> None:  # noqa: A002
-        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
-
-    def __call__(self, parser: argparse.ArgumentParser, *args: Any) -> None:
-        """Print it, and end."""
-        from xml.etree import ElementTree
-
-        from redres_ros.files.share import share_path
-
-        version = ElementTree.parse(share_path('package.xml')).findtext('version')
-        print(f'redres_ros {version}')
-        parser.exit()
+def version() -> str:
+    """This package's name and version."""
+    text = share_path('package.xml').read_text(encoding='utf-8')
+    return 'redres_ros ' + text.partition('<version>')[2].partition('<')[0]

@@ -8,7 +8,7 @@ from redres_ros.cli.files import prepare
 from redres_ros.cli.options import add_domain, add_watching_time, check_duration, topic_name
 from redres_ros.cli.parser import OptionError, add_command
 
-SUFFIX = '.mcap'
+_SUFFIX = '.mcap'
 
 
 def add(commands: Any) -> None:
@@ -20,7 +20,9 @@ def add(commands: Any) -> None:
         'run.mcap --duration 60',
         'run.mcap --topics joint_states,joint_command --domain 42',
     )
-    record.add_argument('file', type=Path, metavar=f'FILE{SUFFIX}', help='overwritten if it exists')
+    record.add_argument(
+        'file', type=Path, metavar=f'FILE{_SUFFIX}', help='overwritten if it exists'
+    )
     add_watching_time(record)
     record.add_argument(
         '--topics',
@@ -31,17 +33,6 @@ def add(commands: Any) -> None:
     )
     add_domain(record)
     record.set_defaults(run=_record)
-
-
-def check_recording(path: Path) -> None:
-    """Make the folder of a recording; refuse a file that is no MCAP by its name, or cannot be
-    written.
-
-    Raises OptionError or FileError.
-    """
-    if path.suffix != SUFFIX:
-        raise OptionError(f'the recording {path}; expected a name that ends in {SUFFIX}')
-    prepare(path)
 
 
 def _topic_names(text: str) -> tuple[str, ...]:
@@ -59,7 +50,9 @@ def _record(options: argparse.Namespace) -> int:
     from redres_ros.nodes.runtime import spun
 
     check_duration(options.duration)
-    check_recording(options.file)
+    if options.file.suffix != _SUFFIX:
+        raise OptionError(f'the recording {options.file}; expected a name that ends in {_SUFFIX}')
+    prepare(options.file)
     stopped = threading.Event()
     handle(lambda *_: stopped.set(), signal.SIGINT, signal.SIGTERM)
     with (

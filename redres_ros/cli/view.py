@@ -5,10 +5,8 @@ from typing import Any
 
 from redres_ros.cli.options import add_domain
 from redres_ros.cli.parser import add_command
-from redres_ros.errors import RangeError
 
-PORTS = (1024, 65535)
-PORT = 8080
+_PORT = 8080
 
 
 def add(commands: Any) -> None:
@@ -19,9 +17,9 @@ def add(commands: Any) -> None:
     view.add_argument(
         '--port',
         type=int,
-        default=PORT,
+        default=_PORT,
         metavar='N',
-        help=f'of the page on this computer, {PORT} by default; the next free one is taken',
+        help=f'of the page on this computer, {_PORT} by default; the next free one is taken',
     )
     add_domain(view)
     view.set_defaults(run=_view)
@@ -31,7 +29,5 @@ def _view(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.view.serve import main
 
-    if not PORTS[0] <= options.port <= PORTS[1]:
-        raise RangeError('port', options.port, *PORTS)
     with joined_domain(options.domain):
         return main(['redres view', '--ros-args', '-p', f'port:={options.port}'])
