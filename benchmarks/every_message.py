@@ -18,9 +18,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from redres_ros.bench.loop import PARAMETERS
-from redres_ros.demo.processes import ALL, NodeProcess, own_domain
+from redres_ros.demo.processes import NodeProcess
+from redres_ros.demo.recorded import ALL
 from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.graph.recorder import GraphRecorder
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import OwnThread, spun
 
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way

@@ -20,7 +20,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.processes import NodeProcess
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
 
 WINDOW = 10.0  # [s]

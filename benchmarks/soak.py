@@ -30,9 +30,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import CallError, GraphClient
 from redres_ros.laws import LAWS
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
 from redres_ros.preferences import PREFERENCES

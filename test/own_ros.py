@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import rclpy
 
-from redres_ros.demo.processes import own_domain
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import start
 
 

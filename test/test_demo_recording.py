@@ -16,9 +16,9 @@ from std_msgs.msg import Int32, String
 
 from redres_ros.controller import Controller
 from redres_ros.demo.cycles import CycleCounts, count_cycles
+from redres_ros.demo.figures import MotionFigures
 from redres_ros.demo.log import Log, read_log, stamped
-from redres_ros.demo.outcome import MotionFigures, Outcome
-from redres_ros.demo.replay import replay
+from redres_ros.demo.outcome import Outcome, replay
 from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.laws import make_law
 from redres_ros.nodes.stamps import to_time

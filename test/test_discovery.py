@@ -10,8 +10,9 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 from graph_helpers import Probe, await_that, udp_sockets
 from sensor_msgs.msg import JointState
 
-from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.processes import NodeProcess
 from redres_ros.nodes import discovery
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'

@@ -21,9 +21,9 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from virtual_graph import _Cycles, virtual_run
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.files.remedy import remedy
 from redres_ros.nodes.controller import ControllerNode
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.entry import run_node
 from redres_ros.nodes.lifecycle import LifeError
 from redres_ros.nodes.parameters import overruled

@@ -37,13 +37,14 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.controller import Controller
-from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import CallError
 from redres_ros.laws import LAWS, make_law
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.nodes import controller, planner, sim
 from redres_ros.nodes.conversions import to_pose
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.robot_model import RobotModel
 

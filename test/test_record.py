@@ -27,12 +27,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from redres_ros.cli import main
-from redres_ros.demo.processes import own_domain
 from redres_ros.graph.mcap_file import McapFile, merge
 from redres_ros.graph.message_text import TypeTextError, definition_of, find_type, name_of
 from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_twist
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun

@@ -146,7 +146,7 @@ def test_a_setting_without_name_or_value_is_refused(
 @pytest.mark.slow
 def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.demo.processes import own_domain
+    from redres_ros.nodes.discovery import own_domain
 
     streams = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
     with own_domain() as domain:
@@ -160,7 +160,8 @@ def test_a_reader_of_lines_gets_one_at_once_and_may_leave() -> None:
 @pytest.mark.slow
 def test_it_receives_the_nodes_and_reports_their_end(tmp_path) -> None:
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
-    from redres_ros.demo.processes import NodeProcess, own_domain
+    from redres_ros.demo.processes import NodeProcess
+    from redres_ros.nodes.discovery import own_domain
 
     with own_domain() as domain:
         loop = {'rate': 100.0}

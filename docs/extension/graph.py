@@ -10,8 +10,8 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
-from redres_ros.demo.processes import own_domain
 from redres_ros.nodes.controller import ControllerNode
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.real_time import RealTime

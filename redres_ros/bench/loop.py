@@ -11,9 +11,10 @@ from typing import Any
 from rich.table import Table
 
 from redres_ros.bench.round_trips import RoundTrips
-from redres_ros.demo.processes import NodeProcess, own_domain
+from redres_ros.demo.processes import NodeProcess
 from redres_ros.errors import RedresError
 from redres_ros.graph.mcap_file import read_messages
+from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.real_time import LATENCY
 from redres_ros.simulation.report import table
 

@@ -119,8 +119,8 @@ def _add_files(group: Any) -> None:
 
 def _demo(options: argparse.Namespace) -> int:
     from redres_ros.cli.demo_results import after, before, check_files, write_results
-    from redres_ros.demo.processes import own_domain
     from redres_ros.files.signals import handle, handled
+    from redres_ros.nodes.discovery import own_domain
     from redres_ros.simulation.report import progress_bar
 
     check_files(options.save or ())

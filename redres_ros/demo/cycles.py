@@ -8,6 +8,7 @@ from redres_ros.demo.log import COMMANDS, STATES, stamped
 from redres_ros.graph.mcap_file import RecordedMessage
 
 _NEXT = 2e9  # [ns] after the last state that counts: the state after it comes meanwhile
+_QUIET = 0.95  # of the commands are in time on a computer that does nothing else
 _HELD_UP = 1.5  # cycles from one state to the next, beyond which the robot's clock stood still
 
 
@@ -34,6 +35,25 @@ class CycleCounts:
         """All states."""
         return self.in_time + self.waited_for + self.late + self.missed
 
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """In a table."""
+        kinds = {
+            'commands in time': self.in_time,
+            'late, and the clock waited': self.waited_for,
+            'commands too late': self.late,
+            'commands missing': self.missed,
+        }
+        total = max(self.total, 1)
+        rows: list[tuple[str, ...]] = [
+            ('cycles of the robot',),
+            ('in all', f'{self.total}, and the clock stood still for {self.stood_still:.3f} s'),
+        ]
+        rows += [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
+        if self.in_time < _QUIET * total:
+            rows.append(('why', 'this computer was busy; while the clock waits, no motion is lost'))
+        return rows
+
 
 def count_cycles(
     messages: Iterable[RecordedMessage], period: float, stamps: tuple[int, int]
@@ -41,9 +61,9 @@ def count_cycles(
     """How many commands came in time, late, or not at all.
 
     Args:
-        messages: of the robot's recording.
-        period: of its states [s]; infinite in lock-step, where there is no clock.
-        stamps: of the first and the last state that count [ns].
+        messages: Of the robot's recording.
+        period: Of its states [s]; infinite in lock-step, where there is no clock.
+        stamps: Of the first and the last state that count [ns].
     """
     sent: dict[int, int] = {}
     returned: dict[int, int] = {}
@@ -68,13 +88,7 @@ def count_cycles(
 
 
 def _kind(latency: float | None, period: float, cycle: float) -> str:
-    """What a cycle counts as.
-
-    Args:
-        latency: from the state to its command [s]; None if there was none.
-        period: how long a cycle should be [s].
-        cycle: how long it was [s].
-    """
+    """What a cycle of that length [s] counts as; the latency [s] is None without a command."""
     if latency is None:
         return 'missed'
     if latency > cycle:

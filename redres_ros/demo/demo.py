@@ -12,11 +12,11 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 
 from redres_ros.demo.cycles import count_cycles
+from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures
 from redres_ros.demo.log import FINISHED, read_log
-from redres_ros.demo.node_group import NodeGroup
 from redres_ros.demo.options import DemoError, DemoOptions
-from redres_ros.demo.outcome import Ending, Endurance, GoalCounts, MotionFigures, Outcome
-from redres_ros.demo.replay import replay
+from redres_ros.demo.outcome import Ending, Outcome, replay
+from redres_ros.demo.processes import NodeGroup
 from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.mcap_file import McapFile, merge, read_messages
@@ -210,34 +210,26 @@ class Demo:
             self._report('; '.join(('the task was not finished', *reasons)))
 
     def _start_task(self, monitor: DemoMonitor) -> None:
-        """Wait until the planner has begun, or the robot is stopped."""
+        """Start the task, and wait until it begins, or the robot is stopped.
+
+        The planner may refuse at first: it may not know yet that the controller is active.
+        """
         before = monitor.began
         until = time.monotonic() + START_PATIENCE
-        self._ask_to_start(monitor, until)
+        granted = False
         while monitor.began == before and not monitor.word(REASON):
             self._check(monitor)
-            if time.monotonic() > until:
-                raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s')
-            time.sleep(_LOOK)
-
-    def _ask_to_start(self, monitor: DemoMonitor, until: float) -> None:
-        """Call planner/start until it is granted: the planner may not know yet that the controller
-        is active.
-
-        Args:
-            monitor: Calls it.
-            until: Then a refusal counts [s].
-
-        Raises:
-            CallError: It was refused to the end, for this reason.
-        """
-        while not monitor.word(REASON):
-            self._check(monitor)
+            late = time.monotonic() > until
+            if granted:
+                if late:
+                    raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s')
+                time.sleep(_LOOK)
+                continue
             try:
                 monitor.client.trigger('planner/start')
-                return
+                granted = True
             except CallError:
-                if time.monotonic() > until:
+                if late:
                     raise
                 time.sleep(_ASK_AGAIN)
 

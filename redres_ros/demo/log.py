@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,6 @@ from redres_ros.nodes.session_topics import REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.nodes.wire import stamp_of
 from redres_ros.planning.task_executor import TaskState
-
-V = TypeVar('V')
 
 # Full names of topics. What a run is judged by, the session's words apart:
 STATES = '/joint_states'
@@ -34,11 +33,19 @@ _SESSION = f'/{SESSION}'
 _TWISTS = '/cartesian_velocity'  # whose stamps belong to what the planner says beside it
 _FORCES = '/wrench'  # published while a controller listens
 _STAMPED = {STATES, COMMANDS, _TWISTS, _DESIRED, _FORCES}
+_FIELDS = {
+    'states': STATES,
+    'commands': COMMANDS,
+    'desired': _DESIRED,
+    'segments': _SEGMENT,
+    'words': _TASK,
+    'laws': _LAW,
+    'scalings': _SCALING,
+    'reasons': _REASON,
+    'forces': _FORCES,
+}  # of a log
 # As nodes name them.
-JUDGED = tuple(
-    topic.removeprefix('/')
-    for topic in (*_STAMPED, _SEGMENT, _TASK, _LAW, _SCALING, _REASON, _SESSION)
-)
+JUDGED = tuple(topic.removeprefix('/') for topic in (*_FIELDS.values(), _TWISTS, _SESSION))
 
 MOVING = TaskState.MOVING.value  # the planner's word while a task is under way
 FINISHED = TaskState.FINISHED.value
@@ -124,11 +131,11 @@ class Log:
 
     def segment_at(self, stamp: int) -> int:
         """The segment that the task was on."""
-        return _latest(self.segments, self._segment_stamps, stamp)
+        return int(self._latest('segments', stamp))
 
     def law_at(self, stamp: int) -> str:
         """Name of the law in force."""
-        return _latest(self.laws, self._law_stamps, stamp)
+        return str(self._latest('laws', stamp))
 
     def switches(self) -> tuple[tuple[float, str, str], ...]:
         """Changes of the law while the task was under way: seconds since it began, name before,
@@ -144,87 +151,55 @@ class Log:
 
     def scaling_at(self, stamp: int) -> float:
         """The task scaling that the limits allowed; it is published when it changes."""
-        return _latest(self.scalings, self._scaling_stamps, stamp) if self.scalings else 1.0
+        return float(self._latest('scalings', stamp)) if self.scalings else 1.0
+
+    def _latest(self, name: str, stamp: int) -> Any:
+        """Of a field the value at the newest of its stamps up to one; before all, the first."""
+        stamps = self._stamps[name]
+        return getattr(self, name)[stamps[max(bisect_right(stamps, stamp) - 1, 0)]]
 
     @cached_property
-    def _scaling_stamps(self) -> list[int]:
-        return sorted(self.scalings)
-
-    @cached_property
-    def _law_stamps(self) -> list[int]:
-        return sorted(self.laws)
-
-    @cached_property
-    def _segment_stamps(self) -> list[int]:
-        return sorted(self.segments)
+    def _stamps(self) -> dict[str, list[int]]:
+        return {name: sorted(getattr(self, name)) for name in ('segments', 'laws', 'scalings')}
 
 
 def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float = math.inf) -> Log:
     """The log of one run.
 
     Args:
-        paths: of the recordings, one a process.
-        joint_names: in the order in which positions and velocities are wanted.
-        until: the last stamp that counts [ns].
+        paths: Of the recordings, one a process.
+        joint_names: In the order in which positions and velocities are wanted.
+        until: The last stamp that counts [ns].
     """
-    topics = _Topics(joint_names)
+    converters = _converters(JointMapper(joint_names))
+    values: dict[str, dict[int, Any]] = {topic: {} for topic in converters}
+    newest: dict[str, tuple[bytes, Any]] = {}  # data and value: many repeat in every cycle
     session = []
     for path in paths:
         for stamp, message in stamped(read_messages(path), until):
-            if message.topic == _SESSION:
+            topic = message.topic
+            if topic == _SESSION:
                 session.append(message.content.data)
-            else:
-                topics.take(stamp, message)
-    said = topics.said
-    return Log(
-        states=said[STATES],
-        commands=said[COMMANDS],
-        desired=said[_DESIRED],
-        segments=said[_SEGMENT],
-        words=said[_TASK],
-        laws=said[_LAW],
-        scalings=said[_SCALING],
-        reasons=said[_REASON],
-        forces=said[_FORCES],
-        session=tuple(session),
-    )
+            if topic not in converters:
+                continue
+            data, value = newest.get(topic, (b'', None))
+            if message.data != data:
+                value = converters[topic](message.content)
+                newest[topic] = (message.data, value)
+            values[topic][stamp] = value
+    fields = {name: values[topic] for name, topic in _FIELDS.items()}
+    return Log(**fields, session=tuple(session))
 
 
-class _Topics:
-    """The messages of each topic of a log, by stamp.
-
-    Args:
-        joint_names: In the order in which positions and velocities are wanted.
-    """
-
-    def __init__(self, joint_names: tuple[str, ...]) -> None:
-        joints = JointMapper(joint_names)
-        self._converters: dict[str, Callable[[Any], Any]] = {
-            STATES: joints.positions,
-            COMMANDS: lambda message: (joints.positions(message), np.array(message.velocity)),
-            _DESIRED: _pose,
-            _FORCES: _force,
-            **dict.fromkeys((_SEGMENT, _TASK, _LAW, _SCALING, _REASON), _data),
-        }
-        self.said: dict[str, dict[int, Any]] = {topic: {} for topic in self._converters}
-        # Data and value by topic: many words are said in every cycle.
-        self._newest: dict[str, tuple[bytes, Any]] = {}
-
-    def take(self, stamp: int, message: RecordedMessage) -> None:
-        """Store a message, if the log uses its topic.
-
-        Args:
-            stamp: Of the state that it belongs to [ns].
-            message: Of a recording.
-        """
-        topic = message.topic
-        if topic not in self._converters:
-            return
-        data, value = self._newest.get(topic, (b'', None))
-        if message.data != data:
-            value = self._converters[topic](message.content)
-            self._newest[topic] = (message.data, value)
-        self.said[topic][stamp] = value
+def _converters(joints: JointMapper) -> dict[str, Callable[[Any], Any]]:
+    """What a log holds of a message, by topic."""
+    return {
+        **dict.fromkeys(_FIELDS.values(), attrgetter('data')),
+        STATES: joints.positions,
+        COMMANDS: lambda message: (joints.positions(message), np.array(message.velocity)),
+        _DESIRED: _pose,
+        _FORCES: _force,
+    }
 
 
 def stamped(
@@ -247,11 +222,6 @@ def stamped(
             yield newest, message
 
 
-def _latest(values: Mapping[int, V], stamps: list[int], stamp: int) -> V:
-    """The value of the newest of the stamps up to one; the first value before all of them."""
-    return values[stamps[max(bisect_right(stamps, stamp) - 1, 0)]]
-
-
 def _pose(message: Any) -> np.ndarray:
     x = message.pose.position
     turn = message.pose.orientation
@@ -261,7 +231,3 @@ def _pose(message: Any) -> np.ndarray:
 def _force(message: Any) -> np.ndarray:
     force = message.wrench.force
     return np.array((force.x, force.y, force.z))
-
-
-def _data(message: Any) -> Any:
-    return message.data

@@ -1,51 +1,29 @@
-"""The outcome of a demo: figures, text, and a file."""
+"""The outcome of a demo, from its recordings: the motion as a table, and a summary."""
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from redres_ros.command import Command
 from redres_ros.demo.cycles import CycleCounts
+from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures, PressingFigures, Rows
+from redres_ros.demo.log import Log
 from redres_ros.files.text import writing
-from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.simulation.operators import PATIENCE
-from redres_ros.simulation.recording import Recording
+from redres_ros.laws import Law
+from redres_ros.planning.planner import Reference, orientation_error
+from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.rotation import from_quaternion
+from redres_ros.simulation.recording import MotionRecorder, Recording
 from redres_ros.simulation.report import facts
-
-MOST_GROWTH = 5.0  # [MB] of a node's memory while it does the same again and again
-STILL = 1e-4  # [rad/s] norm of the joint velocities at which the arm counts as standing still
-
-_START = 0.1  # [s] that count as the start
-_SETTLING = 1.0  # [s] from the first touch until the force is judged
-_NOTICED = 0.1  # [s] within which a change of goals is published
-_QUIET = 0.95  # of the commands are in time on a computer that does nothing else
 
 # What a robot does in its session states, for those who do not know their names.
 _MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
-
-
-@dataclass(frozen=True)
-class Endurance:
-    """The outcome of a repeated task.
-
-    Attributes:
-        rounds: How often.
-        seconds: For how long, on the robot's clock.
-        memory: Of each node's process after the first round and at the end [MB].
-    """
-
-    rounds: int
-    seconds: float
-    memory: Mapping[str, tuple[float, float]]
-
-    @property
-    def steady(self) -> bool:
-        """Whether no process has grown more than an interpreter usually does."""
-        return all(end - start < MOST_GROWTH for start, end in self.memory.values())
 
 
 @dataclass(frozen=True)
@@ -61,122 +39,6 @@ class Ending:
     endurance: Endurance | None
     interrupted: bool
     last: float = math.inf
-
-
-@dataclass(frozen=True)
-class MotionFigures:
-    """A recording in a few figures; a peak is (value, time [s]).
-
-    Attributes:
-        seconds: How long it took.
-        segments: How many the task has been on.
-        error: Of the task, also where the arm only lags on its path [m].
-        path_deviation: Distance from the straight line from point to point [m].
-        final_error: Distance from the last point when the run ended [m].
-        acceleration: Norm over the joints [rad/s^2].
-        velocity: Norm over the joints [rad/s].
-        torque: Norm over the joints [Nm].
-        jump: Largest change of a joint's velocity within a cycle at the start [rad/s].
-        delay: Until the arm began to move [s].
-        still: Time without motion, that included [s].
-    """
-
-    seconds: float
-    segments: int
-    error: tuple[float, float]
-    path_deviation: tuple[float, float]
-    final_error: float
-    acceleration: tuple[float, float]
-    velocity: tuple[float, float]
-    torque: tuple[float, float]
-    jump: float
-    delay: float
-    still: float
-
-    @classmethod
-    def of(cls, recording: Recording, task: WaypointTask, final_error: float) -> 'MotionFigures':
-        """The figures of a recording.
-
-        Args:
-            recording: Of at least one tick.
-            task: What was asked for.
-            final_error: Distance from the last point at the end [m].
-        """
-        t = recording['t']
-        moves = recording['joint_velocity_norm'] > STILL
-        dq = recording.vectors('dq1')  # (N, n)
-        steps = np.abs(np.diff(dq, axis=0, prepend=0.0))  # from rest
-        path_deviation = task.path_deviation(recording.vectors('x'), recording['segment'])
-        farthest = int(np.argmax(path_deviation))
-        return cls(
-            seconds=float(t[-1]),
-            segments=int(recording['segment'].max()),
-            error=recording.peak('task_error'),
-            path_deviation=(float(path_deviation[farthest]), float(t[farthest])),
-            final_error=final_error,
-            acceleration=recording.peak('joint_acceleration_norm'),
-            velocity=recording.peak('joint_velocity_norm'),
-            torque=recording.peak('joint_torque_norm'),
-            jump=float(steps[t <= _START].max()),
-            delay=float(t[np.argmax(moves)] if moves.any() else t[-1]),
-            still=recording.T * int(np.count_nonzero(~moves)),
-        )
-
-
-@dataclass(frozen=True)
-class PressingFigures:
-    """How well a desired force was kept, along its direction.
-
-    Attributes:
-        rms: Of its error, from a second after the first touch on [N].
-        largest: Error then [N].
-        peak: Force before [N].
-        contact_lost: Number of states without contact after the first touch.
-    """
-
-    rms: float
-    largest: float
-    peak: float
-    contact_lost: int
-
-    @classmethod
-    def of(cls, forces: np.ndarray, desired: np.ndarray) -> 'PressingFigures | None':
-        """The figures; None without a second of contact.
-
-        Args:
-            forces: Times [s], and forces [N], (N, 4).
-            desired: Force, (3,) [N].
-        """
-        size = float(np.linalg.norm(desired))
-        force = forces[:, 1:] @ desired / size
-        touched = np.cumsum(force > 0.0) > 0
-        t = forces[:, 0] - forces[touched, 0].min(initial=np.inf)
-        errors = force[t >= _SETTLING] - size
-        if not errors.size:
-            return None
-        return cls(
-            rms=float(np.sqrt(np.mean(errors**2))),
-            largest=float(np.abs(errors).max()),
-            peak=float(force[t < _SETTLING].max()),
-            contact_lost=int(np.count_nonzero(force[touched] <= 0.0)),
-        )
-
-
-@dataclass(frozen=True)
-class GoalCounts:
-    """What became of an operator's goals."""
-
-    reached: int
-    given_up: int
-
-    @classmethod
-    def of(cls, recording: Recording) -> 'GoalCounts':
-        """Of a recording, in which each goal is a segment. The last one counts for neither."""
-        t = recording['t']
-        changes = np.flatnonzero(np.diff(recording['segment']))
-        seconds = np.diff(t[changes], prepend=0.0)
-        given_up = int(np.count_nonzero(seconds > PATIENCE - _NOTICED))
-        return cls(len(changes) - given_up, given_up)
 
 
 @dataclass(frozen=True)
@@ -240,114 +102,89 @@ class Outcome:
 
     def table(self, title: str) -> Table:
         """The summary that ends a demo."""
-        rows: list[tuple[str, ...]] = [
+        rows: Rows = [
             ('task', self.ending),
             ('robot', f'stopped: {self.stop_reason}' if self.stop_reason else 'not stopped'),
-            (
-                "robot's session",
-                ' > '.join(f'{word}{_MEANS.get(word, "")}' for word in self.session),
-            ),
+            ("robot's session", ' > '.join(word + _MEANS.get(word, '') for word in self.session)),
         ]
         if self.motion:
-            rows += _motion_rows(self.motion, self.goals)
+            rows += self.motion.rows(self.goals)
         if self.pressing:
-            rows += _pressing_rows(self.pressing)
+            rows += self.pressing.rows
         if self.cycles:
-            rows += _cycle_rows(self.cycles)
-            rows.append(('not seen by the planner', str(self.planner_missed)))
+            rows += [*self.cycles.rows, ('not seen by the planner', str(self.planner_missed))]
         if self.endurance:
-            rows += _endurance_rows(self.endurance)
+            rows += self.endurance.rows
         return facts(rows, title=title)
 
     def write_json(self, path: Path) -> None:
-        """The same figures, in SI units.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        content = {
+        """Write the same figures in SI units. Raises FileError."""
+        content: dict[str, Any] = {
             'task': self.ending,
             'stop_reason': self.stop_reason,
             'session': self.session,
             'switches': self.switches,
-            'motion': asdict(self.motion) if self.motion else None,
-            'pressing': asdict(self.pressing) if self.pressing else None,
-            'goals': asdict(self.goals) if self.goals else None,
-            'cycles': asdict(self.cycles) if self.cycles else None,
             'planner_missed': self.planner_missed,
-            'endurance': asdict(self.endurance) if self.endurance else None,
         }
+        for name in ('motion', 'pressing', 'goals', 'cycles', 'endurance'):
+            figures = getattr(self, name)
+            content[name] = asdict(figures) if figures else None
         with writing(path):
             path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
 
 
-def _motion_rows(motion: MotionFigures, goals: GoalCounts | None) -> list[tuple[str, ...]]:
-    """Of a motion along a path, or of one that an operator steered to goals.
+def replay(
+    log: Log, model: RobotModel, make_law: Callable[[str], Law], T: float, pose: bool = False
+) -> Recording:
+    """The table of a run, from the stamp at which the task began.
+
+    A state without a command has no row. Norms of accelerations reach back to the last command,
+    which is more than T ago where a cycle was missed.
 
     Args:
-        motion: The figures.
-        goals: Of an operator; None for a path.
+        log: Of the run.
+        model: Of the arm.
+        make_law: The law of a name, with the gains that it had.
+        T: Sampling time [s].
+        pose: Whether the task has an orientation.
     """
-    rows: list[tuple[str, ...]] = [('motion',)]
-    if goals:
-        rows.append(('goals', f'{goals.reached} reached, {goals.given_up} given up'))
-    else:
-        rows += _path_rows(motion)
-    for name, unit in (('acceleration', 'rad/s²'), ('velocity', 'rad/s'), ('torque', 'Nm')):
-        value, at = getattr(motion, name)
-        rows.append((f'maximum joint {name}', f'{value:.3f} {unit} (norm) at {at:.3f} s'))
-    return [
-        *rows,
-        ('largest step at the start', f'{motion.jump:.2g} rad/s of one joint, in one cycle'),
-        ('time at rest', f'{motion.still:.3f} s, of which {motion.delay:.3f} s at the start'),
-    ]
+    under_way = log.under_way()
+    desired = {}
+    if under_way:
+        desired = dict(zip(under_way, log.desired_at(under_way), strict=True))
+    recorder = MotionRecorder(model.n, T, pose)
+    dq_prev = np.zeros(model.n)
+    stamp_prev = 0
+    for stamp in sorted(log.states.keys() & log.commands.keys()):
+        q_ref, dq = log.commands[stamp]
+        if stamp in desired:
+            state = model.state(log.states[stamp], dq_prev)
+            elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T
+            J = state.J if pose else state.J[:3]
+            command = Command(
+                dq,
+                q_ref,
+                state,
+                elapsed,
+                J,
+                make_law(log.law_at(stamp)).weight(state),
+                s=log.scaling_at(stamp),
+                active_limits='',
+                unachieved=np.zeros(len(J)),
+            )
+            reference = _reference(desired[stamp], state, log.segment_at(stamp), pose)
+            recorder.add((stamp - under_way[0]) / 1e9, command, reference)
+        dq_prev = dq
+        stamp_prev = stamp
+    reason = log.reason
+    return recorder.recording(reason, finished=log.finished and not reason)
 
 
-def _pressing_rows(pressing: PressingFigures) -> list[tuple[str, ...]]:
-    error = f'{pressing.rms:.3f} N RMS, at most {pressing.largest:.3f} N'
-    return [
-        ('pressing',),
-        ('error of the force', f'{error}, from {_SETTLING:g} s after the first touch on'),
-        ('peak at first', f'{pressing.peak:.2f} N'),
-        ('states without contact', f'{pressing.contact_lost} after the first touch'),
-    ]
-
-
-def _path_rows(motion: MotionFigures) -> list[tuple[str, ...]]:
-    path_deviation, deviation_at = motion.path_deviation
-    error, error_at = motion.error
-    return [
-        ('segments started', f'{motion.segments} in {motion.seconds:.3f} s'),
-        ('maximum path deviation', f'{1e3 * path_deviation:.3f} mm at {deviation_at:.3f} s'),
-        ('maximum error', f'{1e3 * error:.3f} mm at {error_at:.3f} s, along the path or off it'),
-        ('final error', f'{1e3 * motion.final_error:.3f} mm from the last point'),
-    ]
-
-
-def _cycle_rows(cycles: CycleCounts) -> list[tuple[str, ...]]:
-    kinds = {
-        'commands in time': cycles.in_time,
-        'late, and the clock waited': cycles.waited_for,
-        'commands too late': cycles.late,
-        'commands missing': cycles.missed,
-    }
-    total = max(cycles.total, 1)
-    rows: list[tuple[str, ...]] = [
-        ('cycles of the robot',),
-        ('in all', f'{cycles.total}, and the clock stood still for {cycles.stood_still:.3f} s'),
-    ]
-    rows += [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
-    if cycles.in_time < _QUIET * total:
-        rows.append(('why', 'this computer was busy; while the clock waits, no motion is lost'))
-    return rows
-
-
-def _endurance_rows(endurance: Endurance) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = [
-        ('endurance',),
-        ('rounds', f'{endurance.rounds} in {endurance.seconds:.0f} s'),
-    ]
-    for name, (start, end) in endurance.memory.items():
-        text = f'{start:.1f} MB after the first round, {end:.1f} MB at the end'
-        rows.append((f'memory of {name}', text))
-    return rows
+def _reference(wanted: np.ndarray, state: RobotState, segment: int, pose: bool) -> Reference:
+    """The planner's reference, without its velocity."""
+    x_d = wanted[:3]
+    reference = Reference(np.zeros(3), x_d, x_d - state.x, segment, finished=False)
+    if not pose:
+        return reference
+    R_d = from_quaternion(wanted[3:])
+    return reference._replace(R_d=R_d, orientation_error=orientation_error(R_d, state.R))

@@ -1,89 +1,35 @@
-"""A separate ROS graph: an unused domain on this machine, and node processes that end with this
-one.
-"""
+"""The processes of a demo: nodes that end with this process, and the recordings that they write."""
 
-import fcntl
 import json
 import math
 import os
-import random
 import signal
-import socket
 import subprocess
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+from redres_ros.demo.log import JUDGED
+from redres_ros.demo.options import DemoOptions
+from redres_ros.demo.recorded import ALL
 from redres_ros.errors import RedresError
 from redres_ros.files.modules import module_command, module_environment
-from redres_ros.nodes.discovery import joined_domain
+from redres_ros.files.signals import handled
+from redres_ros.laws import Law
 from redres_ros.nodes.runtime import PARENT
+from redres_ros.planning.waypoints import WaypointTask
 
-ALL = 'all'  # topics of a recording
-
-_DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 _PATIENCE = 5.0  # [s] between asking a process to end and killing it
+_PAGE = 'view.serve'  # module that serves the page
+_ADDRESS = 'page: '  # how the line begins in which it reports its address
+_LOCKSTEP_SILENCE = 3.0  # [s] without a state that nodes tolerate in lock-step
+# [s] that an ordinary machine may stall; the fake arm's clock then stands still
+_CLOCK_PATIENCE = 5.0
 
 
 class GraphError(RedresError):
-    """No free domain, or a node that ended on its own."""
-
-
-@contextmanager
-def own_domain(wanted: int | None = None) -> Iterator[int]:
-    """Set the environment to a ROS domain.
-
-    Args:
-        wanted: the domain; None for one that no other graph on this host uses.
-
-    Yields:
-        Its number.
-
-    Raises:
-        GraphError: every domain is taken.
-        RangeError: there is no such domain.
-    """
-    with ExitStack() as stack:
-        if wanted is None:
-            lock, domain = _free_domain()
-            stack.enter_context(lock)
-        else:
-            domain = wanted
-        stack.enter_context(joined_domain(domain))
-        yield domain
-
-
-def _free_domain() -> tuple[IO[bytes], int]:
-    for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
-        lock = _claim(domain)
-        if lock and not _in_use(domain):
-            return lock, domain
-    raise GraphError(
-        f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine'
-    )
-
-
-def _claim(domain: int) -> IO[bytes] | None:
-    """A lock against runs of ours that have no participant yet; None where another has it."""
-    try:
-        path = Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.lock'
-        lock = path.open('wb')
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return None
-    return lock
-
-
-def _in_use(domain: int) -> bool:
-    """Whether a participant listens on the domain's discovery port (RTPS: 7400 + 250 domain)."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', 7400 + 250 * domain))
-        except OSError:
-            return True
-    return False
+    """A node that ended on its own."""
 
 
 class NodeProcess:
@@ -92,12 +38,12 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: of the executable in nodes/, or of a module of the package, as 'bench.echo'; its own
+        name: Of the executable in nodes/, or of a module of the package, as 'bench.echo'; its own
             options may follow, as in 'composed --no-sim'.
-        log: file for what it prints.
-        parameters: of the node.
+        log: File for what it prints.
+        parameters: Of the node.
         recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
-        topics: those that are recorded; ALL among them: all.
+        topics: Those that are recorded; ALL among them: all.
     """
 
     def __init__(
@@ -138,11 +84,8 @@ class NodeProcess:
     def memory(self) -> float:
         """Memory in use, [MB], that is resident; NaN once it has ended."""
         try:
-            return (
-                int(Path(f'/proc/{self.pid}/statm').read_text().split()[1])
-                * os.sysconf('SC_PAGE_SIZE')
-                / 1e6
-            )
+            pages = int(Path(f'/proc/{self.pid}/statm').read_text().split()[1])
+            return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
         except (OSError, IndexError):
             return math.nan
 
@@ -179,6 +122,119 @@ class NodeProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+
+class NodeGroup:
+    """The nodes of one run, and the page that shows them.
+
+    Args:
+        options: The options of a run.
+        task: The one that the options name.
+        law: In force at the start.
+        out: Directory for what they print, and for their recordings.
+    """
+
+    def __init__(self, options: DemoOptions, task: WaypointTask, law: Law, out: Path) -> None:
+        self.nodes: list[NodeProcess] = []
+        self._page: NodeProcess | None = None
+        self._options = options
+        self._task = task
+        self._law = law
+        self._out = out
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Processes while the block runs.
+
+        They end in the order in which they were started, the sim first: to be left alone by the
+        controller would be a fault of its connection.
+        """
+        self.remove_recordings()  # those of a run that was killed
+        topics = (ALL,) if self._options.mcap else JUDGED
+        try:
+            for name, own in self._processes().items():
+                log = self._out / f'{name}.log'
+                path = self._recording(name)
+                self.nodes.append(NodeProcess(name, log, own, recording=path, topics=topics))
+            if self._options.page is not None:
+                self._page = NodeProcess(_PAGE, self._out / f'{_PAGE}.log', self._options.page)
+            yield
+        finally:
+            # A second signal must not leave a process behind.
+            with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
+                pages = [self._page] if self._page else []
+                for page in pages:
+                    page.ask_to_end()  # nobody waits for it
+                for process in (*self.nodes, *pages):
+                    process.end()
+
+    def check(self) -> None:
+        """Raise GraphError if a node has ended, or the page has failed."""
+        for node in self.nodes:
+            node.check()
+        if self._page and self._page.status:
+            self._page.check()
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether the page is served."""
+        return self._page is not None and self._page.status is None
+
+    @property
+    def page(self) -> str:
+        """Where the page is served; empty before it is."""
+        return self._page.last_line().partition(_ADDRESS)[2] if self._page else ''
+
+    @property
+    def recordings(self) -> list[Path]:
+        """The files that were begun, the robot's first."""
+        return [path for path in map(self._recording, self._processes()) if path.exists()]
+
+    def remove_recordings(self) -> None:
+        """Remove them; they are of use for the outcome only."""
+        for path in self.recordings:
+            path.unlink(missing_ok=True)
+
+    def _processes(self) -> dict[str, dict[str, Any]]:
+        """Parameters of each process, by its name."""
+        parameters = self._parameters()
+        if not self._options.composed:
+            return parameters
+        together: dict[str, Any] = {}
+        for own in parameters.values():
+            together |= own
+        return {'composed': together}
+
+    def _parameters(self) -> dict[str, dict[str, Any]]:
+        """Of each node, by its name."""
+        options = self._options
+        shared = {
+            'lockstep': options.lockstep,
+            'rate': options.rate,
+            'robot': self._task.robot,
+            'dynamics': options.dynamics,
+            **options.parameters,
+        }
+        sim: dict[str, Any] = {'start': tuple(self._task.start.tolist())}
+        if options.lockstep:
+            # The first state waits for the planner.
+            shared['state_timeout'] = _LOCKSTEP_SILENCE
+        else:
+            # The robot waits for its command, which waits for the planner.
+            sim['patience'] = _CLOCK_PATIENCE
+            shared['twist_patience'] = _CLOCK_PATIENCE
+        own: dict[str, dict[str, Any]] = {
+            'sim': sim,
+            'controller': {'law': options.law, 'damping': self._law.damping},
+            'planner': {'task': options.task},
+        }
+        if options.teleop:
+            own['operator'] = own.pop('planner') | {'duration': options.teleop}
+        nodes = self._task.nodes
+        return {name: shared | given | dict(nodes.get(name, {})) for name, given in own.items()}
+
+    def _recording(self, name: str) -> Path:
+        return self._out / f'{name}.part.mcap'
 
 
 def _yaml(value: Any) -> str:

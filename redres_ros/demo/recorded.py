@@ -11,16 +11,24 @@ Only the node that is run is loaded: the others would take a second of each proc
 import sys
 import time
 from collections.abc import Callable, Collection
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-from redres_ros.demo.processes import ALL
 from redres_ros.graph.mcap_file import McapFile
 from redres_ros.nodes.runtime import run_nodes
 
+ALL = 'all'  # topics of a recording
+
+_NODES = {
+    'sim': ('nodes.sim', 'SimNode'),
+    'controller': ('nodes.controller', 'ControllerNode'),
+    'planner': ('nodes.planner', 'LonePlannerNode'),
+    'operator': ('demo.operator', 'OperatorNode'),
+}  # module and class of each
 _RECEIVED = 'joint_command'  # the one topic of which it matters what has arrived, and when
 # Time of day by the monotonic clock: no cycle gets longer when somebody sets the clock.
 _SINCE = time.time_ns() - time.monotonic_ns()
@@ -103,21 +111,9 @@ def _run(name: str, adapt: Callable[[type[Node]], type[Node]]) -> int:
         from redres_ros.nodes.composed import run_composed
 
         return run_composed(adapt)
-    if name == 'sim':
-        from redres_ros.nodes.sim import SimNode
-
-        return run_nodes(adapt(SimNode), one_thread=True)
-    if name == 'operator':
-        from redres_ros.demo.operator import OperatorNode
-
-        return run_nodes(adapt(OperatorNode))
-    if name == 'controller':
-        from redres_ros.nodes.controller import ControllerNode
-
-        return run_nodes(adapt(ControllerNode))
-    from redres_ros.nodes.planner import LonePlannerNode
-
-    return run_nodes(adapt(LonePlannerNode))
+    module, node = _NODES[name]
+    cls = getattr(import_module(f'redres_ros.{module}'), node)
+    return run_nodes(adapt(cls), one_thread=name == 'sim')
 
 
 if __name__ == '__main__':

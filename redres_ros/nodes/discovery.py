@@ -1,15 +1,20 @@
-"""Discovery and transport of the nodes, set by environment variables that ROS and Fast
-DDS read when a process joins.
+"""Domain, discovery and transport of the nodes: environment variables that ROS and Fast DDS read
+when a process joins.
 """
 
+import fcntl
 import os
+import random
+import socket
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from redres_ros.errors import RangeError
+from redres_ros.errors import RangeError, RedresError
 
 HIGHEST_DOMAIN = 232  # the last one whose ports exist
 
@@ -28,6 +33,11 @@ CHOICES = (
     'FASTDDS_DEFAULT_PROFILES_FILE',
 )
 _LOOPBACK = Path(__file__).with_name('loopback.xml')
+_DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
+
+
+class DomainError(RedresError):
+    """No domain is free."""
 
 
 def prepare() -> None:
@@ -67,6 +77,57 @@ def joined_domain(domain: int | None) -> Iterator[None]:
     finally:
         os.environ.clear()
         os.environ.update(kept)
+
+
+@contextmanager
+def own_domain(wanted: int | None = None) -> Iterator[int]:
+    """Set the environment to a ROS domain; None: to one that no other graph on this host uses.
+
+    Yields:
+        Its number.
+
+    Raises:
+        DomainError: Every domain is taken.
+        RangeError: There is no such domain.
+    """
+    if wanted is not None:
+        with joined_domain(wanted):
+            yield wanted
+        return
+    lock, domain = _free_domain()
+    with lock, joined_domain(domain):
+        yield domain
+
+
+def _free_domain() -> tuple[IO[bytes], int]:
+    for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
+        lock = _claim(domain)
+        if lock and not _in_use(domain):
+            return lock, domain
+    raise DomainError(
+        f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine'
+    )
+
+
+def _claim(domain: int) -> IO[bytes] | None:
+    """A lock against runs of ours that have no participant yet; None where another has it."""
+    try:
+        path = Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.lock'
+        lock = path.open('wb')
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return None
+    return lock
+
+
+def _in_use(domain: int) -> bool:
+    """Whether a participant listens on the domain's discovery port (RTPS: 7400 + 250 domain)."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7400 + 250 * domain))
+        except OSError:
+            return True
+    return False
 
 
 def _is_fast_dds() -> bool:
