@@ -19,8 +19,7 @@ from graph_helpers import PATIENCE, Probe, await_that, graph
 
 from redres_ros.cli import main
 from redres_ros.errors import RangeError
-from redres_ros.graph.key_map import HELP, WAYS, KeyMap
-from redres_ros.graph.teleop import limit_bar
+from redres_ros.graph.teleop import HELP, WAYS, KeyMap, limit_bar
 from redres_ros.loop.limit_report import read
 
 

@@ -47,7 +47,7 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.view import origin_check, words
 from redres_ros.view.arm_shapes import FIXED, shapes_of
-from redres_ros.view.bindings import Bindings
+from redres_ros.view.controls import Bindings
 from redres_ros.view.plots import Plots, RingBuffer
 from redres_ros.view.saved import write_page
 
@@ -270,10 +270,10 @@ def test_snapshots_are_few_and_hide_no_peak_between_them(
     for seen, first in zip(reported[1:], ticks, strict=True):
         since = motion.commands[first : first + 25]
         newest = since[-1]
-        assert seen.figures.speed == max(norm(each.dq) for each in since)
-        assert seen.figures.acceleration == max(norm(each.ddq) for each in since)
-        assert seen.figures.torque == norm(newest.tau)
-        assert seen.figures.scaling == newest.s
+        assert seen.figures.joint_velocity_norm == max(norm(each.dq) for each in since)
+        assert seen.figures.joint_acceleration_norm == max(norm(each.ddq) for each in since)
+        assert seen.figures.joint_torque_norm == norm(newest.tau)
+        assert seen.figures.task_scaling == newest.s
         assert np.array_equal(seen.q, newest.state.q)
 
 

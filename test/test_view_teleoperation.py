@@ -28,13 +28,12 @@ from redres_ros import RobotModel
 from redres_ros.graph.client import CallError
 from redres_ros.nodes.session_topics import MODE, REASON
 from redres_ros.view import dead_man, origin_check
-from redres_ros.view.bindings import Bindings
-from redres_ros.view.dead_man import BeatError, DeadMan, read_beat
+from redres_ros.view.controls import Bindings
+from redres_ros.view.dead_man import PATH, BeatError, DeadMan, TeleopChannel, read_beat
 from redres_ros.view.mouse import pull
+from redres_ros.view.origin_check import LoopEvent
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.teleop_channel import PATH, TeleopChannel
 from redres_ros.view.teleoperation import Teleoperation
-from redres_ros.view.viser_events import LoopEvent
 
 FORWARD = np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 VALUES = {
@@ -123,7 +122,7 @@ def test_a_gamepad_is_sent_while_its_shoulder_button_is_held_and_then_let_go() -
 
 @pytest.fixture(scope='module')
 def channel() -> TeleopChannel:
-    return TeleopChannel(DeadMan())
+    return TeleopChannel()
 
 
 @pytest.fixture(scope='module')

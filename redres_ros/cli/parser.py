@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from redres_ros.errors import RedresError, quoted
-from redres_ros.files.share import share_path
 
 NONE = 'none'  # the word for no limits at all
 
@@ -146,5 +145,7 @@ _READINGS: dict[type | None, Callable[[str], Any]] = {
 
 def version() -> str:
     """This package's name and version."""
+    from redres_ros.files.share import share_path
+
     text = share_path('package.xml').read_text(encoding='utf-8')
     return 'redres_ros ' + text.partition('<version>')[2].partition('<')[0]

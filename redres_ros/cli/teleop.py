@@ -33,8 +33,7 @@ def add(commands: Any) -> None:
 
 
 def _teleop(options: argparse.Namespace) -> int:
-    from redres_ros.graph.key_map import KeyMap
-    from redres_ros.graph.teleop import Teleop, check_terminal, steer
+    from redres_ros.graph.teleop import KeyMap, Teleop, check_terminal, steer
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
@@ -46,7 +45,7 @@ def _teleop(options: argparse.Namespace) -> int:
 
     try:
         with joined_domain(options.domain), spun(make) as node:
-            steer(node, key_map)
+            steer(node)
     except KeyboardInterrupt:
         pass  # the way to end it
     return 0

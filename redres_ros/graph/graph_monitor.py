@@ -165,23 +165,21 @@ class GraphMonitor(Node):
 
     def progress(self) -> float:
         """The fraction of the goal that is done, 0 to 1; followed from the first call on."""
-        if PROGRESS not in self.values:
-            self.samples.add(PROGRESS, Float64, NEWEST)
-            self.keep(PROGRESS, 0.0)
-        message = self.samples.newest(PROGRESS)
-        if message is not None:
-            self.keep(PROGRESS, message.data)
-        return float(str(self.values[PROGRESS].value))
+        return float(self._newest(PROGRESS, Float64, 0.0))
 
     def limits(self) -> LimitReport:
         """The last report on active limits; followed from the first call on."""
-        if ACTIVE_LIMITS not in self.values:
-            self.samples.add(ACTIVE_LIMITS, String, NEWEST)
-            self.keep(ACTIVE_LIMITS, '')
-        message = self.samples.newest(ACTIVE_LIMITS)
+        return read(self._newest(ACTIVE_LIMITS, String, ''))
+
+    def _newest(self, topic: str, kind: type, before: Any) -> Any:
+        """The newest value of a sampled topic, or what it counts as before one came."""
+        if topic not in self.values:
+            self.samples.add(topic, kind, NEWEST)
+            self.keep(topic, before)
+        message = self.samples.newest(topic)
         if message is not None:
-            self.keep(ACTIVE_LIMITS, message.data)
-        return read(self.word(ACTIVE_LIMITS))
+            self.keep(topic, message.data)
+        return self.values[topic].value
 
     def keep(self, source: str, value: object) -> None:
         """Store a value with the present time.

@@ -1,5 +1,6 @@
-"""`redres teleop`: keys of a terminal as cartesian_velocity."""
+"""`redres teleop`: keys of a terminal as task velocities on cartesian_velocity."""
 
+import math
 import os
 import select
 import shutil
@@ -10,24 +11,106 @@ import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.errors import RedresError, one_line
+from redres_ros.errors import RangeError, RedresError, one_line
 from redres_ros.files.signals import handled
-from redres_ros.graph.key_map import HELP, KeyMap
 from redres_ros.graph.operator_topics import TOPIC, TwistPublisher
 from redres_ros.loop.limit_report import LimitReport, read
 from redres_ros.nodes.qos import NEWEST
 from redres_ros.nodes.session_topics import ACTIVE_LIMITS
 
+
+class Way(NamedTuple):
+    """A row of the task velocity, 0 to 5, and the sign along it."""
+
+    row: int
+    sign: float
+
+
+# The left hand moves, the right hand turns.
+WAYS = {
+    'w': Way(0, 1.0),
+    's': Way(0, -1.0),
+    'a': Way(1, 1.0),
+    'd': Way(1, -1.0),
+    'r': Way(2, 1.0),
+    'f': Way(2, -1.0),
+    'l': Way(3, 1.0),
+    'j': Way(3, -1.0),
+    'i': Way(4, 1.0),
+    'k': Way(4, -1.0),
+    'u': Way(5, 1.0),
+    'o': Way(5, -1.0),
+}
+HELP = """\
+w s  forward, back (x)      l j  turn about x
+a d  left, right (y)        i k  turn about y
+r f  up, down (z)           u o  turn about z
++ -  faster, slower         space  stop        Ctrl-C  end"""
+
+_HELD = 0.6  # [s] a terminal reports no release of a key; it repeats one within half a second
+_GAIN = 1.25  # of the speed, for each press of a key
+_SPEEDS = (0.001, 2.0)  # [m/s]
+_TURNS = (0.001, 6.0)  # [rad/s]
 _PERIOD = 0.02  # [s] between messages
 _MOST_KEYS = 64  # read at once
 _ENDING = (signal.SIGTERM, signal.SIGHUP)  # these would end the process without clean-up
 _CLEAR = '\r\x1b[K'  # a terminal's line
 _BAR = 10  # characters
+
+
+class KeyMap:
+    """The task velocity of the held keys.
+
+    Args:
+        speed: Of a key that moves [m/s].
+        turn: Of a key that turns [rad/s].
+
+    Raises:
+        RangeError: A speed that is none, or that no arm should have from a keyboard.
+    """
+
+    def __init__(self, speed: float = 0.05, turn: float = 0.3) -> None:
+        _check('speed', speed, _SPEEDS, 'm/s')
+        _check('turn', turn, _TURNS, 'rad/s')
+        self.speed = speed
+        self.turn = turn
+        self._signs = np.zeros(6)
+        self._until = np.full(6, -math.inf)  # [s] when a row's key counts as released
+
+    def press(self, key: str, now: float) -> None:
+        """Process a key; any key without a meaning stops the arm.
+
+        Args:
+            key: A single character.
+            now: When it came [s].
+        """
+        way = WAYS.get(key.lower())
+        if way:
+            self._signs[way.row] = way.sign
+            self._until[way.row] = now + _HELD
+        elif key in '+-':
+            gain = _GAIN if key == '+' else 1.0 / _GAIN
+            self.speed = min(max(self.speed * gain, _SPEEDS[0]), _SPEEDS[1])
+            self.turn = min(max(self.turn * gain, _TURNS[0]), _TURNS[1])
+        else:
+            self._until[:] = -math.inf
+
+    def twist(self, now: float) -> np.ndarray:
+        """Task velocity (6,) [m/s], [rad/s]."""
+        held = now < self._until
+        speeds = np.repeat((self.speed, self.turn), 3)
+        return np.where(held, self._signs * speeds, 0.0)
+
+
+def _check(name: str, value: float, allowed: tuple[float, float], unit: str) -> None:
+    if not allowed[0] <= value <= allowed[1]:
+        raise RangeError(name, value, *allowed, unit)
 
 
 class TerminalError(RedresError):
@@ -45,7 +128,7 @@ class Teleop(Node):
 
     def __init__(self, key_map: KeyMap, frame: str, namespace: str = '') -> None:
         super().__init__('teleop', namespace=namespace or None)
-        self._key_map = key_map
+        self.key_map = key_map
         self.twists = TwistPublisher(self, frame)
         self.limits = read('')  # what was reported of them last
         self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
@@ -55,7 +138,7 @@ class Teleop(Node):
 
     def publish(self, now: float) -> np.ndarray:
         """Publish the task velocity of now [s]; it is returned, (6,)."""
-        dx = self._key_map.twist(now)
+        dx = self.key_map.twist(now)
         self.twists.publish(dx, now)
         return dx
 
@@ -67,18 +150,11 @@ def check_terminal() -> None:
 
 
 @contextmanager
-def keyboard() -> Iterator[int]:
-    """Read single keys without echo; restore the terminal afterwards.
+def _keyboard() -> Iterator[int]:
+    """The file to read single keys from, without echo; the terminal is restored afterwards.
 
     Ctrl-C stays a signal. Ctrl-Z is off: in the background it could not stop the arm.
-
-    Yields:
-        The file to read from.
-
-    Raises:
-        TerminalError: Standard input is no terminal.
     """
-    check_terminal()
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     with handled(_interrupt, *_ENDING):
@@ -96,23 +172,18 @@ def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def steer(node: Teleop, key_map: KeyMap) -> None:
-    """Publish the keys' task velocity until Ctrl-C, then zero.
-
-    Args:
-        node: Publishes.
-        key_map: Takes the keys.
-    """
-    with keyboard() as terminal:
+def steer(node: Teleop) -> None:
+    """Publish the keys' task velocity until Ctrl-C, then zero."""
+    with _keyboard() as terminal:
         print(HELP, flush=True)
         try:
-            _steer(node, key_map, terminal)
+            _steer(node, terminal)
         finally:
             node.twists.stop()
             print(_CLEAR, end='', flush=True)
 
 
-def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
+def _steer(node: Teleop, terminal: int) -> None:
     shown = ''
     while True:
         due = time.monotonic() + _PERIOD
@@ -123,27 +194,26 @@ def _steer(node: Teleop, key_map: KeyMap, terminal: int) -> None:
             if not keys:
                 return  # the terminal has gone
             for key in keys.decode(errors='replace'):
-                key_map.press(key, time.monotonic())
-        dx = node.publish(time.monotonic())
-        line = _line(dx, key_map, node.twists.listeners, node.limits)
+                node.key_map.press(key, time.monotonic())
+        line = _line(node, node.publish(time.monotonic()))
         if line != shown:
             width = shutil.get_terminal_size().columns - 1
             print(f'{_CLEAR}{line[:width]}', end='', flush=True)
             shown = line
 
 
-def _line(dx: np.ndarray, key_map: KeyMap, listeners: int, limits: LimitReport) -> str:
+def _line(node: Teleop, dx: np.ndarray) -> str:
     """What is asked for, and what limits leave of it, in words."""
-    if not listeners:
+    if not node.twists.listeners:
         return f'{TOPIC} has no subscriber; is the controller running in this ROS domain?'
-    speeds = f'{key_map.speed:.3f} m/s, {key_map.turn:.2f} rad/s'
+    speeds = f'{node.key_map.speed:.3f} m/s, {node.key_map.turn:.2f} rad/s'
     moves = [
         f'{axis} {value:+.3f}'
         for axis, value in zip(('x', 'y', 'z', 'rx', 'ry', 'rz'), dx, strict=True)
         if value
     ]
     asked = f'{speeds} | {"  ".join(moves) or "standing still"}'
-    return f'{asked} | {limit_bar(limits)}' if moves and limits.limit else asked
+    return f'{asked} | {limit_bar(node.limits)}' if moves and node.limits.limit else asked
 
 
 def limit_bar(limits: LimitReport) -> str:

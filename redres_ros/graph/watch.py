@@ -10,33 +10,25 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
+from redres_ros.command import FIGURES
 from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.watch_page import NODES, JointBar, line, page
 from redres_ros.nodes.qos import NEWEST
+from redres_ros.nodes.session_topics import ACTIVE_LIMITS
 
 _REFRESH = 5.0  # [Hz]
 _LINE_EVERY = 1.0  # [s]
 
 _LAW = 'controller/law'
-_ACTIVE_LIMITS = 'controller/active_limits'
 _TIP = 'controller/tip_pose'
 _TYPES = {
     _LAW: String,
-    _ACTIVE_LIMITS: String,
+    ACTIVE_LIMITS: String,
     'planner/segment': Int32,
     _TIP: PoseStamped,
 }  # all others are a Float64
-# A snapshot contains these: subscribing to each at every tick would cost the controller time.
-_FIGURES = {
-    'controller/task_scaling': 'scaling',
-    'controller/joint_velocity_norm': 'speed',
-    'controller/joint_acceleration_norm': 'acceleration',
-    'controller/null_velocity_norm': 'null_speed',
-    'controller/joint_torque_norm': 'torque',
-    'controller/min_singular_value': 'singular_value',
-}
 
 
 class Watch(GraphMonitor):
@@ -78,16 +70,17 @@ class Watch(GraphMonitor):
                 self._listen('controller')
 
     def _look_at(self, arm: LiveArm) -> None:
+        # A snapshot has all figures: a subscription to each would cost the controller time.
         seen = arm.look()
         if not seen:
             return
-        for topic, figure in _FIGURES.items():
-            self.keep(topic, getattr(seen[-1], figure))
+        for name in FIGURES:
+            self.keep(f'controller/{name}', getattr(seen[-1], name))
         self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
         active_limits = [
             f'{place}: {limit}' for place, names in arm.acting.items() for limit in names
         ]
-        self.keep(_ACTIVE_LIMITS, ', '.join(sorted(active_limits)))
+        self.keep(ACTIVE_LIMITS, ', '.join(sorted(active_limits)))
 
     def _joints(self) -> list[JointBar]:
         arm = self._arm

@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from redres_ros.command import Command, norm
+from redres_ros.command import FIGURES, Command, norm
 from redres_ros.errors import ArrayError
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.vectors import check_finite
@@ -24,25 +24,20 @@ _ROWS = 4
 
 
 class Figures(NamedTuple):
-    """What is plotted of one instant; speed and acceleration are the largest since the last one.
+    """What is plotted of one instant, by the names of the controller's topics; velocity and
+    acceleration are the largest since the last one.
 
     Attributes:
         time: Of the robot's clock [s].
-        speed: Norm of the joint velocity [rad/s].
-        acceleration: Norm of the joint acceleration [rad/s^2].
-        null_speed: Norm of the part of the velocity that does not move the tip [rad/s].
-        torque: Norm of the joint torques [Nm].
-        singular_value: The smallest of the task's Jacobian.
-        scaling: Fraction of the task velocity that the limits allow, 0 to 1.
     """
 
     time: float
-    speed: float
-    acceleration: float
-    null_speed: float
-    torque: float
-    singular_value: float
-    scaling: float
+    joint_velocity_norm: float
+    joint_acceleration_norm: float
+    null_velocity_norm: float
+    joint_torque_norm: float
+    min_singular_value: float
+    task_scaling: float
 
 
 class ControllerSnapshot(NamedTuple):
@@ -74,15 +69,9 @@ class ControllerSnapshot(NamedTuple):
             speed: Largest norm of the joint velocity since the last snapshot [rad/s].
             acceleration: The same of the joint acceleration [rad/s^2].
         """
-        figures = Figures(
-            time=stamp / 1e9,
-            speed=speed,
-            acceleration=acceleration,
-            null_speed=norm(command.null),
-            torque=norm(command.tau),
-            singular_value=command.min_singular_value,
-            scaling=command.s,
-        )
+        values = {name: figure(command) for name, figure in FIGURES.items()}
+        values |= {'joint_velocity_norm': speed, 'joint_acceleration_norm': acceleration}
+        figures = Figures(stamp / 1e9, **values)
         q_prev = command.q_ref - command.T * command.dq
         return cls(figures, command.state.q, q_prev, command.state.dq_prev, command.dq)
 

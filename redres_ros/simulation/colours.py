@@ -1,6 +1,27 @@
-"""One colour for each law, in every picture: plots, films and the live page."""
+"""One colour for each law and one axis for each figure, in plots, films and the live page."""
+
+from typing import NamedTuple
 
 from redres_ros.laws import LAWS
+
+
+class FigureAxis(NamedTuple):
+    """The vertical axis of a figure: its title, and how far it reaches at least."""
+
+    title: str
+    least: float
+
+
+# Of films and of the live page, by the names of columns.
+AXES = {
+    'joint_velocity_norm': FigureAxis('joint velocity, norm [rad/s]', 1.0),
+    'joint_acceleration_norm': FigureAxis('joint acceleration, norm [rad/s²]', 10.0),
+    'null_velocity_norm': FigureAxis('null-space velocity, norm [rad/s]', 1.0),
+    'joint_torque_norm': FigureAxis('joint torque, norm [Nm]', 50.0),
+    'task_scaling': FigureAxis('task scaling s', 1.1),
+    'min_singular_value': FigureAxis('smallest singular value', 0.5),
+    'task_error': FigureAxis('distance from the goal [m]', 0.1),
+}
 
 LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits and stops
     'minimum_velocity': '#e69f00',

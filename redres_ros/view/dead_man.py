@@ -1,16 +1,26 @@
-"""The dead-man switch of the page: nothing of the operator's moves the arm unless it is held."""
+"""The dead-man switch of the page: nothing of the operator's moves the arm unless it is held. And
+the connection by which the page's own script holds it.
+"""
 
 import json
 import threading
-from typing import NamedTuple
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from redres_ros.errors import RedresError
+from redres_ros.graph.teleop import WAYS
 
 TIMEOUT = 0.3  # [s] after which a browser that has fallen silent counts as having let go
+PATH = '/teleop'  # of the connection
 
 _LONGEST = 500  # letters of a message
+_SCRIPT = Path(__file__).with_name('teleop.js')
+_REFUSED = 1008  # of WebSocket: a message that breaks the rules
+_BUSY = 'somebody else holds the dead-man switch'
 
 
 class BeatError(RedresError):
@@ -48,7 +58,7 @@ class DeadMan:
             return True
 
     def release(self, who: object) -> None:
-        """Let go, if it is this connection that holds the switch."""
+        """Release the switch, if it is this connection that holds it."""
         with self._lock:
             if self._beat is not None and self._beat.who is who:
                 self._beat = None
@@ -83,3 +93,44 @@ def read_beat(message: str | bytes) -> np.ndarray | None:
     if not all(type(value) in (int, float) and abs(value) <= 1.0 for value in values):
         raise BeatError('expected numbers from -1 to 1')
     return np.array(values, dtype=float)
+
+
+class TeleopChannel:
+    """Takes what the page's script sends, and shows it a line of text."""
+
+    def __init__(self) -> None:
+        self.dead_man = DeadMan()
+        self.rows = 0  # of a task velocity: 3 or 6; 0: nothing can be steered yet
+        self.status: Callable[[], str] = str  # what the operator should know
+
+    @property
+    def script(self) -> bytes:
+        """The element that goes into the page."""
+        keys = {f'Key{key.upper()}': way for key, way in WAYS.items()}
+        text = _SCRIPT.read_text(encoding='utf-8').replace('__KEYS__', json.dumps(keys))
+        return f'<script>{text}</script>'.encode()
+
+    async def serve(self, connection: Any) -> None:
+        """Serve a connection until it ends, which lets the switch go."""
+        await connection.send(json.dumps({'rows': self.rows}))
+        shown = ''
+        try:
+            async for message in connection:
+                text = self._enter(connection, message)
+                if text != shown:
+                    shown = text
+                    await connection.send(json.dumps({'text': text}))
+        except BeatError as error:
+            await connection.close(_REFUSED, str(error))
+        finally:
+            self.dead_man.release(connection)
+
+    def _enter(self, connection: object, message: str | bytes) -> str:
+        """The line to show after a message."""
+        direction = read_beat(message)
+        if direction is None:
+            self.dead_man.release(connection)
+            return ''
+        if not self.dead_man.press(connection, direction, time.monotonic()):
+            return _BUSY
+        return self.status()

@@ -11,15 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from redres_ros.errors import RedresError
 from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.colours import AXES, law_colour
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.render import Film, render
-
-FORMATS = ('.mp4', '.webp', '.gif')
 
 _RATE = {'.mp4': 20.0, '.webp': 12.5, '.gif': 12.5}  # pictures a second
 _FRACTION = {'.mp4': 1.0, '.webp': 0.75, '.gif': 0.6}  # of the size in which the arm is drawn
@@ -29,32 +26,10 @@ _DOTS = 100.0  # a matplotlib inch
 _COMING = '#d9dde3'
 _CURSOR = np.array((214, 39, 40), dtype=np.uint8)
 _PATH = 100  # points of a path at most
-_PLOTTED = {
-    'joint_velocity_norm': 'joint velocity, norm [rad/s]',
-    'joint_acceleration_norm': 'joint acceleration, norm [rad/s²]',
-    'task_scaling': 'task scaling s',
-    'task_error': 'distance from the goal [m]',
-}
 _NORMS = ('joint_velocity_norm', 'joint_acceleration_norm', 'task_scaling')  # of one motion
 _COMPARED_HEIGHT = 0.4  # of the plot of several motions, for that of the arm
 _BANNER = 44  # height [pixels]
 _STOPPED = '#d62728'
-_AT_LEAST = {
-    'joint_velocity_norm': 1.0,
-    'joint_acceleration_norm': 10.0,
-    'task_scaling': 1.1,
-    'task_error': 0.1,
-}
-
-
-class FilmError(RedresError):
-    """A film that cannot be made."""
-
-
-def check_film(path: Path) -> None:
-    """Raise FilmError for a format that is not known."""
-    if path.suffix not in FORMATS:
-        raise FilmError(f'the film {path}; expected a name that ends in {", ".join(FORMATS)}')
 
 
 @dataclass(frozen=True)
@@ -85,15 +60,13 @@ def write_film(
         motions: One, or several that are shown side by side.
         model: Of the arm that moved.
         task: What it was to do.
-        path: Of the file; its ending is one of FORMATS.
+        path: Of the file; its ending is .mp4, .webp or .gif.
         compared: The column that is plotted below several motions.
 
     Raises:
-        FilmError: For another ending.
         RenderError: No picture of the arm can be drawn here.
         FileError: The file cannot be written.
     """
-    check_film(path)
     end = max(motion.recording['t'][-1] for motion in motions)
     start = min(motion.recording['t'][0] for motion in motions)
     times = np.arange(start, end + _LAST, 1.0 / _RATE[path.suffix])
@@ -243,13 +216,13 @@ class _Plots:
 
     def _draw_norm(self, ax: Axes, norm: str, motions: Sequence[FilmedMotion], colour: str) -> None:
         """One norm of every motion, in a colour or, if there is none, in that of its law."""
-        highest = _AT_LEAST[norm]
+        highest = AXES[norm].least
         for motion in motions:
             values = motion.recording[norm]
             highest = max(highest, 1.05 * float(values.max()))
             color = colour or law_colour(motion.law)
             ax.plot(motion.recording['t'], values, color=color, lw=1.6)
-        ax.set_title(_PLOTTED[norm], fontsize=8.5, loc='left')
+        ax.set_title(AXES[norm].title, fontsize=8.5, loc='left')
         ax.set_xlim(self._start, max(self._end, self._start + motions[0].recording.T))
         ax.set_ylim(0.0, highest)
         ax.tick_params(labelsize=7.5)

@@ -10,7 +10,7 @@ from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.operator_topics import TargetPublisher
 from redres_ros.robot_model import RobotModel
 from redres_ros.rotation import from_quaternion, to_quaternion
-from redres_ros.view.bindings import notify
+from redres_ros.view.controls import notify
 from redres_ros.view.scene import ArmScene
 
 _SIZE = 0.25  # of the handle, for an arm that reaches 1 m

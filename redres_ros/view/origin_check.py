@@ -5,6 +5,7 @@ and which name it looked up (Host), so a request from elsewhere is recognised, e
 foreign name was made to point to this computer.
 """
 
+import asyncio
 import contextlib
 import io
 import socket
@@ -17,10 +18,11 @@ from typing import Any
 import viser
 import websockets.asyncio.server
 from viser import _messages
+from viser.infra import _infra
+from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 from redres_ros.errors import RedresError
-from redres_ros.view.teleop_channel import PATH, TeleopChannel
-from redres_ros.view.viser_events import make_thread_safe
+from redres_ros.view.dead_man import PATH, TeleopChannel
 
 ADDRESS = '127.0.0.1'
 PORT = 8080
@@ -43,13 +45,35 @@ _HEADERS = {
     'Cross-Origin-Resource-Policy': 'same-origin',
 }
 
-Responder = Callable[
-    [Any, Any], Any
-]  # (connection, request) to a response; None goes on to the page
+# (connection, request) to a response; None goes on to the page
+_Responder = Callable[[Any, Any], Any]
 
 
 class OriginError(RedresError):
     """A page that cannot be opened, or is not protected."""
+
+
+class LoopEvent(asyncio.Event):
+    """An event that only a running loop sets; from other threads it is left alone.
+
+    viser 1.1 sets an asyncio.Event from whichever thread sends a message, and once more in its own
+    loop. The first may meet a waiter that comes or goes: 'deque mutated during iteration', which
+    ended the page on a busy machine.
+    """
+
+    def set(self) -> None:
+        """Wake those who wait, in the loop's own thread."""
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        super().set()
+
+
+class _SafeBuffer(AsyncMessageBuffer):
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.message_event = LoopEvent()
 
 
 def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) -> str:
@@ -95,7 +119,7 @@ def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> 
     Raises:
         OriginError: It let a foreign request in, as a future viser might.
     """
-    make_thread_safe()
+    _infra.AsyncMessageBuffer = _SafeBuffer  # type: ignore[attr-defined]
     with _guarded(channel), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(ADDRESS, port, label=label, verbose=False)
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
@@ -120,7 +144,7 @@ def _guarded(channel: TeleopChannel | None) -> Iterator[None]:
     serve = module.serve
 
     def serve_guarded(
-        handler: Any, *arguments: Any, process_request: Responder, **options: Any
+        handler: Any, *arguments: Any, process_request: _Responder, **options: Any
     ) -> Any:
         respond = process_request
         if channel is not None:
@@ -143,7 +167,7 @@ def _with_channel(handler: Any, channel: TeleopChannel) -> Any:
     return serve
 
 
-def _with_script(respond: Responder, channel: TeleopChannel) -> Responder:
+def _with_script(respond: _Responder, channel: TeleopChannel) -> _Responder:
     def respond_with_script(connection: Any, request: Any) -> Any:
         if 'Upgrade' in request.headers or request.path.partition('?')[0] not in _PAGE:
             return respond(connection, request)
@@ -158,7 +182,7 @@ def _with_script(respond: Responder, channel: TeleopChannel) -> Responder:
     return respond_with_script
 
 
-def _judging(respond: Responder) -> Responder:
+def _judging(respond: _Responder) -> _Responder:
     def judge(connection: Any, request: Any) -> Any:
         headers = request.headers
         hosts = headers.get_all('Host')

@@ -2,14 +2,14 @@
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import viser
 from viser import uplot
 
 from redres_ros.nodes.controller_snapshot import Figures
-from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.colours import AXES, law_colour
 
 
 class RingBuffer:
@@ -37,7 +37,7 @@ class RingBuffer:
             self._kept.popleft()
 
     def clear(self) -> None:
-        """Forget all."""
+        """Remove all values."""
         self._kept.clear()
 
     @property
@@ -55,22 +55,7 @@ _HEIGHT = 92  # [pixels]
 _ZERO = np.zeros(2)
 
 
-class _Plot(NamedTuple):
-    """A plot of one of the Figures: title, and the range that it shows at least."""
-
-    figure: str
-    title: str
-    least: float
-
-
-_PLOTS = (
-    _Plot('speed', 'joint velocity, norm [rad/s]', 1.0),
-    _Plot('acceleration', 'joint acceleration, norm [rad/s²]', 10.0),
-    _Plot('null_speed', 'null-space velocity, norm [rad/s]', 1.0),
-    _Plot('torque', 'joint torque, norm [Nm]', 50.0),
-    _Plot('scaling', 'task scaling s', 1.05),
-    _Plot('singular_value', 'smallest singular value', 0.5),
-)
+_FIGURES = Figures._fields[1:]  # all but the time
 
 
 class Plots:
@@ -83,12 +68,12 @@ class Plots:
 
     def __init__(self, gui: viser.GuiApi, law: str) -> None:
         self._handles = {}
-        for plot in _PLOTS:
-            self._handles[plot] = gui.add_uplot(
+        for figure in _FIGURES:
+            self._handles[figure] = gui.add_uplot(
                 (_ZERO, _ZERO),
-                _series(plot.figure, law),
-                title=plot.title,
-                scales=_scales(plot.least),
+                _series(figure, law),
+                title=AXES[figure].title,
+                scales=_scales(AXES[figure].least),
                 axes=({'show': False}, {'size': 44, 'font': '10px sans-serif'}),
                 legend=uplot.Legend(show=False),
                 height=_HEIGHT,
@@ -97,8 +82,8 @@ class Plots:
 
     def set_law(self, law: str) -> None:
         """Go over to the colour of another law."""
-        for plot, handle in self._handles.items():
-            handle.series = _series(plot.figure, law)
+        for figure, handle in self._handles.items():
+            handle.series = _series(figure, law)
 
     def show(self, times: np.ndarray, figures: Sequence[Figures]) -> None:
         """Draw figures over time.
@@ -108,18 +93,12 @@ class Plots:
             figures: Over these times, (N,) each.
         """
         seconds = times - times[-1]
-        for plot, handle in self._handles.items():
-            values = np.array([getattr(each, plot.figure) for each in figures])
-            handle.data = (seconds, values)
+        for figure, handle in self._handles.items():
+            handle.data = (seconds, np.array([getattr(each, figure) for each in figures]))
 
 
 def _series(figure: str, law: str) -> tuple[uplot.Series, uplot.Series]:
-    """The time, and a curve.
-
-    Args:
-        figure: What the curve shows.
-        law: Whose colour it has.
-    """
+    """The time, and a figure's curve in the colour of a law."""
     curve: uplot.Series = {'label': figure, 'stroke': law_colour(law), 'width': 1.5}
     return {'label': 't'}, curve
 

@@ -10,7 +10,6 @@ import numpy as np
 import viser
 
 from redres_ros.files.plugins import load_plugins
-from redres_ros.graph.client import GraphClient
 from redres_ros.graph.graph_monitor import NICENESS, WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.settings import points_of
@@ -19,13 +18,11 @@ from redres_ros.nodes.parameters import NONE, declare
 from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
-from redres_ros.view.bindings import Bindings
-from redres_ros.view.controls import add_controls, add_faults
-from redres_ros.view.dead_man import DeadMan
+from redres_ros.view.controls import Bindings, add_controls, add_faults
+from redres_ros.view.dead_man import TeleopChannel
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server
 from redres_ros.view.plots import Plots, RingBuffer
 from redres_ros.view.scene import ArmScene
-from redres_ros.view.teleop_channel import TeleopChannel
 from redres_ros.view.teleoperation import Teleoperation
 from redres_ros.view.words import joint_bars, limits_text, state_text
 
@@ -55,17 +52,22 @@ class Page:
         self._server = server
         self._monitor = monitor
         client = monitor.client
-        values = {'controller': client.parameters('controller'), 'sim': _of_sim(client)}
+        is_fake = client.offers('sim')
+        values = {
+            'controller': client.parameters('controller'),
+            'sim': client.parameters('sim') if is_fake else {},  # none beside a real robot
+        }
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
         self._scene = ArmScene(server, model, points_of(client.parameters('planner'), model))
         self._bindings = Bindings(client, values)
         self._add_seen(values['controller']['law'])
-        self._add_controls()
+        add_controls(server.gui, self._bindings)
+        server.gui.main_panel.dock_right()
         self._teleoperation = Teleoperation(
             server, monitor, self._bindings, self._scene, model, channel.dead_man
         )
-        if values['sim']:
+        if is_fake:
             add_faults(server.gui, self._bindings)
         channel.status = self._teleoperation.status
         channel.rows = self._teleoperation.rows
@@ -112,12 +114,6 @@ class Page:
             with gui.add_folder(f'the last {_PLOTTED:g} seconds'):
                 self._plots = Plots(gui, law)
         seen.dock_left()
-
-    def _add_controls(self) -> None:
-        """What is steered, on the right."""
-        gui = self._server.gui
-        add_controls(gui, self._bindings)
-        gui.main_panel.dock_right()
 
     def _look(self) -> None:
         figures = self._arm.look()
@@ -168,13 +164,6 @@ class Page:
                 self._plots.set_law(str(values['law']))
 
 
-def _of_sim(client: GraphClient) -> dict[str, Any]:
-    """The parameters of the fake robot; none beside a real one."""
-    if not client.offers('sim'):
-        return {}
-    return client.parameters('sim')
-
-
 @dataclass(frozen=True)
 class ViewParameters:
     """Parameters of the node."""
@@ -208,7 +197,7 @@ class ViewNode(GraphMonitor):
         """
         if not self.client.await_nodes(stopped, waiting, self._settings.patience):
             return
-        channel = TeleopChannel(DeadMan())
+        channel = TeleopChannel()
         server = open_server(self._settings.port, 'redres', channel)
         try:
             page = Page(server, self, channel)

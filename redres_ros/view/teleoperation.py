@@ -14,7 +14,7 @@ from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.operator_topics import TwistPublisher
 from redres_ros.nodes.session_topics import MODE, REASON
 from redres_ros.robot_model import RobotModel
-from redres_ros.view.bindings import Bindings, notify
+from redres_ros.view.controls import Bindings, notify
 from redres_ros.view.dead_man import DeadMan
 from redres_ros.view.mouse import LinkPush, TipHandle
 from redres_ros.view.scene import ArmScene
@@ -194,12 +194,7 @@ class Teleoperation:
         self._bindings.set(event, 'controller', values)
 
     def _add_push(self, gui: viser.GuiApi, links: tuple[str, ...]) -> None:
-        """What pushes a link of the fake robot by a button; the mouse has the same largest force.
-
-        Args:
-            gui: Of the page.
-            links: Those that there are.
-        """
+        """Add what pushes a link of the fake robot by a button, with the mouse's largest force."""
         with gui.add_folder('push the fake robot'):
             pushed = self._bindings.values['sim']['push_link']
             link = gui.add_dropdown('link (empty: tip)', ('', *links), initial_value=pushed)

@@ -55,11 +55,7 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
 
 
 def limits_text(report: LimitReport) -> str:
-    """What limits leave of the commanded velocity as HTML, and which way leads out of them.
-
-    Args:
-        report: Of the controller.
-    """
+    """What limits leave of the commanded velocity as HTML, and which way leads out of them."""
     scaling = report.scaling if report.limit else {}
     shown = {_SCALED[name]: min(max(scaling.get(name, 1.0), 0.0), 1.0) for name in _SCALED}
     rows = [
