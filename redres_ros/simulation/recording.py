@@ -149,7 +149,7 @@ def _null_velocities(
     forces = np.linalg.solve(squares[far], dx[..., None])[..., 0]
     null = dq.copy()
     null[far] -= np.einsum('kmi,km->ki', J[far], forces)
-    for k in np.flatnonzero(alone):
+    for k in np.flatnonzero(alone).tolist():
         null[k] = commands[k].null
     return null
 
