@@ -210,18 +210,35 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
     return p
 
 
+@part
+def step_across(search: Search, a: np.ndarray) -> np.ndarray:
+    """As `step` for A = I, where p is what the basis leaves of a - dq, (d,)."""
+    p = np.zeros(len(search.z))
+    for j in range(len(a)):
+        p[j] = a[j] - search.z[j]
+    for _ in range(2):  # once more, for rounding
+        for k in range(search.marks[COUNT, 1]):
+            along = dot(search.Q, k, p)
+            for j in range(len(p)):
+                p[j] -= along * search.Q[k, j]
+    return p
+
+
 # --- one level ------------------------------------------------------------------------------------
 
 
 @inlined
-def minimise(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """Move z to the least |A z - a| within the limits.
+def minimise(
+    search: Search, A: np.ndarray, a: np.ndarray, is_plain: bool
+) -> tuple[np.ndarray, float, bool]:
+    """Move z to the least |A z - a| within the limits, with A = I where it is plain.
 
     Returns:
         The forces of the rows (d,), the least that proves a limit tight, and whether z got there.
     """
     for count in range(MAX_STEPS):
-        i, along = advance(search, step(search, A, a))
+        p = step_across(search, a) if is_plain else step(search, A, a)
+        i, along = advance(search, p)
         if i < len(search.G):
             hold(search, i, along)
             continue
@@ -622,7 +639,7 @@ def hierarchical_qp(
         else:
             ask_for_task(J, dx, task_row, level == first_task, A, a)
             task_row += len(A)
-        force, tight, reached = minimise(search, A, a)
+        force, tight, reached = minimise(search, A, a, level == law and len(W) == 0)
         solved = solved and reached
         if level == first_task:
             for i in range(len(A)):
