@@ -15,9 +15,9 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from redres_ros.errors import FileError, RedresError
-from redres_ros.files.law_names import check_law
 from redres_ros.files.share import share_path
 from redres_ros.files.yaml import read_yaml
+from redres_ros.nodes.entry import check_law
 from redres_ros.robots import choose_arm
 from redres_ros.robots.choice import ALLOWED, names_an_arm
 from redres_ros.robots.urdf import Urdf

@@ -31,9 +31,9 @@ from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor, Sampler
 from redres_ros.graph.settings import ActiveLimits, credible, judge_of, model_of
 from redres_ros.limits import limit_name, make_limits
-from redres_ros.nodes import controller_snapshot
+from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.controller_snapshot import (
+from redres_ros.nodes.controller_telemetry import (
     ControllerSnapshot,
     Figures,
     from_message,
@@ -259,8 +259,8 @@ class SubscribedTelemetry:
 def test_snapshots_are_few_and_hide_no_peak_between_them(
     motion: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(controller_snapshot, 'Telemetry', SubscribedTelemetry)
-    snapshots = controller_snapshot.SnapshotPublisher(SimpleNamespace())
+    monkeypatch.setattr(controller_telemetry, 'Telemetry', SubscribedTelemetry)
+    snapshots = controller_telemetry.SnapshotPublisher(SimpleNamespace())
     for tick, command in enumerate(motion.commands):
         snapshots.see(round((tick + 10**6) * T * 1e9), command)
     published = snapshots._telemetry.messages
@@ -286,7 +286,7 @@ def test_while_the_controller_is_silent_the_arm_is_where_its_states_say(
         arm = live_arm.LiveArm(monitor, values_of(node))
         states = node.create_publisher(JointState, 'joint_states', QoSProfile(depth=1))
         snapshots = node.create_publisher(
-            Float64MultiArray, controller_snapshot.TOPIC, QoSProfile(depth=1)
+            Float64MultiArray, controller_telemetry.TOPIC, QoSProfile(depth=1)
         )
 
         def arrived(publisher: Any, message: Any, q: np.ndarray) -> bool:

@@ -13,8 +13,8 @@ from std_msgs.msg import Float64MultiArray, String
 from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.settings import credible, judge_of, model_of
-from redres_ros.nodes import controller_snapshot
-from redres_ros.nodes.controller_snapshot import ControllerSnapshot, Figures
+from redres_ros.nodes import controller_telemetry
+from redres_ros.nodes.controller_telemetry import ControllerSnapshot, Figures
 from redres_ros.nodes.conversions import JointMapper
 from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
@@ -54,7 +54,7 @@ class LiveArm:
         self._now = 0.0  # [s] of the newest snapshot
         self._received_at = time.monotonic()  # [s] when a snapshot came last
         self._is_silent = False  # then the states are looked at
-        self._samples.add(controller_snapshot.TOPIC, Float64MultiArray, _QUALITY)
+        self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _QUALITY)
 
     def apply(self, changes: Mapping[str, Any]) -> None:
         """Apply changes of the controller's limit parameters.
@@ -75,10 +75,10 @@ class LiveArm:
             Its figures, in their order.
         """
         figures = []
-        for sample in self._samples.take(controller_snapshot.TOPIC):
+        for sample in self._samples.take(controller_telemetry.TOPIC):
             with suppress(RedresError):  # one that no controller would send
                 message = deserialised(sample.data, Float64MultiArray)
-                seen = controller_snapshot.from_message(message, self.model.n)
+                seen = controller_telemetry.from_message(message, self.model.n)
                 self._enter(seen)
                 figures.append(seen.figures)
         self._look_at_states()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from redres_ros.limits import Limit, Limits, gain_names, limit_name, make_limits
-from redres_ros.nodes.controller_snapshot import ControllerSnapshot
+from redres_ros.nodes.controller_telemetry import ControllerSnapshot
 from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
 from redres_ros.planning.waypoints import load_task, task_for

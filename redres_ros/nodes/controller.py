@@ -21,7 +21,7 @@ from redres_ros.loop.null_space_stability import swing_warning
 from redres_ros.loop.settings import LoopSettings, why_it_would_leap
 from redres_ros.loop.twist_buffer import TwistBufferSettings
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.command_publisher import CommandPublisher
+from redres_ros.nodes.controller_telemetry import MotionTelemetry
 from redres_ros.nodes.conversions import JointMapper, TwistTransformer
 from redres_ros.nodes.diagnostics import (
     ERROR,
@@ -32,8 +32,8 @@ from redres_ros.nodes.diagnostics import (
     InputMonitor,
     Watchdog,
 )
+from redres_ros.nodes.forwarding import Forwarding
 from redres_ros.nodes.lifecycle import ManagedNode
-from redres_ros.nodes.motion_telemetry import MotionTelemetry
 from redres_ros.nodes.obstacles import show_obstacles, take_workspace
 from redres_ros.nodes.parameters import (
     NONE,
@@ -43,13 +43,13 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.policy_parameters import PolicyParameters, named
-from redres_ros.nodes.qos import LATCHED, NEWEST, RECENT
+from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sensors import Sensors
 from redres_ros.nodes.session_topics import MODE
 from redres_ros.nodes.stamps import to_nanoseconds
-from redres_ros.nodes.wire import JointSample, JointStateReader, read_twist
+from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, read_twist
 from redres_ros.parameter import param
 from redres_ros.vectors import check_finite
 
@@ -118,8 +118,11 @@ class ControllerNode(ManagedNode):
         self._transformer = TwistTransformer(model, frame)
         self._states = JointStateReader()
         self._joints = JointMapper(model.joint_names, self.get_logger().info)
-        self._commands = CommandPublisher(self, model.joint_names, settings.forward_commands)
-        self._forwarding = self._commands.forwarding
+        self._writer = JointStateWriter(model.joint_names)
+        self._command_publisher = self.create_publisher(JointState, 'joint_command', PUBLISH)
+        self._forwarding: Forwarding | None = None
+        if settings.forward_commands:
+            self._forwarding = Forwarding(self, model.joint_names)
         self._mode_publisher = self.create_publisher(String, MODE, LATCHED)
         self._reported_mode: Mode | None = None
         self._reported_error = ''
@@ -203,7 +206,11 @@ class ControllerNode(ManagedNode):
     def _publish(self, response: Response) -> None:
         # The planner is to know of another scaling before the state after this one.
         self._telemetry.publish_change(response.scaling)
-        self._commands.publish(response.stamp, response.command)
+        command = response.command
+        written = self._writer.written(response.stamp, command.q_ref, command.dq)
+        self._command_publisher.publish(written)
+        if self._forwarding:
+            self._forwarding.publish(command.q_ref)
         self._loop.note_sent(time.monotonic())
         self._telemetry.publish(response, self._controller.law)
 

@@ -10,11 +10,12 @@ from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
-from redres_ros.errors import RedresError
-from redres_ros.files.law_names import check_law
+from redres_ros.errors import RedresError, UnknownNameError
+from redres_ros.files.installed import installed
 from redres_ros.files.remedy import not_installed
 
 _ROS = '--ros-args'
+_LAWS = Path(__file__).parents[1] / 'laws' / '__init__.py'
 _OPTIONS = {'composed': ('--no-sim',)}  # of an executable, before those of ROS
 _REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
 
@@ -77,9 +78,6 @@ def _check_law(arguments: list[str]) -> None:
     """Refuse a mistyped law before its node loads, and compiles, the formulas.
 
     A plugin may add laws; then the node itself decides.
-
-    Args:
-        arguments: What follows the name of the executable.
     """
     given = [word.partition(':=')[::2] for word in arguments]
     for option, file in pairwise(arguments):
@@ -90,6 +88,29 @@ def _check_law(arguments: list[str]) -> None:
     for name, law in given:
         if name == 'law' and law:
             check_law(str(law))
+
+
+def check_law(name: str) -> None:
+    """Refuse a name that is no law's, and that no plugin adds. Raises UnknownNameError.
+
+    The names come from the source of their table: loading it would compile the formulas, which
+    takes a quarter of a minute the first time.
+    """
+    own = _law_names()
+    if name not in own:
+        known = [*own, *installed('laws')]
+        if name not in known:
+            raise UnknownNameError('law', name, known)
+
+
+def _law_names() -> list[str]:
+    """The keys of the table LAWS."""
+    tree = ast.parse(_LAWS.read_text(encoding='utf-8'))
+    [table] = [node.value for node in tree.body if isinstance(node, ast.AnnAssign)]
+    keys = table.keys if isinstance(table, ast.Dict) else []
+    return [
+        key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)
+    ]
 
 
 def _parameters_in(file: Path) -> Iterator[tuple[str, Any]]:

@@ -14,8 +14,6 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
-from redres_ros.kernels.closed_form import is_far
-from redres_ros.laws import make_law
 from redres_ros.loop.limit_report import read
 from redres_ros.nodes.conversions import JointMapper, from_pose
 from redres_ros.nodes.diagnostics import (
@@ -40,16 +38,14 @@ from redres_ros.nodes.task_topics import TaskTopics
 from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, TwistWriter
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
-from redres_ros.planning.progress import ProgressMonitor, Standstill
+from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
 from redres_ros.planning.task_clock import TaskClock
 from redres_ros.planning.task_executor import UNDER_WAY, Step, TaskExecutor, TaskState
 from redres_ros.planning.waypoints import load_task, task_for
-from redres_ros.policy import Policy
-from redres_ros.tasks import make_task
 
 
 @dataclass(frozen=True)
-class PlannerParameters(ListenerParameters):
+class _PlannerParameters(ListenerParameters):
     """Parameters of the node beside those of the arm."""
 
     task: str = param(
@@ -85,7 +81,7 @@ class PlannerNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__('planner')
         self._robot = declare_robot(self)
-        settings = declare(self, PlannerParameters())
+        settings = declare(self, _PlannerParameters())
         self._settings = settings
         self._model = self._robot.model
         name = settings.task
@@ -104,10 +100,9 @@ class PlannerNode(ManagedNode):
             self._T,
             TaskClock(self._T, settings.lockstep, settings.greedy),
             ProgressMonitor(settings.stuck_after, settings.give_up_after),
-            self._robot.task_space,
+            task_space,
         )
-        self._standstill = Standstill()
-        self._any_law = Policy(make_law('minimum_velocity'), make_task(self._robot.task_space))
+        self._unachieved = UnachievedVelocity(self._model, task_space, self._T, END_OF_REACH)
         self._asked: np.ndarray | None = None  # dx of the newest step
         self._stamp = 0  # of the newest state [ns]
         self._q: np.ndarray | None = None  # at the newest state
@@ -157,30 +152,14 @@ class PlannerNode(ManagedNode):
         self._q = q
         if self._markers.wants(stamp):
             self._markers.see(stamp, x, self._model.pose(q, self._model.elbow_frame)[0])
-        unachieved = self._unachieved(stamp, q, x) if self._run.is_due else None
+        unachieved = None
+        if self._run.is_due and self._asked is not None:
+            unachieved = self._unachieved.of(stamp, q, x, self._asked)
         step = self._run.enter_state(stamp, q, x, R, time.monotonic(), unachieved)
         self._stamp = stamp
         self._asked = None if step is None else step.dx
         if step is not None:
             self._publish(step, q, R)
-
-    def _unachieved(self, stamp: int, q: np.ndarray, x: np.ndarray) -> np.ndarray | None:
-        """The part of the last dx that a singularity does not let through at q, as any law; all of
-        it for an arm that has come to rest beside the end of its reach.
-
-        Args:
-            stamp: Of the state [ns].
-            q: (n,) [rad].
-            x: Of the tip, (3,) [m].
-        """
-        asked = self._asked
-        if asked is None:
-            return None
-        state = self._model.unchecked_state(q, np.zeros(self._model.n))
-        rests = self._standstill.enter(stamp, x, float(np.linalg.norm(asked[:3])))
-        if rests and not is_far(state.J[:3], END_OF_REACH):
-            return asked
-        return self._any_law.unconstrained(state, asked, self._T).unachieved
 
     def _publish(self, step: Step, q: np.ndarray, R: np.ndarray) -> None:
         if step.dq is not None:
@@ -227,7 +206,6 @@ class PlannerNode(ManagedNode):
         return f'begins as soon as the robot takes commands; takes {seconds}'
 
     def _task_goal(self) -> Goal:
-        """The joints to the start of the task, then the task."""
         return self._goals.task()
 
     def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -31,7 +31,7 @@ from redres_ros.nodes.real_time import ask_kernel
 
 N = TypeVar('N', bound=Node)
 
-RCLError = rclpy_implementation.RCLError
+_RCLError = rclpy_implementation.RCLError
 
 # environment variable: number of the process without which a node is not to live on
 PARENT = 'REDRES_PARENT'
@@ -40,7 +40,7 @@ _PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
 
 
-class StartError(RedresError):
+class _StartError(RedresError):
     """ROS cannot be started with this environment."""
 
 
@@ -81,7 +81,7 @@ class Waiting(Protocol):
         """
 
 
-class OwnThread:
+class _OwnThread:
     """For a loop beside the thread of the executor."""
 
     sleep = staticmethod(time.sleep)
@@ -147,35 +147,35 @@ def start(arguments: list[str] | None = None) -> None:
     """rclpy.init with our own signal handling, on this host alone and without shared memory unless
     the user asks for it.
 
-    Raises StartError for an environment that cannot work.
+    Raises _StartError for an environment that cannot work.
     """
     discovery.prepare()
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= discovery.HIGHEST_DOMAIN):
-        raise StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {discovery.HIGHEST_DOMAIN}')
+        raise _StartError(f'ROS_DOMAIN_ID is {domain!r}; allowed: 0 to {discovery.HIGHEST_DOMAIN}')
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
-        raise StartError(
+        raise _StartError(
             f'ROS 2 does not start ({type(error).__name__}): {" ".join(str(error).split())}'
         ) from None
 
 
 def _made(make: Callable[[], N]) -> N:
-    """A node. Raises StartError if DDS lacks a resource, such as open files."""
+    """A node. Raises _StartError if DDS lacks a resource, such as open files."""
     try:
         return make()
     except RuntimeError as error:
-        if isinstance(error, RCLError):
+        if isinstance(error, _RCLError):
             raise
-        raise StartError(f'ROS 2 makes no node: {" ".join(str(error).split())}') from None
+        raise _StartError(f'ROS 2 makes no node: {" ".join(str(error).split())}') from None
 
 
 @contextmanager
 def spun(make: Callable[[], N]) -> Iterator[N]:
     """Start ROS and yield a node that is spun in a thread; for programs that listen and ask.
 
-    Raises StartError.
+    Raises RedresError for an environment that cannot work.
     """
     start()
     try:
@@ -212,9 +212,9 @@ def run_nodes(
     A node may have `close()`, called while it can still publish.
 
     Args:
-        makes: make one node each.
-        arguments: the command line; None for that of the process.
-        one_thread: whether the nodes are spun whenever that loop waits, and not in a second thread.
+        makes: Make one node each.
+        arguments: The command line; None for that of the process.
+        one_thread: Whether the nodes are spun whenever that loop waits, and not in a second thread.
 
     Returns:
         The exit status: 0, 1 after an error, or 130 after a signal before the nodes began.
@@ -228,14 +228,12 @@ def run_nodes(
     try:
         start(arguments)
         nodes = [_made(make) for make in makes]
-        _log_compiled(nodes)
-        _log_misspelt(nodes)
-        _log_overruled(nodes, sys.argv if arguments is None else arguments)
+        _log_start(nodes, sys.argv if arguments is None else arguments)
         _spin(nodes, stopped, one_thread)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
-    except (RedresError, RCLError, ParameterException) as error:
-        if isinstance(error, RCLError) and not rclpy.ok():
+    except (RedresError, _RCLError, ParameterException) as error:
+        if isinstance(error, _RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
         print(
             f'{Path(sys.argv[0]).stem}: {" ".join(str(error).split())}', file=sys.stderr, flush=True
@@ -246,30 +244,18 @@ def run_nodes(
     return 0
 
 
-def _log_compiled(nodes: list[Node]) -> None:
-    """Say that what this start waited for is over."""
+def _log_start(nodes: list[Node], arguments: list[str]) -> None:
+    """Log what the start waited for, and which parameters have no effect, each in one line."""
+    logger = nodes[0].get_logger()
     seconds = time_compiling()
     if seconds:
-        nodes[0].get_logger().info(f'compiled the formulas in {seconds:.0f} s')
-
-
-def _log_misspelt(nodes: list[Node]) -> None:
-    """Say, in one line, which parameters were set that no node has."""
+        logger.info(f'compiled the formulas in {seconds:.0f} s')
     meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
     if meant:
-        nodes[0].get_logger().warning(f'no parameter {", ".join(meant)}; it changes nothing')
-
-
-def _log_overruled(nodes: list[Node], arguments: list[str]) -> None:
-    """Say, in one line, which parameters of the command line a file has set otherwise.
-
-    Args:
-        nodes: All of the process.
-        arguments: Of the command line.
-    """
+        logger.warning(f'no parameter {", ".join(meant)}; it changes nothing')
     lost = [f'{name}: {how}' for name, how in overruled(nodes, arguments).items()]
     if lost:
-        nodes[0].get_logger().warning(
+        logger.warning(
             f'{"; ".join(lost)}: use the key /** in that file, and put -p after --params-file'
         )
 
@@ -296,7 +282,7 @@ def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None
             loop(stopped, spinner)
         elif loop:
             with _spinning(spinner, stopped):
-                loop(stopped, OwnThread())
+                loop(stopped, _OwnThread())
         else:
             spinner.spin()
     finally:

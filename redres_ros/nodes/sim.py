@@ -42,7 +42,7 @@ from redres_ros.nodes.parameters import (
 from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
-from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
+from redres_ros.nodes.session_topics import SessionTopics
 from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.nodes.wire import EncodingError, JointStateReader, JointStateWriter, stamp_of
@@ -51,7 +51,7 @@ from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 
 # stamp of the first state in lock-step [ns]; a stamp of zero would mean now
-LOCKSTEP_EPOCH = NANOSECONDS
+_LOCKSTEP_EPOCH = NANOSECONDS
 
 # Fraction of a cycle left to the client before the arm moves on: the two would compete for the
 # processor.
@@ -61,7 +61,7 @@ _ASK_AGAIN = 0.05  # [s] after which a state without a command is sent again: it
 
 
 @dataclass(frozen=True)
-class SimParameters(LoopParameters):
+class _SimParameters(LoopParameters):
     """Parameters of the node beside those of the arm, its physics, the session and the guard."""
 
     plant: str = param(
@@ -105,7 +105,7 @@ class SimNode(ManagedNode):
             )
         self._description = declare_robot(self, is_the_robot=True)
         arm = self._description.arm
-        self._settings = declare(self, SimParameters(start=arm.start))
+        self._settings = declare(self, _SimParameters(start=arm.start))
         period = 1.0 / self._settings.rate
         faults = declare(self, Faults())
         seed = self._settings.fault_seed
@@ -120,7 +120,7 @@ class SimNode(ManagedNode):
         self._robot = FakeRobot(self._plant, guard, self._session)
         self._refusals = InputMonitor(self)
         self._reported_refusal: CommandError | None = None
-        epoch = LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
+        epoch = _LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
         self._states: NetworkModel[bytes] = NetworkModel(f'{seed} states', faults.states)
@@ -160,13 +160,7 @@ class SimNode(ManagedNode):
             self, {}, {'wrench': WrenchStamped, 'external_torques': JointState}
         )
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
-        # The reason comes first: a subscriber that receives the end of a session knows why.
-        self._session_publishers = {
-            topic: self.create_publisher(String, topic, LATCHED)
-            for topic in (REASON, SESSION, QUALITY)
-        }
-        self._published: dict[str, str] = {}  # the newest value of each of these
-        self._publish_session()
+        self._session_topics = SessionTopics(self, self._session)
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
         self._diagnostics = Diagnostics(self, self._description.name, self._health)
@@ -207,7 +201,7 @@ class SimNode(ManagedNode):
                 self._robot.reset()
             self._robot.advance(*commands)
             self._report_refusals()
-            self._publish_session()
+            self._session_topics.publish()
             if self._settings.lockstep:
                 # The command may have come already, in this thread; services still need a turn.
                 waiting.sleep(0.0)
@@ -218,21 +212,6 @@ class SimNode(ManagedNode):
     def close(self) -> None:
         """Publish the final figures."""
         self._diagnostics.publish()
-
-    def _publish_session(self) -> None:
-        """Publish what has changed since the last call; a stop gets a line in the log, too."""
-        session = self._session
-        values = {
-            REASON: session.reason,
-            SESSION: session.state.value,
-            QUALITY: session.quality.name,
-        }
-        if session.reason and session.reason != self._published.get(REASON):
-            self.get_logger().error(session.reason)
-        for topic, value in values.items():
-            if value != self._published.get(topic):
-                self._published[topic] = value
-                self._session_publishers[topic].publish(String(data=value))
 
     def _publish_state(self) -> None:
         tick = self._robot.tick
@@ -304,7 +283,7 @@ class SimNode(ManagedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
         self._reset_wanted = True
-        self._published.clear()  # all is published again: a message may have been lost
+        self._session_topics.repeat()
         response.success = True
         response.message = (
             f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'

@@ -1,6 +1,12 @@
-"""Detects a motion without progress, by the remaining time of its segment and by its error."""
+"""Detects a motion without progress, and what a singularity keeps back of its velocity."""
 
 import numpy as np
+
+from redres_ros.kernels.closed_form import is_far
+from redres_ros.laws import make_law
+from redres_ros.policy import Policy
+from redres_ros.robot_model import RobotModel
+from redres_ros.tasks import make_task
 
 _STEP = 0.05  # [s] of the segment's time that count as progress
 _FRACTION = 0.9  # of the error at the end of a segment's time, below which it has become smaller
@@ -85,3 +91,36 @@ class Standstill:
             self._since = stamp
             self._x = x
         return self._rests
+
+
+class UnachievedVelocity:
+    """The part of a task velocity that a singularity does not let through, whatever the law.
+
+    Args:
+        model: The arm.
+        task_space: 'position' or 'pose'.
+        T: Sampling time [s].
+        end_of_reach: The smallest singular value there, relative to the largest one.
+    """
+
+    def __init__(self, model: RobotModel, task_space: str, T: float, end_of_reach: float) -> None:
+        self._model = model
+        self._T = T
+        self._end_of_reach = end_of_reach
+        self._policy = Policy(make_law('minimum_velocity'), make_task(task_space))
+        self._standstill = Standstill()
+
+    def of(self, stamp: int, q: np.ndarray, x: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        """That part, (m,); all of it for an arm that has come to rest beside the end of its reach.
+
+        Args:
+            stamp: Of the state [ns].
+            q: Joint positions, (n,) [rad].
+            x: Of the tip, (3,) [m].
+            asked: Task velocity, (m,) [m/s], [rad/s].
+        """
+        state = self._model.unchecked_state(q, np.zeros(self._model.n))
+        rests = self._standstill.enter(stamp, x, float(np.linalg.norm(asked[:3])))
+        if rests and not is_far(state.J[:3], self._end_of_reach):
+            return asked
+        return self._policy.unconstrained(state, asked, self._T).unachieved

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from redres_ros.nodes.controller_snapshot import Figures
+from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.simulation.colours import AXES, law_colour
 
 

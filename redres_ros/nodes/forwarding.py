@@ -1,51 +1,21 @@
-"""The command topics of a robot: joint_command, and that of ros2_control's
-forward_position_controller.
-"""
+"""Commands for ros2_control: the topic of its forward_position_controller."""
 
 import time
 from collections.abc import Sequence
 
+import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.task import Future
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from redres_ros.command import Command
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.qos import PUBLISH
-from redres_ros.nodes.wire import JointStateWriter
 
 _CONTROLLER = 'forward_position_controller'
 _LOOK = 0.1  # [s] between checks of the subscribers
 _PATIENCE = 2.0  # [s] to wait for the parameters of a subscriber, which may have none
 _ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
-
-
-class CommandPublisher:
-    """Publishes joint references, each with the stamp of its state.
-
-    Args:
-        node: Publishes.
-        names: Of the joints.
-        forward: Whether ros2_control's forward_position_controller gets the positions, too.
-    """
-
-    def __init__(self, node: Node, names: Sequence[str], forward: bool) -> None:
-        self._writer = JointStateWriter(names)
-        self._publisher = node.create_publisher(JointState, 'joint_command', PUBLISH)
-        self.forwarding = Forwarding(node, names) if forward else None
-
-    def publish(self, stamp: int, command: Command) -> None:
-        """Publish a tick's reference.
-
-        Args:
-            stamp: Of the state [ns].
-            command: Its response.
-        """
-        self._publisher.publish(self._writer.written(stamp, command.q_ref, command.dq))
-        if self.forwarding:
-            self.forwarding.publish(command.q_ref.tolist())
 
 
 class Forwarding:
@@ -76,14 +46,10 @@ class Forwarding:
         """Whether there is a subscriber whose order of joints is unknown or wrong."""
         return not self._is_confirmed and self._publisher.get_subscription_count() > 0
 
-    def publish(self, positions: list[float]) -> None:
-        """Forward a reference, if the order of its joints is known to be right.
-
-        Args:
-            positions: Of the joints, from base to tip, (n,) [rad].
-        """
+    def publish(self, q_ref: np.ndarray) -> None:
+        """Forward a reference (n,) [rad], if the order of its joints is known to be right."""
         if self._is_confirmed:
-            self._publisher.publish(Float64MultiArray(data=positions))
+            self._publisher.publish(Float64MultiArray(data=q_ref.tolist()))
 
     def _forget(self) -> None:
         """There is no subscriber: the next one may have another order."""
@@ -124,9 +90,6 @@ class Forwarding:
     def _go_without(self, now: float) -> None:
         """Forward to a subscriber without parameters. Those of ros2_control's own controller may
         be discovered later than its subscription.
-
-        Args:
-            now: [s].
         """
         ends = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
         is_of_ros2_control = any(end.node_name == _CONTROLLER for end in ends)
