@@ -50,9 +50,10 @@ def test_a_misspelt_parameter_is_reported_in_one_line(node, monkeypatch):
 
     class Log:
         warning = lines.append
+        info = print  # of what was compiled
 
     monkeypatch.setattr(node, 'get_logger', Log)
-    runtime._log_misspelt([node])
+    runtime._log_start([node], [])
     (line,) = lines
     assert 'limit_scael' in line and 'limit_scale' in line and '\n' not in line
     assert 'exposure' not in line

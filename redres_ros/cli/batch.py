@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.parser import add_command
+from redres_ros.cli.parser import add_command, option
 
 if TYPE_CHECKING:
     from redres_ros.simulation.batch import Result
@@ -18,15 +18,9 @@ def add(commands: Any) -> None:
     batch = add_command(
         commands, 'batch', 'many motions on all processors, without ROS', 'study.yaml'
     )
-    batch.add_argument(
-        'file', type=Path, metavar='FILE.yaml', help='fields of a case; lists are combined'
-    )
-    batch.add_argument(
-        '--out',
-        type=Path,
-        metavar='FILE.csv|FILE.parquet',
-        help='where results go; those that it holds are not computed again; default: FILE.csv',
-    )
+    option(batch, 'file', 'FILE.yaml', 'fields of a case; lists are combined', type=Path)
+    out = 'where results go; those that it holds are not computed again; default: FILE.csv'
+    option(batch, '--out', 'FILE.csv|FILE.parquet', out, type=Path)
     batch.set_defaults(run=_batch)
 
 

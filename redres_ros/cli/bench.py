@@ -7,7 +7,7 @@ from typing import Any
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import add_out
-from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import RangeError, UnknownNameError
 
 _ROUNDS = 100.0  # of the ticks, per second of --duration
@@ -26,24 +26,14 @@ def add(commands: Any) -> None:
         '--only teleoperation  # simulated operators, about an hour; without ROS',
         '--only loop --rates 500',
     )
-    bench.add_argument(
-        '--only',
-        default=_USUAL,
-        metavar='A,B,...',
-        help=f'parts to measure: {", ".join(_PARTS)}; default: {_USUAL}',
+    duration = (
+        'time for which each kind of loop is measured at each rate [s]; the ticks scale, and '
+        f'each operator steers for {_OPERATED:g} times that'
     )
-    bench.add_argument(
-        '--duration',
-        type=float,
-        default=3.0,
-        metavar='S',
-        help='time for which each kind of loop is measured at each rate [s]; the ticks scale, and '
-        f'each operator steers for {_OPERATED:g} times that',
-    )
-    bench.add_argument(
-        '--seeds', type=int, default=1, metavar='N', help='runs of each operator; default: 1'
-    )
-    bench.add_argument('--rates', default='250,500,1000', metavar='HZ,...', help='of the loop')
+    option(bench, '--only', 'A,B,...', f'parts to measure: {", ".join(_PARTS)}', _USUAL)
+    option(bench, '--duration', 'S', duration, 3.0)
+    option(bench, '--seeds', 'N', 'runs of each operator', 1)
+    option(bench, '--rates', 'HZ,...', 'of the loop', '250,500,1000')
     add_out(bench, 'redres_bench', 'bench.json and logs')
     bench.set_defaults(run=_bench)
 

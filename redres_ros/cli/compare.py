@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import DEMO_LIMITS, add_loop, add_motion, add_out
-from redres_ros.cli.parser import NONE, OptionError, add_command
+from redres_ros.cli.parser import NONE, OptionError, add_command, option
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
@@ -61,15 +61,10 @@ def add(commands: Any) -> None:
     )
     add_motion(compare, several_laws=_LAWS)
     many = compare.add_argument_group('many tasks')
-    many.add_argument(
-        '--tasks', type=int, metavar='N', help='compare on this many random tasks instead of one'
-    )
-    many.add_argument(
-        '--kind',
-        metavar='KIND|FILE.yaml,...',
-        help='of these tasks: random (default), near_singular, long (a minute there and back), or '
-        'task files',
-    )
+    tasks = 'compare on this many random tasks instead of one'
+    kinds = 'random (default), near_singular, long (a minute there and back), or task files'
+    option(many, '--tasks', 'N', tasks, type=int)
+    option(many, '--kind', 'KIND|FILE.yaml,...', f'of these tasks: {kinds}')
     loop = add_loop(compare)
     add_out(loop, 'redres_compare', 'plots and data', plots=True)
     compare.set_defaults(run=_compare)

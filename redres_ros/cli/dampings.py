@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from redres_ros.cli.options import add_laws, add_out, add_robot
-from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import RangeError
 
 _LAWS = 'minimum_acceleration'
@@ -22,10 +22,8 @@ def add(commands: Any) -> None:
     )
     add_robot(dampings, 'lwr4_paper')
     add_laws(dampings, _LAWS, 'names of `redres laws`')
-    dampings.add_argument('--tasks', type=int, default=200, metavar='N', help='random tasks')
-    dampings.add_argument(
-        '--period', type=float, default=0.005, metavar='S', help='sampling time T [s]'
-    )
+    option(dampings, '--tasks', 'N', 'random tasks', 200)
+    option(dampings, '--period', 'S', 'sampling time T [s]', 0.005)
     add_out(dampings, 'redres_dampings', 'the picture', plots=True)
     dampings.set_defaults(run=_dampings)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
 from redres_ros.cli.options import DEMO_LIMITS, add_motion, add_out, check_duration
-from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
@@ -20,13 +20,7 @@ if TYPE_CHECKING:
 _SWITCHES = (0.0, 1e6)  # [s] after the task began
 _TELEOP = 60.0  # [s] for which an operator steers
 _WIDTH = 100  # columns of what is said in sentences
-_LOGS = (
-    'sim.log',
-    'controller.log',
-    'planner.log',
-    'operator.log',
-    'composed.log',
-)  # what the nodes print
+_LOGS = [f'{name}.log' for name in ('sim', 'controller', 'planner', 'operator', 'composed')]
 
 
 def add(commands: Any) -> None:
@@ -45,76 +39,43 @@ def add(commands: Any) -> None:
     )
     add_motion(demo, limits=DEMO_LIMITS)
     _add_run(demo.add_argument_group('run'))
-    _add_pages(demo.add_argument_group('what shows it while it runs'))
-    _add_files(demo.add_argument_group('files'))
+    _add_results(demo)
     demo.set_defaults(run=_demo)
 
 
 def _add_run(group: Any) -> None:
     """How the nodes run, and for how long."""
-    group.add_argument(
-        '--period', type=float, default=0.002, metavar='S', help='sampling time T [s]'
+    plant = 'physics, or an ideal arm that follows every command exactly'
+    lockstep = 'as fast as it goes and deterministic, instead of in real time'
+    duration = 'repeat the task for so long, by default the one named side_to_side; 0: once'
+    teleop = (
+        'in place of a task, a simulated operator steers the tip to goals, who does not know the '
+        f'joints; for --duration, by default {_TELEOP:g} s'
     )
-    group.add_argument(
-        '--switch',
-        action='append',
-        metavar='LAW@SECONDS',
-        help='switch the law on the way; may be repeated',
-    )
-    group.add_argument(
-        '--plant',
-        default='mujoco',
-        choices=('mujoco', 'ideal'),
-        help='physics, or an ideal arm that follows every command exactly',
-    )
-    group.add_argument(
-        '--lockstep',
-        action='store_true',
-        help='as fast as it goes and deterministic, instead of in real time',
-    )
+    domain = 'ROS domain; default: one that nobody uses on this machine'
+    switch = 'switch the law on the way; may be repeated'
+    option(group, '--period', 'S', 'sampling time T [s]', 0.002)
+    option(group, '--switch', 'LAW@SECONDS', switch, action='append')
+    option(group, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))
+    group.add_argument('--lockstep', action='store_true', help=lockstep)
     group.add_argument('--composed', action='store_true', help='the three nodes in one process')
-    group.add_argument(
-        '--duration',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='repeat the task for so long, by default the one named side_to_side; 0: once',
-    )
-    group.add_argument(
-        '--teleop',
-        action='store_true',
-        help='in place of a task, a simulated operator steers the tip to goals, who does not know '
-        f'the joints; for --duration, by default {_TELEOP:g} s',
-    )
-    group.add_argument(
-        '--domain',
-        type=int,
-        metavar='ID',
-        help='ROS domain; default: one that nobody uses on this machine',
-    )
+    option(group, '--duration', 'S', duration, 0.0)
+    group.add_argument('--teleop', action='store_true', help=teleop)
+    option(group, '--domain', 'ID', domain, type=int)
 
 
-def _add_pages(group: Any) -> None:
-    """Where one can look at the arm."""
-    group.add_argument(
-        '--view',
-        action='store_true',
-        help='a page in the browser, to see and steer the nodes, which stay until Ctrl-C',
+def _add_results(parser: Any) -> None:
+    """What shows the run, and what is kept of it."""
+    view = 'a page in the browser, to see and steer the nodes, which stay until Ctrl-C'
+    save = (
+        'by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in any '
+        'browser (.html), or all messages of the nodes (.mcap); may be several'
     )
-
-
-def _add_files(group: Any) -> None:
-    """What is kept of the run."""
-    add_out(group, 'redres_demo', 'plot, data and logs')
-    group.add_argument(
-        '--save',
-        type=Path,
-        nargs='+',
-        action='extend',
-        metavar='FILE',
-        help='by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in '
-        'any browser (.html), or all messages of the nodes (.mcap); may be several',
-    )
+    shown = parser.add_argument_group('what shows it while it runs')
+    shown.add_argument('--view', action='store_true', help=view)
+    files = parser.add_argument_group('files')
+    add_out(files, 'redres_demo', 'plot, data and logs')
+    option(files, '--save', 'FILE', save, type=Path, nargs='+', action='extend')
 
 
 def _demo(options: argparse.Namespace) -> int:

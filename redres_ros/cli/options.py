@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from redres_ros.cli.parser import NONE, Parser
+from redres_ros.cli.parser import NONE, Parser, option
 from redres_ros.errors import RangeError, quoted
 
 DEMO_LIMITS = 'position,velocity,acceleration'
@@ -25,28 +25,21 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
         several_laws: The laws that are compared unless others are named; empty: there is one law.
         limits: Those that are in force unless others are named.
     """
-    _add_arm(parser.add_argument_group('arm and task'))
+    arm = parser.add_argument_group('arm and task')
+    points = "points to pass; default: rectangle, or with --robot that robot's own"
+    option(arm, '--task', 'NAME|FILE.yaml', points)
+    add_robot(arm)
     law = parser.add_argument_group('law')
     if several_laws:
         each = 'names from `redres laws`, each with a damping of its own if wanted, '
         add_laws(law, several_laws, f'{each}as minimum_acceleration@5')
     else:
-        law.add_argument(
-            '--law', default='minimum_acceleration', metavar='NAME', help='see `redres laws`'
-        )
-    _add_damping(law)
-    _add_additions(law)
+        option(law, '--law', 'NAME', 'see `redres laws`', 'minimum_acceleration')
+    damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
+    option(law, '--damping', 'K_D', damping, type=float)
+    _add_lists(law)
     _add_limits(parser.add_argument_group('limits'), limits)
     parser.declare_later(_add_gains)
-
-
-def _add_arm(group: Any) -> None:
-    group.add_argument(
-        '--task',
-        metavar='NAME|FILE.yaml',
-        help="points to pass; default: rectangle, or with --robot that robot's own",
-    )
-    add_robot(group)
 
 
 def add_robot(group: Any, default: str | None = None) -> None:
@@ -56,28 +49,13 @@ def add_robot(group: Any, default: str | None = None) -> None:
         group: Of the subcommand's options.
         default: The robot; None: that of the task.
     """
-    group.add_argument(
-        '--robot',
-        default=default,
-        metavar='NAME|FILE.urdf',
-        help='see `redres laws`, or any serial arm',
-    )
-    group.add_argument(
-        '--tip',
-        metavar='FRAME',
-        help="link that carries out the task; default: the robot's own, of a file the last link",
-    )
-    group.add_argument(
-        '--elbow',
-        metavar='FRAME',
-        help="link that counts as the elbow; default: the robot's own, of a file its middle joint",
-    )
-    group.add_argument(
-        '--dynamics',
-        default='identified',
-        metavar='NAME',
-        help="inertias: identified, or cylinders (the paper's Section 5.2)",
-    )
+    tip = "link that carries out the task; default: the robot's own, of a file the last link"
+    elbow = "link that counts as the elbow; default: the robot's own, of a file its middle joint"
+    dynamics = "inertias: identified, or cylinders (the paper's Section 5.2)"
+    option(group, '--robot', 'NAME|FILE.urdf', 'see `redres laws`, or any serial arm', default)
+    option(group, '--tip', 'FRAME', tip)
+    option(group, '--elbow', 'FRAME', elbow)
+    option(group, '--dynamics', 'NAME', dynamics, 'identified')
 
 
 def add_laws(group: Any, default: str, says: str) -> None:
@@ -88,62 +66,27 @@ def add_laws(group: Any, default: str, says: str) -> None:
         default: The laws, unless others are named.
         says: What can be named.
     """
-    group.add_argument('--law', dest='laws', default=default, metavar='A,B,...', help=says)
+    option(group, '--law', 'A,B,...', says, default, dest='laws')
 
 
-def _add_damping(group: Any) -> None:
-    group.add_argument(
-        '--damping',
-        type=float,
-        metavar='K_D',
-        help='null-space damping k_d [1/s], 0 to 1/T; default: 10',
-    )
-
-
-def _add_additions(group: Any) -> None:
-    group.add_argument(
-        '--prefer',
-        nargs='+',
-        action='extend',
-        metavar='NAME[=GAIN]',
-        help='preferences in the null space, such as joint_centering=4',
-    )
-    group.add_argument(
-        '--secondary',
-        nargs='+',
-        action='extend',
-        metavar='NAME',
-        help='secondary tasks, in order of priority; orientation: keep the initial orientation',
-    )
+def _add_lists(group: Any) -> None:
+    prefer = 'preferences in the null space, such as joint_centering=4'
+    secondary = 'secondary tasks, in order of priority; orientation: keep the initial orientation'
+    option(group, '--prefer', 'NAME[=GAIN]', prefer, nargs='+', action='extend')
+    option(group, '--secondary', 'NAME', secondary, nargs='+', action='extend')
 
 
 def _add_limits(group: Any, default: str) -> None:
-    group.add_argument(
-        '--limits',
-        default=default,
-        metavar='A,B,...',
-        help=f'limits to keep, such as position,velocity,acceleration; {NONE}: the law alone',
+    limits = f'limits to keep, such as position,velocity,acceleration; {NONE}: the law alone'
+    scale = 'fraction of the velocity and acceleration limits to use'
+    scaling = (
+        'what limits scale: the task velocity as a whole, or translation and rotation separately, '
+        'for teleoperation; default: task, in a demo components for teleoperation'
     )
-    group.add_argument(
-        '--limit-scale',
-        type=float,
-        default=1.0,
-        metavar='X',
-        help='fraction of the velocity and acceleration limits to use',
-    )
-    group.add_argument(
-        '--torque-scale',
-        type=float,
-        default=1.0,
-        metavar='X',
-        help='fraction of the torque limits to use',
-    )
-    group.add_argument(
-        '--scaling',
-        choices=('task', 'components'),
-        help='what limits scale: the task velocity as a whole, or translation and rotation '
-        'separately, for teleoperation; default: task, in a demo components for teleoperation',
-    )
+    option(group, '--limits', 'A,B,...', limits, default)
+    option(group, '--limit-scale', 'X', scale, 1.0)
+    option(group, '--torque-scale', 'X', 'fraction of the torque limits to use', 1.0)
+    option(group, '--scaling', None, scaling, choices=('task', 'components'))
 
 
 def _add_gains(parser: Parser, words: Sequence[str]) -> None:
@@ -169,9 +112,7 @@ def _concerns_limits(word: str) -> bool:
 def add_loop(parser: Parser) -> Any:
     """The group of options of the ideal loop, which has --period."""
     loop = parser.add_argument_group('loop')
-    loop.add_argument(
-        '--period', type=float, default=0.001, metavar='S', help='sampling time T [s]'
-    )
+    option(loop, '--period', 'S', 'sampling time T [s]', 0.001)
     loop.add_argument(
         '--greedy',
         action='store_true',
@@ -194,24 +135,18 @@ def add_out(group: Any, default: str, says: str, *, plots: bool = False) -> None
     if plots:
         metavar += '|FILE.pdf|FILE.svg'
         meaning += '; or only the plots, at the width of a column (3.5 in)'
-    group.add_argument('--out', type=Path, default=Path(default), metavar=metavar, help=meaning)
+    option(group, '--out', metavar, meaning, Path(default))
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
     """--domain of nodes that are running already."""
-    parser.add_argument(
-        '--domain',
-        type=int,
-        metavar='ID',
-        help='ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID',
-    )
+    says = 'ROS domain of a running `redres demo`; default: ROS_DOMAIN_ID'
+    option(parser, '--domain', 'ID', says, type=int)
 
 
 def add_watching_time(parser: argparse.ArgumentParser) -> None:
     """--duration of commands that observe nodes."""
-    parser.add_argument(
-        '--duration', type=float, metavar='S', help='end after this time; default: with Ctrl-C'
-    )
+    option(parser, '--duration', 'S', 'end after this time; default: with Ctrl-C', type=float)
 
 
 def check_duration(duration: float | None) -> None:
@@ -222,13 +157,8 @@ def check_duration(duration: float | None) -> None:
 
 def add_namespace(parser: argparse.ArgumentParser) -> None:
     """--namespace of nodes that are running already."""
-    parser.add_argument(
-        '--namespace',
-        type=_namespace,
-        default='',
-        metavar='NAME',
-        help='namespace of the arm, where there are several; default: none',
-    )
+    says = 'namespace of the arm, where there are several; default: none'
+    option(parser, '--namespace', 'NAME', says, '', type=_namespace)
 
 
 def topic_name(text: str) -> str:
@@ -241,13 +171,7 @@ def _namespace(text: str) -> str:
 
 
 def _checked_name(text: str, pattern: str, expected: str) -> str:
-    """A name of the graph as it is. Raises argparse's own error.
-
-    Args:
-        text: The name.
-        pattern: What it has to match.
-        expected: The same in words.
-    """
+    """A name of the graph as it is; it must match a pattern. Raises argparse's own error."""
     if not re.fullmatch(pattern, text, re.ASCII):
         raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}')
     if len(text) > _LONGEST_NAME:

@@ -115,6 +115,26 @@ def add_command(commands: Any, name: str, says: str, *examples: str) -> Parser:
     return command
 
 
+def option(
+    group: Any, name: str, metavar: str | None, says: str, default: Any = None, **others: Any
+) -> None:
+    """Declare an option with a value, of the type of its default.
+
+    Args:
+        group: A parser, or a group of its options.
+        name: Such as '--period'.
+        metavar: Stands for the value in the help; None for the name's, or for choices.
+        says: What it means.
+        default: Its value when it is not given.
+        **others: As add_argument takes them, such as the type where there is no default.
+    """
+    kind: type | None = type(default) if isinstance(default, (int, float)) else None
+    if isinstance(default, Path):
+        kind = Path
+    declared = {'type': kind, 'metavar': metavar, 'default': default, 'help': says}
+    group.add_argument(name, **{**declared, **others})
+
+
 def _read_text(text: str) -> str:
     if not text:
         raise argparse.ArgumentTypeError('got nothing; expected a name')

@@ -6,7 +6,7 @@ from typing import Any
 
 from redres_ros.cli.files import prepare
 from redres_ros.cli.options import add_domain, add_watching_time, check_duration, topic_name
-from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.cli.parser import OptionError, add_command, option
 
 _SUFFIX = '.mcap'
 
@@ -20,17 +20,10 @@ def add(commands: Any) -> None:
         'run.mcap --duration 60',
         'run.mcap --topics joint_states,joint_command --domain 42',
     )
-    record.add_argument(
-        'file', type=Path, metavar=f'FILE{_SUFFIX}', help='overwritten if it exists'
-    )
+    option(record, 'file', f'FILE{_SUFFIX}', 'overwritten if it exists', type=Path)
     add_watching_time(record)
-    record.add_argument(
-        '--topics',
-        type=_topic_names,
-        default=(),
-        metavar='A,B,...',
-        help='those that are recorded; default: all that there are',
-    )
+    topics = 'those that are recorded; default: all that there are'
+    option(record, '--topics', 'A,B,...', topics, (), type=_topic_names)
     add_domain(record)
     record.set_defaults(run=_record)
 

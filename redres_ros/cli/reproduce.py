@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 from redres_ros.cli.options import add_out
-from redres_ros.cli.parser import add_command
+from redres_ros.cli.parser import add_command, option
 
 
 def add(commands: Any) -> None:
@@ -17,13 +17,8 @@ def add(commands: Any) -> None:
         '--out figures',
         'contact # what the package promises about contact',
     )
-    reproduce.add_argument(
-        'what',
-        nargs='?',
-        choices=('paper', 'contact'),
-        default='paper',
-        help="the paper's claims, or those of this package on contact",
-    )
+    what = "the paper's claims, or those of this package on contact"
+    option(reproduce, 'what', None, what, 'paper', nargs='?', choices=('paper', 'contact'))
     add_out(reproduce, 'redres_reproduce', 'figures and table')
     reproduce.set_defaults(run=_reproduce)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.options import add_loop, add_motion
-from redres_ros.cli.parser import add_command
+from redres_ros.cli.parser import add_command, option
 from redres_ros.errors import RangeError
 
 
@@ -21,26 +21,11 @@ def add(commands: Any) -> None:
     )
     add_motion(simulate)
     loop = add_loop(simulate)
-    loop.add_argument(
-        '--switching', metavar='RULE', help="at_rest or within_tolerance; default: the task's own"
-    )
-    loop.add_argument(
-        '--switch-time',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='blend the start over this time [s]',
-    )
-    loop.add_argument(
-        '--delay',
-        type=int,
-        default=0,
-        metavar='TICKS',
-        help='the arm uses each reference this many ticks late',
-    )
-    loop.add_argument(
-        '--out', type=Path, metavar='FILE.csv', help='write every tick at full precision'
-    )
+    switching = "at_rest or within_tolerance; default: the task's own"
+    option(loop, '--switching', 'RULE', switching)
+    option(loop, '--switch-time', 'S', 'blend the start over this time [s]', 0.0)
+    option(loop, '--delay', 'TICKS', 'the arm uses each reference this many ticks late', 0)
+    option(loop, '--out', 'FILE.csv', 'write every tick at full precision', type=Path)
     simulate.set_defaults(run=_simulate)
 
 

@@ -1,10 +1,12 @@
 """`redres teleop`: move the tip of a running arm by keys."""
 
 import argparse
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from redres_ros.cli.options import add_domain, add_namespace
-from redres_ros.cli.parser import add_command
+from redres_ros.cli.parser import add_command, option
 
 
 def add(commands: Any) -> None:
@@ -16,17 +18,9 @@ def add(commands: Any) -> None:
         '--speed 0.02  # slowly',
         '--frame tool0 --domain 42  # along the axes of the tool',
     )
-    teleop.add_argument(
-        '--speed', type=float, default=0.05, metavar='X', help='of a key that moves [m/s]'
-    )
-    teleop.add_argument(
-        '--turn', type=float, default=0.3, metavar='X', help='of a key that turns [rad/s]'
-    )
-    teleop.add_argument(
-        '--frame',
-        metavar='FRAME',
-        help='link along whose axes the keys move; default: the base',
-    )
+    option(teleop, '--speed', 'X', 'of a key that moves [m/s]', 0.05)
+    option(teleop, '--turn', 'X', 'of a key that turns [rad/s]', 0.3)
+    option(teleop, '--frame', 'FRAME', 'link along whose axes the keys move; default: the base')
     add_domain(teleop)
     add_namespace(teleop)
     teleop.set_defaults(run=_teleop)
@@ -39,13 +33,11 @@ def _teleop(options: argparse.Namespace) -> int:
 
     check_terminal()
     key_map = KeyMap(options.speed, options.turn)
-
-    def make() -> Teleop:
-        return Teleop(key_map, options.frame or '', options.namespace)
-
-    try:
-        with joined_domain(options.domain), spun(make) as node:
-            steer(node)
-    except KeyboardInterrupt:
-        pass  # the way to end it
+    make = partial(Teleop, key_map, options.frame or '', options.namespace)
+    with (
+        suppress(KeyboardInterrupt),  # the way to end it
+        joined_domain(options.domain),
+        spun(make) as node,
+    ):
+        steer(node)
     return 0

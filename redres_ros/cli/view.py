@@ -4,9 +4,7 @@ import argparse
 from typing import Any
 
 from redres_ros.cli.options import add_domain
-from redres_ros.cli.parser import add_command
-
-_PORT = 8080
+from redres_ros.cli.parser import add_command, option
 
 
 def add(commands: Any) -> None:
@@ -14,13 +12,7 @@ def add(commands: Any) -> None:
     view = add_command(
         commands, 'view', 'a page in the browser: see and steer running nodes', '--domain 42'
     )
-    view.add_argument(
-        '--port',
-        type=int,
-        default=_PORT,
-        metavar='N',
-        help=f'of the page on this computer, {_PORT} by default; the next free one is taken',
-    )
+    option(view, '--port', 'N', 'of the page on this computer; the next free one is taken', 8080)
     add_domain(view)
     view.set_defaults(run=_view)
 

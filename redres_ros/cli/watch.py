@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.cli.options import add_domain, add_namespace, add_watching_time, check_duration
-from redres_ros.cli.parser import OptionError, add_command
+from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -24,13 +24,8 @@ def add(commands: Any) -> None:
         '--set limit_scale=0.5 --duration 0  # sets it, and ends',
         '--duration 10 > watch.txt  # a line a second where no terminal is',
     )
-    watch.add_argument(
-        '--set',
-        nargs='+',
-        action='extend',
-        metavar='NAME=VALUE',
-        help='parameters of the controller that are set first, all of them or none',
-    )
+    parameters = 'parameters of the controller that are set first, all of them or none'
+    option(watch, '--set', 'NAME=VALUE', parameters, nargs='+', action='extend')
     add_watching_time(watch)
     add_domain(watch)
     add_namespace(watch)
@@ -71,11 +66,7 @@ def _texts(settings: list[str]) -> dict[str, str]:
 
 
 def _values(client: 'GraphClient', texts: dict[str, str]) -> dict[str, Any]:
-    """Values of the types that the controller's parameters have.
-
-    Args:
-        client: Asks the controller.
-        texts: Of the values, by the names of the parameters.
+    """Values of the types that the controller's parameters have, by name.
 
     Raises:
         UnknownNameError: The controller has no such parameter.

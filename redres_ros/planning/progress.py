@@ -110,8 +110,8 @@ class UnachievedVelocity:
         self._policy = Policy(make_law('minimum_velocity'), make_task(task_space))
         self._standstill = Standstill()
 
-    def of(self, stamp: int, q: np.ndarray, x: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """That part, (m,); all of it for an arm that has come to rest beside the end of its reach.
+    def of(self, stamp: int, q: np.ndarray, x: np.ndarray, asked: np.ndarray) -> np.ndarray | None:
+        """That part, (m,), or None; all of it if the arm has come to rest beside its reach's end.
 
         Args:
             stamp: Of the state [ns].
