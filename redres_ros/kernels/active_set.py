@@ -214,14 +214,19 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
 def step_across(search: Search, a: np.ndarray) -> np.ndarray:
     """As `step` for A = I, where p is what the basis leaves of a - dq, (d,)."""
     p = np.zeros(len(search.z))
+    before = 0.0
     for j in range(len(a)):
         p[j] = a[j] - search.z[j]
+        before += p[j] ** 2
     for _ in range(2):  # once more, for rounding
         for k in range(search.marks[COUNT, 1]):
             along = dot(search.Q, k, p)
             for j in range(len(p)):
                 p[j] -= along * search.Q[k, j]
-    return p
+    after = 0.0
+    for j in range(len(p)):
+        after += p[j] ** 2
+    return p if after > DEPENDENT**2 * before else np.zeros(len(p))
 
 
 # --- one level ------------------------------------------------------------------------------------
