@@ -26,11 +26,7 @@ def create_steady_timer(node: Node, period: float, callback: Callable[[], object
 
 
 def warn_without_clock(node: Node) -> None:
-    """Have a node report once that use_sim_time is set but /clock is not published.
-
-    Args:
-        node: Whose clock it is.
-    """
+    """Have a node report once that use_sim_time is set but /clock is not published."""
     if not node.get_parameter('use_sim_time').value:
         return
 

@@ -21,7 +21,7 @@ from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sim import SimNode
 
-NO_SIM = '--no-sim'
+_NO_SIM = '--no-sim'
 
 
 class IntraProcess:
@@ -31,10 +31,10 @@ class IntraProcess:
     the message goes out to other processes.
 
     Args:
-        topics: other processes may subscribe to these; their publications are ignored.
-        open_topics: these take publications of other processes too. A message from within then
+        topics: Other processes may subscribe to these; their publications are ignored.
+        open_topics: These take publications of other processes too. A message from within then
             comes a second time, by DDS.
-        shared_topics: these come from other processes only, by one subscription for all receivers.
+        shared_topics: These come from other processes only, by one subscription for all receivers.
     """
 
     def __init__(
@@ -52,24 +52,11 @@ class IntraProcess:
         """The same node, handing over."""
         return type(cls.__name__, (cls, _Handing), {'intra_process': self})
 
-    def receivers(self, node: Node, topic: str) -> list[Callable[[Any], None]] | None:
-        """Who gets the messages on a topic of a node; None for one that goes through DDS alone.
-
-        Args:
-            node: the publisher or subscriber.
-            topic: as the node names it.
-        """
+    def _receivers_of(self, node: Node, topic: str) -> list[Callable[[Any], None]] | None:
+        """Who gets the messages on a topic of a node; None for one that goes through DDS alone."""
         if topic not in self._handed:
             return None
         return self._receivers.setdefault(node.resolve_topic_name(topic), [])
-
-    def is_open(self, topic: str) -> bool:
-        """Whether messages of other processes are received."""
-        return topic in self._open
-
-    def is_shared(self, topic: str) -> bool:
-        """Whether all receivers have one subscription."""
-        return topic in self._shared
 
 
 def _hand_over(receivers: list[Callable[[Any], None]], message: Any) -> None:
@@ -86,7 +73,7 @@ class _Handing(Node):
         self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any
     ) -> Any:
         publisher = super().create_publisher(msg_type, topic, qos_profile, **options)
-        receivers = self.intra_process.receivers(self, topic)
+        receivers = self.intra_process._receivers_of(self, topic)
         return publisher if receivers is None else _Publisher(publisher, receivers)
 
     def create_subscription(
@@ -97,12 +84,13 @@ class _Handing(Node):
         qos_profile: QoSProfile | int,
         **options: Any,
     ) -> Any:
-        receivers = self.intra_process.receivers(self, topic)
+        intra_process = self.intra_process
+        receivers = intra_process._receivers_of(self, topic)
         if receivers is not None:
             receivers.append(callback)
-            if self.intra_process.is_shared(topic) and len(receivers) == 1:
+            if topic in intra_process._shared and len(receivers) == 1:
                 callback = partial(_hand_over, receivers)
-            elif not self.intra_process.is_open(topic):
+            elif topic not in intra_process._open:
                 return None
         return super().create_subscription(msg_type, topic, callback, qos_profile, **options)
 
@@ -134,9 +122,9 @@ def run_composed(
     gets it.
 
     Args:
-        adapt: what is made of each node's class before a node is made of it.
-        arguments: the command line; None for that of the process.
-        with_sim: whether the fake robot is among them.
+        adapt: Gives a class in place of each node's.
+        arguments: The command line; None for that of the process.
+        with_sim: Whether the fake robot is among them.
 
     Returns:
         The exit status.
@@ -157,7 +145,7 @@ def run_composed(
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
     given = sys.argv if arguments is None else arguments
-    return run_composed(arguments=arguments, with_sim=NO_SIM not in given)
+    return run_composed(arguments=arguments, with_sim=_NO_SIM not in given)
 
 
 if __name__ == '__main__':

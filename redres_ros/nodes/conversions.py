@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import (
@@ -105,10 +105,9 @@ class JointMapper:
 
     def _learn(self, names: Sequence[str]) -> None:
         key = tuple(names)
-        order = self._orders[key] if key in self._orders else self._find(key)
+        self._order = self._orders[key] if key in self._orders else self._find(key)
         if len(self._orders) < _REMEMBERED:
-            self._orders[key] = order
-        self._order = order
+            self._orders[key] = self._order
         self._seen = list(names)
 
     def _find(self, names: tuple[str, ...]) -> np.ndarray:
@@ -213,21 +212,4 @@ def to_pose(stamp: int, frame: str, x: np.ndarray, R: np.ndarray) -> PoseStamped
     message.pose.position.x, message.pose.position.y, message.pose.position.z = x.tolist()
     orientation = message.pose.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = to_quaternion(R).tolist()
-    return message
-
-
-def to_wrench(stamp: int, frame: str, wrench: np.ndarray) -> WrenchStamped:
-    """A message of a force and a moment.
-
-    Args:
-        stamp: Of the state to which it belongs [ns].
-        frame: Where the force acts, and along whose axes.
-        wrench: Force and moment, (6,) [N], [Nm].
-    """
-    message = WrenchStamped()
-    message.header.stamp = to_time(stamp)
-    message.header.frame_id = frame
-    force = message.wrench.force
-    torque = message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
     return message

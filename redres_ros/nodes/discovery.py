@@ -50,7 +50,8 @@ def prepare() -> None:
     DDS a profile of our own says the same.
     """
     if not any(map(os.environ.get, CHOICES)):
-        if _is_fast_dds() and os.environ.get(_TRANSPORTS, _UDP) == _UDP:
+        is_fast_dds = 'fastrtps' in get_rmw_implementation_identifier()
+        if is_fast_dds and os.environ.get(_TRANSPORTS, _UDP) == _UDP:
             os.environ[_RANGE] = 'SUBNET'  # of the profile's network, which is this host
             os.environ[_PROFILE] = str(_LOOPBACK)
         else:
@@ -128,7 +129,3 @@ def _in_use(domain: int) -> bool:
         except OSError:
             return True
     return False
-
-
-def _is_fast_dds() -> bool:
-    return 'fastrtps' in get_rmw_implementation_identifier()

@@ -20,7 +20,7 @@ class LifeError(RedresError):
 
 
 @dataclass(frozen=True)
-class LifecycleParameters:
+class _LifecycleParameters:
     """Parameters of every node."""
 
     initial_state: str = param(
@@ -45,10 +45,7 @@ class ManagedNode(LifecycleNode):
     active = False
 
     def __init__(self, name: str) -> None:
-        """A node of that name.
-
-        Args:
-            name: The other nodes use it in the names of topics and services.
+        """A node of that name, which others use in the names of topics and services.
 
         Raises:
             LifeError: It was remapped.
@@ -64,7 +61,7 @@ class ManagedNode(LifecycleNode):
         """Go to the state in which the node is to start."""
         self._refuse_impossible_transitions()
         warn_without_clock(self)
-        wanted = declare(self, LifecycleParameters()).initial_state
+        wanted = declare(self, _LifecycleParameters()).initial_state
         if wanted != 'unconfigured':
             self.trigger_configure()
         if wanted == 'active':
@@ -128,7 +125,7 @@ class ManagedNode(LifecycleNode):
 
         def respond(request: Any, response: Any) -> Any:
             wanted = request.transition
-            possible = [(number, label) for number, label, *_ in self._possible()]
+            possible = [(each[0], each[1]) for each in self._state_machine.available_transitions]
             by_label = any(label == wanted.label for _, label in possible)
             by_number = any(number == wanted.id for number, _ in possible)
             if by_label if wanted.label else by_number:
@@ -137,7 +134,3 @@ class ManagedNode(LifecycleNode):
             return response
 
         service.callback = respond
-
-    def _possible(self) -> list[tuple[Any, ...]]:
-        transitions: list[tuple[Any, ...]] = self._state_machine.available_transitions
-        return transitions

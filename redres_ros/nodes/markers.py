@@ -103,9 +103,5 @@ def make_marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
 
 
 def to_point(x: np.ndarray) -> Point:
-    """The message of a position, (3,) [m].
-
-    Args:
-        x: In the frame of the message.
-    """
+    """The message of a position x, (3,) [m]."""
     return Point(x=float(x[0]), y=float(x[1]), z=float(x[2]))

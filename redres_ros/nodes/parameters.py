@@ -132,10 +132,8 @@ def with_changes(settings: P, changes: Mapping[str, Any]) -> P:
 def misspelt(nodes: Sequence[Node]) -> dict[str, str]:
     """Names that were set from outside and that no node has, with the names that they resemble.
 
-    ROS ignores names that no node declares. A name unlike all of ours is meant for other nodes.
-
-    Args:
-        nodes: All of a process; what its command line sets goes to every one of them.
+    ROS ignores names that no node declares. A name unlike all of ours is meant for other nodes. All
+    nodes of a process are given: what its command line sets goes to each of them.
     """
     known = {name for node in nodes for name in node.get_parameters_by_prefix('')}
     given = {name for node in nodes for name in node._parameter_overrides}

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -126,8 +127,9 @@ class PlannerNode(ManagedNode):
         self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
         self.create_subscription(String, REASON, self._on_stop_reason, LATCHED)
         self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
-        self.create_service(Trigger, 'planner/start', self._on_start)
-        self.create_service(Trigger, 'planner/home', self._on_home)
+        for name, begin in (('start', self._start_task), ('home', self._go_home)):
+            service = f'planner/{name}'
+            self.create_service(Trigger, service, partial(self._respond, service, begin))
         self.create_service(Trigger, 'planner/stop', self._on_stop)
 
     def _on_state(self, message: JointState | bytes) -> None:
@@ -180,7 +182,8 @@ class PlannerNode(ManagedNode):
         try:
             x, R = from_pose(message, (self._frame, ''))
             q = self._check_ready()
-            self._check_not_homing()
+            if self._run.state is TaskState.HOMING:
+                raise GoalError('the joints are moving to the start; planner/stop ends that')
             stamp = to_nanoseconds(message.header.stamp)
             self._goals.check_age(stamp, self._stamp, time.time_ns())
             goal = self._goals.target(x, R, q)
@@ -190,26 +193,19 @@ class PlannerNode(ManagedNode):
         self._refusals.accept('target_pose')
         self._begin_goal(goal)
 
-    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._respond('planner/start', response, self._start_task)
-
     def _start_task(self, q: np.ndarray) -> str:
         """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
             return 'is under way already; planner/stop ends it'
         goal = self._task_goal()
         self._begin_goal(goal)
-        seconds = f'{goal.duration:.3g} s'
         home = self._announced_home(q)
         if home:
-            return f'{home}, then begins; the task takes {seconds}'
-        return f'begins as soon as the robot takes commands; takes {seconds}'
+            return f'{home}, then begins; the task takes {goal.duration:.3g} s'
+        return f'begins as soon as the robot takes commands; takes {goal.duration:.3g} s'
 
     def _task_goal(self) -> Goal:
         return self._goals.task()
-
-    def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._respond('planner/home', response, self._go_home)
 
     def _go_home(self, q: np.ndarray) -> str:
         """Move the joints from q (n,) [rad] to the start of the task; returns what will happen."""
@@ -226,7 +222,11 @@ class PlannerNode(ManagedNode):
         return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
     def _respond(
-        self, service: str, response: Trigger.Response, begin: Callable[[np.ndarray], str]
+        self,
+        service: str,
+        begin: Callable[[np.ndarray], str],
+        request: Trigger.Request,
+        response: Trigger.Response,
     ) -> Trigger.Response:
         """Report what will happen, or why nothing will."""
         task = self._settings.task or 'the task'
@@ -253,10 +253,6 @@ class PlannerNode(ManagedNode):
         if self._mode == 'inactive' and not self._settings.lockstep:
             raise GoalError('the controller is inactive; activate it first')
         return self._q
-
-    def _check_not_homing(self) -> None:
-        if self._run.state is TaskState.HOMING:
-            raise GoalError('the joints are moving to the start; planner/stop ends that')
 
     def _begin_goal(self, goal: Goal) -> None:
         self._run.begin(goal)

@@ -31,16 +31,16 @@ END_OF_REACH = 0.02  # of the largest singular value of the task
 _NODES_OWN = {'acceleration.reach': END_OF_REACH}
 
 
-class NoneError(RedresError):
+class _NoneError(RedresError):
     """The word none beside names."""
 
 
 @dataclass(frozen=True)
-class PolicySettings:
+class _PolicySettings:
     """Which law, limits, preferences and tasks are in use.
 
     Raises:
-        NoneError: The word for none stands beside names.
+        _NoneError: The word for none stands beside names.
         RepeatedNameError: A name stands twice.
     """
 
@@ -71,7 +71,7 @@ class PolicySettings:
         for name in ('limits', 'preferences', 'secondary_tasks'):
             words = getattr(self, name)
             if NONE in words and words != (NONE,):
-                raise NoneError(f'{name} are {list(words)}; expected names or {NONE}')
+                raise _NoneError(f'{name} are {list(words)}; expected names or {NONE}')
             check_once(f'{name}:', words)
 
 
@@ -89,9 +89,9 @@ class PolicyParameters:
         self._model = model
         self._task = task
         self._T = T
-        self._settings = declare(node, PolicySettings())
+        self._settings = declare(node, _PolicySettings())
         self._gains: dict[str, Any] = {}
-        for key, default, parameter in all_gains(T):
+        for key, default, parameter in _all_gains(T):
             self._gains[key] = declare_one(node, key, default, parameter)
         self.policy = self._made(self._settings, self._gains)
         self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
@@ -123,7 +123,7 @@ class PolicyParameters:
         self._settings, self._gains, self.policy = self._next
         return self.policy
 
-    def _made(self, settings: PolicySettings, gains: Mapping[str, Any]) -> Policy:
+    def _made(self, settings: _PolicySettings, gains: Mapping[str, Any]) -> Policy:
         policy = make_policy(
             self._model,
             settings.law,
@@ -152,36 +152,30 @@ class PolicyParameters:
             )
 
 
-def _of_limits(settings: PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:
+def _of_limits(settings: _PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:
     """All that the limits depend on."""
     values = [gains.get(name) for name in gain_names()]
     return (settings.limits, settings.limit_scale, settings.torque_scale, *values)
 
 
-def all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
-    """Key, default and declaration of every gain in the tables.
+def _all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
+    """Key, default and declaration of every gain in the tables; a damping is at most 1/T [1/s].
 
     Targets that are left open, as those of tasks, have no value that ROS could hold, and are not
     among them.
-
-    Args:
-        T: Sampling time [s]; a damping is at most 1/T (Appendix B).
     """
     seen = set()
     for table in (LAWS, LIMITS, PREFERENCES, TASKS):
         for name, cls in table.items():
             for field, parameter in parameters(cls).items():
                 key = gain_key(name, field.name)
-                if key in seen or field.default == () or _is_scale(table, field.name):
+                is_scale = table is LIMITS and field.name in _SCALES
+                if key in seen or field.default == () or is_scale:
                     continue
                 seen.add(key)
-                upper = 1.0 / T if key in SHARED_GAINS else parameter.upper
+                upper = 1.0 / T if key in SHARED_GAINS else parameter.upper  # Appendix B
                 default = _NODES_OWN.get(key, field.default)
                 yield key, default, replace(parameter, upper=upper, live=True)
-
-
-def _is_scale(table: Mapping[str, type], gain: str) -> bool:
-    return table is LIMITS and gain in _SCALES
 
 
 def named(words: Iterable[str]) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rclpy.node import Node
@@ -42,32 +43,21 @@ def ask_kernel(node: Node) -> None:
     runs without it.
     """
     wanted = declare(node, RealTime())
-    if wanted.realtime_priority:
-        _try(
-            node,
-            f'realtime_priority {wanted.realtime_priority}',
-            'ordinary scheduling',
-            'ulimit -r',
-            lambda: _set_priority(wanted.realtime_priority),
-        )
+    priority = wanted.realtime_priority
+    processors = wanted.processors
+    if priority:
+        ask = partial(_set_priority, priority)
+        _try(node, f'realtime_priority {priority}', 'ordinary scheduling', 'ulimit -r', ask)
     if wanted.lock_memory:
         _try(node, 'lock_memory', 'memory that can be paged out', 'ulimit -l', _lock_memory)
-    if wanted.processors != ANY:
+    if processors != ANY:
+        see = f'there are 0 to {(os.cpu_count() or 1) - 1}'
         _try(
-            node,
-            f'processors {list(wanted.processors)}',
-            'any',
-            f'there are 0 to {(os.cpu_count() or 1) - 1}',
-            lambda: _set_processors(wanted.processors),
+            node, f'processors {list(processors)}', 'any', see, partial(_set_processors, processors)
         )
     if wanted.keep_awake:
-        _try(
-            node,
-            'keep_awake',
-            'processors that sleep',
-            f'sudo chmod o+w {LATENCY}, or a udev rule',
-            _keep_awake,
-        )
+        see = f'sudo chmod o+w {LATENCY}, or a udev rule'
+        _try(node, 'keep_awake', 'processors that sleep', see, _keep_awake)
 
 
 def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], None]) -> None:

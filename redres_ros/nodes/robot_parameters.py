@@ -29,7 +29,7 @@ _WAIT = 0.1  # [s] after which Python's signal handlers have their turn
 
 
 @dataclass(frozen=True)
-class RobotParameters:
+class _RobotParameters:
     """The arm, and its tip and elbow links."""
 
     robot: str = param(
@@ -80,7 +80,7 @@ class MountingParameters:
         )
 
 
-class ChosenRobot(NamedTuple):
+class _ChosenRobot(NamedTuple):
     """The arm of a node.
 
     Args:
@@ -99,7 +99,7 @@ class ChosenRobot(NamedTuple):
         return RobotModel(self.arm)
 
 
-def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
+def declare_robot(node: Node, *, is_the_robot: bool = False) -> _ChosenRobot:
     """Declare the parameters of the arm; those of its mounting follow from `robot`.
 
     Args:
@@ -110,7 +110,7 @@ def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
         ParameterError: A value of another type, or `topic` for the node that publishes it.
         RedresError: An arm that cannot be used.
     """
-    wanted = declare(node, RobotParameters())
+    wanted = declare(node, _RobotParameters())
     if wanted.robot != TOPIC and not names_an_arm(wanted.robot):
         raise UnknownNameError('robot', wanted.robot, [*ALLOWED, TOPIC])
     if wanted.robot == TOPIC and is_the_robot:
@@ -119,7 +119,7 @@ def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
             f'allowed: {", ".join(ALLOWED)}'
         )
     if wanted.robot == TOPIC:
-        arm = choose_tip(await_description(node), wanted.tip_frame, wanted.elbow_frame)
+        arm = choose_tip(_await_description(node), wanted.tip_frame, wanted.elbow_frame)
     else:
         arm = choose_arm(wanted.robot, wanted.tip_frame, wanted.elbow_frame)
     own = MountingParameters(arm.dynamics, arm.base_offset, arm.tool_offset, arm.acceleration_limit)
@@ -128,15 +128,11 @@ def declare_robot(node: Node, *, is_the_robot: bool = False) -> ChosenRobot:
         node.get_logger().info(remark)
     arm = mounting.mount(arm)
     arm.kinematics()  # refuses limits of another number of joints
-    return ChosenRobot(wanted.robot, arm, mounting.task_space)
+    return _ChosenRobot(wanted.robot, arm, mounting.task_space)
 
 
-def await_description(node: Node) -> str:
-    """The URDF on robot_description, waited for as long as it takes; a signal ends the wait.
-
-    Raises:
-        KeyboardInterrupt: The process is to end.
-    """
+def _await_description(node: Node) -> str:
+    """The URDF on robot_description, waited for as long as it takes; a signal ends the wait."""
     received: list[String] = []
     subscription = node.create_subscription(String, DESCRIPTION, received.append, LATCHED)
     topic = node.resolve_topic_name(DESCRIPTION)

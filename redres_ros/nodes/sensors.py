@@ -29,12 +29,12 @@ from redres_ros.preferences import Preference
 from redres_ros.preferences.compliance import Compliance
 from redres_ros.robot_model import RobotModel
 
-PREFIX = 'admittance.'
-TORQUES = Compliance.measurement
+_PREFIX = 'admittance.'
+_TORQUES = Compliance.measurement
 
 
 @dataclass(frozen=True)
-class SensorParameters:
+class _SensorParameters:
     """Where the torques from outside come from."""
 
     external_torques_from: str = param(
@@ -60,8 +60,8 @@ class Sensors:
     def __init__(
         self, node: Node, model: RobotModel, rows: int, T: float, switch_time: float
     ) -> None:
-        settings = declare(node, AdmittanceSettings.of_rows(rows), PREFIX)
-        self._from_effort = declare(node, SensorParameters()).external_torques_from == 'effort'
+        settings = declare(node, AdmittanceSettings.of_rows(rows), _PREFIX)
+        self._from_effort = declare(node, _SensorParameters()).external_torques_from == 'effort'
         self._node = node
         self._model = model
         settings.check(rows, T)
@@ -116,27 +116,23 @@ class Sensors:
         if settings.enabled:
             self._subscribe('wrench', WrenchStamped, self._on_wrench)
         for name in {preference.measurement for preference in preferences} - {''}:
-            if name != TORQUES:
+            if name != _TORQUES:
                 self._subscribe(name, Float64MultiArray, partial(self._on_values, name))
             elif not self._from_effort:
                 self._subscribe(name, JointState, self._on_torques)
 
     def enter_effort(self, message: Any) -> None:
-        """Take the efforts of a state, if they are asked for and a response came before.
-
-        Args:
-            message: The JointState, serialised or not.
+        """Take the efforts of a JointState, serialised or not, if they are asked for and a response
+        came before.
         """
-        if not self._from_effort:
-            return
         response = self._loop.newest_response
-        if response is None:
+        if not self._from_effort or response is None:
             return
-        with self._judged(TORQUES):
+        with self._judged(_TORQUES):
             if isinstance(message, bytes):
                 message = deserialised(message, JointState)
             efforts = self._joints.in_order(message.name, message.effort, 'efforts')
-            self._loop.enter_measurement(TORQUES, 0, response.command.tau - efforts)
+            self._loop.enter_measurement(_TORQUES, 0, response.command.tau - efforts)
 
     def _subscribe(self, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
         if topic not in self._subscribed:
@@ -152,28 +148,19 @@ class Sensors:
             self._loop.enter_wrench(stamp, wrench, message.header.frame_id, time.time_ns())
 
     def _on_torques(self, message: JointState) -> None:
-        with self._judged(TORQUES):
+        with self._judged(_TORQUES):
             torques = self._joints.in_order(message.name, message.effort, 'efforts')
             stamp = to_nanoseconds(message.header.stamp)
-            self._loop.enter_measurement(TORQUES, stamp, torques, time.time_ns())
+            self._loop.enter_measurement(_TORQUES, stamp, torques, time.time_ns())
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
-        """Take in what a preference uses.
-
-        Args:
-            name: As the preference calls it, and the topic.
-            message: Of any length.
-        """
+        """Take in what a preference uses, of any length, under the name that it has for it."""
         with self._judged(name):
             self._loop.enter_measurement(name, 0, np.array(message.data))
 
     @contextmanager
     def _judged(self, name: str) -> Iterator[None]:
-        """Note whether what is measured was accepted or refused, for the log and /diagnostics.
-
-        Args:
-            name: What is measured.
-        """
+        """Note whether what is measured was accepted or refused, for the log and /diagnostics."""
         try:
             yield
         except RedresError as error:
@@ -194,6 +181,6 @@ class Sensors:
 
     def _changed(self, changes: dict[str, Any]) -> AdmittanceSettings:
         settings = self.contact.settings
-        names = {PREFIX + field.name for field in fields(settings)}
-        given = {name.removeprefix(PREFIX): changes[name] for name in names & changes.keys()}
+        names = {_PREFIX + field.name for field in fields(settings)}
+        given = {name.removeprefix(_PREFIX): changes[name] for name in names & changes.keys()}
         return replace(settings, **given)

@@ -28,7 +28,6 @@ from redres_ros.fake_robot.session import CommandError, Session, SessionSettings
 from redres_ros.limits.shapes import touched
 from redres_ros.loop.cycle_counter import NANOSECONDS
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.conversions import to_wrench
 from redres_ros.nodes.diagnostics import ERROR, OK, WARN, Diagnostics, Health, InputMonitor
 from redres_ros.nodes.lifecycle import ManagedNode
 from redres_ros.nodes.obstacles import show_obstacles
@@ -169,11 +168,7 @@ class SimNode(ManagedNode):
         show_obstacles(self, arm.kinematics().base_frame, touched, 'contact')
         create_steady_timer(self, 0.1, self._count_commanders)
         create_steady_timer(self, _LOOK, self._end_push)
-        on_live_change(
-            self,
-            lambda changes: self._plant.check(with_changes(self._plant.faults, changes)),
-            self._set_faults,
-        )
+        on_live_change(self, self._check_faults, self._set_faults)
 
     def run(self, stopped: threading.Event, waiting: Waiting) -> None:
         """Cycle after cycle until the event is set; callbacks run while it waits, or in
@@ -183,8 +178,8 @@ class SimNode(ManagedNode):
         tick k + 1 while the client responds to the state of tick k.
 
         Args:
-            stopped: ends the loop.
-            waiting: how to wait.
+            stopped: Ends the loop.
+            waiting: How to wait.
         """
         self._robot_clock.restart()
         while not stopped.is_set():
@@ -228,8 +223,13 @@ class SimNode(ManagedNode):
                 self._newest = max(self._newest, arriving, key=stamp_of)
 
     def _arriving_wrench(self, stamp: int, tick: int) -> WrenchStamped | None:
-        tip = self._description.arm.tip_frame
-        self._wrenches.send(to_wrench(stamp, tip, self._plant.wrench), tick)
+        message = WrenchStamped()
+        message.header.stamp = to_time(stamp)
+        message.header.frame_id = self._description.arm.tip_frame
+        force = message.wrench.force
+        torque = message.wrench.torque
+        force.x, force.y, force.z, torque.x, torque.y, torque.z = self._plant.wrench.tolist()
+        self._wrenches.send(message, tick)
         arrived = self._wrenches.receive(tick)
         return arrived[-1] if arrived else None
 
@@ -253,12 +253,9 @@ class SimNode(ManagedNode):
 
     def _await_command(self, stopped: threading.Event, waiting: Waiting, patience: float) -> None:
         until = time.monotonic() + patience
-        while (
-            self._awaits_command
-            and self.active
-            and not stopped.is_set()
-            and time.monotonic() < until
-        ):
+        while self._awaits_command and self.active and not stopped.is_set():
+            if time.monotonic() >= until:
+                return
             if not waiting.wait(self._arrival, _ASK_AGAIN):
                 self._state_publisher.publish(self._newest)  # it may have been lost
             self._arrival.clear()
@@ -303,6 +300,9 @@ class SimNode(ManagedNode):
         if faults.push_time and age > faults.push_time and faults.push_force.any():
             ended = [Parameter(name, value=0.0) for name in (*PUSHES, 'push_time')]
             self.set_parameters_atomically(ended)
+
+    def _check_faults(self, changes: dict[str, Any]) -> None:
+        self._plant.check(with_changes(self._plant.faults, changes))
 
     def _set_faults(self, changes: dict[str, Any]) -> None:
         faults = with_changes(self._plant.faults, changes)

@@ -20,7 +20,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS
 
 _LITTLE_ENDIAN = b'\x00\x01'  # plain CDR, what every DDS of ROS 2 sends on today's processors
 _STAMP = struct.Struct('<4xiI')  # header of the encoding; seconds, nanoseconds
-STAMP_END = _STAMP.size  # [bytes]
+_STAMP_END = _STAMP.size  # [bytes]
 _TIME = struct.Struct('<iI')  # the same without the header
 _HEADER = 4  # bytes, which do not count for the alignment
 _LENGTH = struct.Struct('<I')  # of a text with its 0 at the end, or of a sequence
@@ -40,7 +40,7 @@ class JointSample(NamedTuple):
     position: Sequence[float] | np.ndarray
 
 
-class TwistSample(NamedTuple):
+class _TwistSample(NamedTuple):
     """Of a TwistStamped: its stamp [ns], its frame, linear and angular part (6,)."""
 
     stamp: int
@@ -71,7 +71,7 @@ class JointStateReader:
         if not isinstance(message, bytes):
             return JointSample(_nanoseconds(message), message.name, message.position)
         for layout in self._layouts:
-            if message.startswith(layout.said, STAMP_END):
+            if message.startswith(layout.said, _STAMP_END):
                 return self._read_known(message, layout)
         return self._learn(message)
 
@@ -100,19 +100,14 @@ class JointStateReader:
 
 
 def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
-    """How a message begins after its stamp.
-
-    Args:
-        message: As rclpy reads it.
-        data: The same as it goes over the wire.
-    """
+    """How a message begins after its stamp, in the bytes that go over the wire."""
     sizes = [len(text.encode()) + 1 for text in (message.header.frame_id, *message.name)]
     sizes.insert(1, 0)  # the number of names has no content, and neither has that of positions
     sizes.append(0)
-    end = STAMP_END
+    end = _STAMP_END
     for size in sizes:
         end += _gap(end, _LENGTH.size) + _LENGTH.size + size
-    return _Layout(bytes(data[STAMP_END:end]), list(message.name), end + _gap(end, _NUMBER))
+    return _Layout(bytes(data[_STAMP_END:end]), list(message.name), end + _gap(end, _NUMBER))
 
 
 def stamp_of(data: bytes) -> int:
@@ -121,7 +116,7 @@ def stamp_of(data: bytes) -> int:
     return int(seconds) * NANOSECONDS + int(nanoseconds)
 
 
-def read_twist(message: Any) -> TwistSample:
+def read_twist(message: Any) -> _TwistSample:
     """What the loop needs of a TwistStamped, serialised or not.
 
     Raises EncodingError for bytes that are none.
@@ -132,17 +127,17 @@ def read_twist(message: Any) -> TwistSample:
         linear = message.twist.linear
         angular = message.twist.angular
         dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-        return TwistSample(_nanoseconds(message), message.header.frame_id, dx)
+        return _TwistSample(_nanoseconds(message), message.header.frame_id, dx)
     try:
         seconds, nanoseconds = _STAMP.unpack_from(message)
-        (length,) = _LENGTH.unpack_from(message, STAMP_END)
-        begin = STAMP_END + _LENGTH.size
+        (length,) = _LENGTH.unpack_from(message, _STAMP_END)
+        begin = _STAMP_END + _LENGTH.size
         end = begin + length
         frame = message[begin : end - 1].decode()
         dx = np.frombuffer(message, np.float64, 6, end + _gap(end, _NUMBER)).copy()
     except (struct.error, ValueError):
         raise EncodingError(f'a TwistStamped of {len(message)} bytes; expected others') from None
-    return TwistSample(_joined(seconds, nanoseconds), frame, dx)
+    return _TwistSample(_joined(seconds, nanoseconds), frame, dx)
 
 
 def _nanoseconds(message: Any) -> int:
