@@ -118,8 +118,8 @@ def test_files_of_nodes_become_one_in_the_order_of_time(tmp_path: Path) -> None:
 
 def test_the_arm_and_the_parameters_are_beside_the_messages(tmp_path: Path) -> None:
     with McapFile(tmp_path / 'run.mcap') as file:
-        file.attach_urdf('<robot/>', 1)
-        file.attach_parameters({'/controller': {'law': 'minimum_velocity', 'rate': 500.0}}, 1)
+        file.attach_urdf('<robot/>')
+        file.attach_parameters({'/controller': {'law': 'minimum_velocity', 'rate': 500.0}})
     with (tmp_path / 'run.mcap').open('rb') as stream:
         attached = {each.name: each.data for each in make_reader(stream).iter_attachments()}
         stream.seek(0)

@@ -75,8 +75,7 @@ def _name_missing() -> None:
     from redres_ros.bench.peers import missing_peers
     from redres_ros.files.remedy import remedy
 
-    if missing_peers():
-        missing = missing_peers()
+    if missing := missing_peers():
         command = remedy('bench', *missing)
         print(f'not installed, and left out: {", ".join(missing)}; {command}')
 

@@ -123,8 +123,14 @@ def _find_gains(options: argparse.Namespace) -> dict[str, Any]:
     """
     gains = {gain.key: value for gain, value in given_gains(options).items()}
     for name, text in _preferences(options).items():
-        if text is not None:
-            gains[f'{name}.gain'] = _number(name, text)
+        if text is None:
+            continue
+        try:
+            gains[f'{name}.gain'] = float(text)
+        except ValueError:
+            raise OptionError(
+                f'--prefer {name}={text}; expected NAME=GAIN, as joint_centering=4'
+            ) from None
     return gains
 
 
@@ -213,13 +219,3 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     if options.elbow:
         parameters['elbow_frame'] = options.elbow
     return parameters
-
-
-def _number(name: str, text: str) -> float:
-    """A preference's gain from its text. Raises OptionError."""
-    try:
-        return float(text)
-    except ValueError:
-        raise OptionError(
-            f'--prefer {name}={text}; expected NAME=GAIN, as joint_centering=4'
-        ) from None

@@ -22,7 +22,7 @@ _FILMS = {'.mp4': 'imageio_ffmpeg', '.webp': 'PIL', '.gif': 'PIL'}  # and what w
 
 
 def before(options: 'DemoOptions', model: 'RobotModel') -> str:
-    """Two sentences before a run.
+    """Some sentences before a run.
 
     Args:
         options: Of the demo.
@@ -166,7 +166,6 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
 
 def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     """A file that is asked for; that of the messages is there by now."""
-    motion = (outcome.recording, demo.model, demo.task, demo.title)
     kind = 'messages'
     if path.suffix in _FILMS:
         from redres_ros.view.film import FilmedMotion, write_film
@@ -177,7 +176,7 @@ def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     elif path.suffix == _PAGE:
         from redres_ros.view.saved import write_page
 
-        write_page(*motion, path)
+        write_page(outcome.recording, demo.model, demo.task, demo.title, path)
         kind = 'page'
     print(f'{kind} {path}')
 

@@ -20,6 +20,7 @@ class Gain:
         kind: Of its owner: 'law', 'preference', 'task' or 'limit'.
         owner: The name in its table.
         name: The field's name.
+        key: The option's name, which is that of the ROS parameter too.
         default: The field's default, whose type is that of the option.
         description: The field's own, with its unit.
     """
@@ -27,15 +28,9 @@ class Gain:
     kind: str
     owner: str
     name: str
+    key: str
     default: Any
     description: str
-
-    @property
-    def key(self) -> str:
-        """The option's name, which is that of the ROS parameter too."""
-        from redres_ros.parameter import gain_key
-
-        return gain_key(self.owner, self.name)
 
     @property
     def metavar(self) -> str:
@@ -72,13 +67,14 @@ class Gain:
 
 def gains_in(tables: Mapping[str, Mapping[str, type]]) -> Iterator[Gain]:
     """Every gain that is declared in the tables, in their order."""
-    from redres_ros.parameter import parameters
+    from redres_ros.parameter import gain_key, parameters
 
     for kind, table in tables.items():
         for owner, cls in table.items():
             for field, parameter in parameters(cls).items():
                 if field.name not in _SHARED:
-                    yield Gain(kind, owner, field.name, field.default, parameter.description)
+                    key = gain_key(owner, field.name)
+                    yield Gain(kind, owner, field.name, key, field.default, parameter.description)
 
 
 def find_tables(*, limits: bool) -> dict[str, Mapping[str, type]]:

@@ -33,8 +33,6 @@ def add(commands: Any) -> None:
 
 
 def _watch(options: argparse.Namespace) -> int:
-    import threading
-
     from redres_ros.graph.client import GraphClient
     from redres_ros.graph.watch import Watch, watch
     from redres_ros.nodes.discovery import joined_domain
@@ -50,7 +48,7 @@ def _watch(options: argparse.Namespace) -> int:
             print(f'controller: {", ".join(settings)}', flush=True)
             if options.duration == 0.0:
                 return 0
-        watch(node, threading.Event(), options.duration)
+        watch(node, options.duration)
         return 0 if node.values else 1
 
 

@@ -320,5 +320,5 @@ class Demo:
         """All that was recorded, with the arm and the nodes' parameters beside it."""
         with McapFile(path) as file:
             merge(recordings, file)
-            file.attach_urdf(self.model.arm.description(), time.time_ns())
-            file.attach_parameters(self._node_parameters, time.time_ns())
+            file.attach_urdf(self.model.arm.description())
+            file.attach_parameters(self._node_parameters)

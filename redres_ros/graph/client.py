@@ -134,8 +134,11 @@ class GraphClient:
             wanted = listed.result.names
         request = GetParameters.Request(names=wanted)
         response = self.call(GetParameters, f'{of}/get_parameters', request)
-        values = map(parameter_value_to_python, response.values)
-        read = {name: _plain(value) for name, value in zip(wanted, values, strict=True)}
+        read: dict[str, Any] = {}
+        for name, parameter in zip(wanted, response.values, strict=True):
+            value = parameter_value_to_python(parameter)
+            is_plain = value is None or isinstance(value, (bool, int, float, str))
+            read[name] = value if is_plain else list(value)  # YAML can hold a list
         return {name: value for name, value in read.items() if names or value is not None}
 
     def offers(self, of: str) -> bool:
@@ -194,8 +197,3 @@ def _message(service: str, response: Any) -> str:
     if not response.success:
         raise CallError(f'{service}: {response.message}')
     return str(response.message)
-
-
-def _plain(value: Any) -> Any:
-    """Arrays as lists, which YAML can hold."""
-    return value if value is None or isinstance(value, (bool, int, float, str)) else list(value)

@@ -14,7 +14,7 @@ from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.nodes import controller_telemetry
-from redres_ros.nodes.controller_telemetry import ControllerSnapshot, Figures
+from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.conversions import JointMapper
 from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
@@ -57,11 +57,7 @@ class LiveArm:
         self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _QUALITY)
 
     def apply(self, changes: Mapping[str, Any]) -> None:
-        """Apply changes of the controller's limit parameters.
-
-        Args:
-            changes: Of parameters, as published. Impossible values are skipped.
-        """
+        """Apply changes of the controller's limits, as published; impossible values are skipped."""
         live = {name: value for name, value in changes.items() if name in _LIVE or '.' in name}
         values = {**self._values, **credible(live, self._values)}
         with suppress(RedresError):
@@ -69,17 +65,16 @@ class LiveArm:
             self._values = values
 
     def look(self) -> list[Figures]:
-        """Process the messages since the last call.
-
-        Returns:
-            Its figures, in their order.
-        """
+        """Process the messages since the last call; their figures, in their order."""
         figures = []
         for sample in self._samples.take(controller_telemetry.TOPIC):
             with suppress(RedresError):  # one that no controller would send
                 message = deserialised(sample.data, Float64MultiArray)
                 seen = controller_telemetry.from_message(message, self.model.n)
-                self._enter(seen)
+                self.q = seen.q
+                self._now = seen.figures.time
+                self._received_at = time.monotonic()
+                self._acted.update(dict.fromkeys(self._judge.acting(seen), self._now))
                 figures.append(seen.figures)
         self._look_at_states()
         return figures
@@ -99,12 +94,6 @@ class LiveArm:
             if 0.0 <= self._now - at <= _SHOWN:
                 acting.setdefault(place, set()).add(limit)
         return acting
-
-    def _enter(self, seen: ControllerSnapshot) -> None:
-        self.q = seen.q
-        self._now = seen.figures.time
-        self._received_at = time.monotonic()
-        self._acted.update(dict.fromkeys(self._judge.acting(seen), self._now))
 
     def _look_at_states(self) -> None:
         """While the controller is silent; states at every tick would cost the robot a message."""

@@ -1,6 +1,7 @@
 """Writes and reads MCAP files, which Foxglove, PlotJuggler and rosbag2 can read."""
 
 import struct
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from operator import attrgetter
@@ -98,27 +99,18 @@ class McapFile:
         """
         self._writer.add_message(channel, received, data, sent)
 
-    def attach_urdf(self, text: str, time: int) -> None:
-        """Add the arm's URDF to the file.
+    def attach_urdf(self, text: str) -> None:
+        """Add the text of the arm's URDF to the file."""
+        self._attach(_URDF, 'text/xml', text)
 
-        Args:
-            text: The URDF.
-            time: An instant [ns].
-        """
-        self._attach(_URDF, 'text/xml', text, time)
-
-    def attach_parameters(self, nodes: Mapping[str, Mapping[str, Any]], time: int) -> None:
-        """Add the nodes' parameters, as a file that nodes can be started with.
-
-        Args:
-            nodes: Values of parameters by the names of node and parameter.
-            time: An instant [ns].
-        """
+    def attach_parameters(self, nodes: Mapping[str, Mapping[str, Any]]) -> None:
+        """Add parameters by the names of node and parameter, as nodes can be started with them."""
         content = {node: {'ros__parameters': dict(values)} for node, values in nodes.items()}
-        self._attach(_PARAMETERS, 'application/yaml', yaml.safe_dump(content), time)
+        self._attach(_PARAMETERS, 'application/yaml', yaml.safe_dump(content))
 
-    def _attach(self, name: str, media_type: str, text: str, time: int) -> None:
-        self._writer.add_attachment(time, time, name, media_type, text.encode())
+    def _attach(self, name: str, media_type: str, text: str) -> None:
+        now = time.time_ns()
+        self._writer.add_attachment(now, now, name, media_type, text.encode())
 
 
 def read_messages(path: Path) -> Iterator[RecordedMessage]:

@@ -58,7 +58,7 @@ def definition_of(kind: Any) -> str:
     That is what the MCAP format calls ros2msg. Constants and comments of the type are left out.
     """
     parts = [_fields(kind)]
-    known = {_short(kind)}
+    known = {name_of(kind).replace('/msg/', '/')}
     waiting = list(_used(kind))
     while waiting:
         name = waiting.pop(0)
@@ -80,11 +80,6 @@ def _used(kind: Any) -> Iterator[str]:
     """Names of the component types of a type, such as 'std_msgs/Header'."""
     for field_type in kind.get_fields_and_field_types().values():
         yield from re.findall(r'\w+/\w+', field_type)
-
-
-def _short(kind: Any) -> str:
-    package, _, name = name_of(kind).split('/')
-    return f'{package}/{name}'
 
 
 def _as_ros(field_type: str) -> str:

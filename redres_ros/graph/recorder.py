@@ -97,9 +97,8 @@ class GraphRecorder(GraphMonitor):
 
     def _attach(self) -> None:
         """The arm and the nodes' parameters."""
-        now = time.time_ns()
         if self._description:
-            self._file.attach_urdf(self._description, now)
+            self._file.attach_urdf(self._description)
         nodes = {}
         for service, _ in self.get_service_names_and_types():
             node = service.removesuffix(_PARAMETERS)
@@ -110,4 +109,4 @@ class GraphRecorder(GraphMonitor):
             except CallError:
                 continue  # it has gone
         if nodes:
-            self._file.attach_parameters(nodes, now)
+            self._file.attach_parameters(nodes)

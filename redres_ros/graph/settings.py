@@ -31,9 +31,8 @@ class ActiveLimits:
     limits: Limits
     period: float
 
-    @np.errstate(
-        over='ignore', invalid='ignore'
-    )  # any node can publish a snapshot with absurd values
+    # Any node can publish a snapshot with absurd values.
+    @np.errstate(over='ignore', invalid='ignore')
     def acting(self, snapshot: ControllerSnapshot) -> set[tuple[str, str]]:
         """The active limits: name, and the joint or pair of bodies."""
         state = self.model.state(snapshot.q_prev, snapshot.dq_prev)
@@ -101,7 +100,14 @@ def judge_of(values: Values, model: RobotModel) -> ActiveLimits:
     Raises:
         RedresError: A parameter has a value that cannot be.
     """
-    return ActiveLimits(model, _limits(values, model), 1.0 / values['rate'])
+    limits = make_limits(
+        named(values['limits']),
+        model,
+        limit_scale=values['limit_scale'],
+        torque_scale=values['torque_scale'],
+        gains={gain: _unchangeable(values[gain]) for gain in gain_names() if gain in values},
+    )
+    return ActiveLimits(model, limits, 1.0 / values['rate'])
 
 
 def credible(changes: Values, known: Values) -> dict[str, Any]:
@@ -116,16 +122,6 @@ def credible(changes: Values, known: Values) -> dict[str, Any]:
         for name, value in changes.items()
         if name in known and type(value) is type(known[name])
     }
-
-
-def _limits(values: Values, model: RobotModel) -> Limits:
-    return make_limits(
-        named(values['limits']),
-        model,
-        limit_scale=values['limit_scale'],
-        torque_scale=values['torque_scale'],
-        gains={gain: _unchangeable(values[gain]) for gain in gain_names() if gain in values},
-    )
 
 
 def _unchangeable(value: Any) -> Any:

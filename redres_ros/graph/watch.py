@@ -1,8 +1,8 @@
 """`redres watch`: the live state of the nodes in a terminal."""
 
-import threading
 import time
-from typing import Any, Self
+from contextlib import nullcontext
+from typing import Any
 
 import rclpy
 from geometry_msgs.msg import PoseStamped
@@ -87,11 +87,11 @@ class Watch(GraphMonitor):
         if arm is None:
             return []
         acting = arm.acting
-        bars = []
-        for index, name in enumerate(arm.model.joint_names):
-            limits = tuple(sorted(acting.get(name, ())))
-            bars.append(JointBar(name, float(arm.fractions[index]), float(arm.q[index]), limits))
-        return bars
+        names = arm.model.joint_names
+        return [
+            JointBar(name, fraction, q, tuple(sorted(acting.get(name, ()))))
+            for name, fraction, q in zip(names, arm.fractions.tolist(), arm.q.tolist(), strict=True)
+        ]
 
     def _listen(self, node: str) -> None:
         """Subscribe to all topics of a node on the page."""
@@ -120,51 +120,26 @@ class Watch(GraphMonitor):
                 self.keep(_LAW, values['law'])
 
 
-def watch(node: Watch, stopped: threading.Event, duration: float | None = None) -> None:
+def watch(node: Watch, duration: float | None = None) -> None:
     """Show the page. Where it cannot be redrawn, as in a pipe or a file, print a line a second,
     and the page once, at the end.
 
     Args:
         node: What listens.
-        stopped: Ends it.
         duration: Ends it after that time [s]; None: not.
     """
     until = time.monotonic() + duration if duration is not None else float('inf')
     console = Console()
-    shown: Live | _Lines = Live(node.page(), console=console, refresh_per_second=_REFRESH)
-    if not console.is_terminal:
-        shown = _Lines(node, console)
-    with shown:
-        while rclpy.ok() and not stopped.is_set() and time.monotonic() < until:
+    live = Live(node.page(), console=console, refresh_per_second=_REFRESH)
+    due = 0.0  # [s] when the next line is
+    with live if console.is_terminal else nullcontext():
+        while rclpy.ok() and time.monotonic() < until:
             time.sleep(1.0 / _REFRESH)
             node.look()
-            shown.update(node.page())
-
-
-class _Lines:
-    """Output for a pipe or a file: lines, and the last page.
-
-    Args:
-        node: The observer of the graph.
-        console: Where they are printed.
-    """
-
-    def __init__(self, node: Watch, console: Console) -> None:
-        self._node = node
-        self._console = console
-        self._page = node.page()
-        self._due = 0.0  # [s], on the monotonic clock
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        if kind is None:
-            self._console.print(self._page)
-
-    def update(self, page: RenderableType) -> None:
-        """Keep the newest page, and print a line once a second."""
-        self._page = page
-        if time.monotonic() >= self._due:
-            self._due = time.monotonic() + _LINE_EVERY
-            print(self._node.line(), flush=True)  # a pipe would keep it back
+            if console.is_terminal:
+                live.update(node.page())
+            elif time.monotonic() >= due:
+                due = time.monotonic() + _LINE_EVERY
+                print(node.line(), flush=True)  # a pipe would keep it back
+    if not console.is_terminal:
+        console.print(node.page())

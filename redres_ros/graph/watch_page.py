@@ -14,61 +14,48 @@ from rich.text import Text
 from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
 from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import PROGRESS, TASK_STATE
+from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
 _BAR = 33  # letters of a joint's bar
 _NEAR = 0.06  # of the range, from an end
-_COLOURS = {
-    'position': 'red',
-    'velocity': 'dark_orange3',
-    'acceleration': 'purple',
-    'torque': 'dark_red',
-}
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the page: where its value comes from, what it is, its unit and the factor to it."""
+    """A line of the page: where its value comes from, what it is, its unit and the factor to it; and
+    whether it is in the line for a pipe.
+    """
 
     topic: str
     label: str
     unit: str = ''
     factor: float = 1.0
+    in_line: bool = False
 
 
 NODES: dict[str, tuple[Row, ...]] = {
     'sim': (
-        Row(SESSION, 'session'),
+        Row(SESSION, 'session', in_line=True),
         Row(QUALITY, 'connection'),
-        Row(REASON, 'stop reason'),
+        Row(REASON, 'stop reason', in_line=True),
     ),
     'planner': (
-        Row(TASK_STATE, 'state'),
-        Row(PROGRESS, 'progress', '%', 100.0),
+        Row(TASK_STATE, 'state', in_line=True),
+        Row(PROGRESS, 'progress', '%', 100.0, in_line=True),
         Row('planner/segment', 'segment'),
-        Row('planner/task_error', 'task error', 'mm', 1e3),
+        Row('planner/task_error', 'task error', 'mm', 1e3, in_line=True),
     ),
     'controller': (
-        Row('controller/law', 'law'),
+        Row('controller/law', 'law', in_line=True),
         Row('controller/tip_pose', 'tip', 'm'),
         Row('controller/task_scaling', 'task scaling s', '%', 100.0),
-        Row('controller/active_limits', 'limited by'),
-        Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s'),
+        Row('controller/active_limits', 'limited by', in_line=True),
+        Row('controller/joint_velocity_norm', 'joint velocity, norm', 'rad/s', in_line=True),
         Row('controller/joint_acceleration_norm', 'joint acceleration, norm', 'rad/s²'),
         Row('controller/null_velocity_norm', 'null-space velocity, norm', 'rad/s'),
         Row('controller/joint_torque_norm', 'joint torque, norm', 'Nm'),
         Row('controller/min_singular_value', 'smallest singular value'),
     ),
-}
-
-_IN_LINE = {
-    SESSION,
-    REASON,
-    TASK_STATE,
-    PROGRESS,
-    'planner/task_error',
-    'controller/law',
-    'controller/active_limits',
-    'controller/joint_velocity_norm',
 }
 
 
@@ -94,7 +81,11 @@ def page(
     """
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
     if not received:
-        return Group(title, _nobody(domain))
+        text = (
+            f'Nothing to see: there is no node of redres_ros in domain {domain}.\n'
+            'Start one, as with `redres demo`, which prints its domain, or name one with --domain.'
+        )
+        return Group(title, Text(text, style='yellow'))
     bars = [_joints(joints)] if joints else []
     return Group(title, *_alarms(received, now), *_panels(received, now), *bars)
 
@@ -112,7 +103,7 @@ def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
     parts = []
     for node, rows in NODES.items():
         quiet = silence(received, node, now)
-        rows_shown = [row for row in rows if row.topic in _IN_LINE & received.keys()]
+        rows_shown = [row for row in rows if row.in_line and row.topic in received]
         if quiet > STALE:
             parts.append(f'{node} {_absence(quiet)}')
         else:
@@ -136,14 +127,6 @@ def silence(received: Mapping[str, LastValue], node: str, now: float) -> float:
     sources = {node, *(row.topic for row in NODES[node])}
     return min(
         (now - received[source].at for source in sources & received.keys()), default=float('inf')
-    )
-
-
-def _nobody(domain: int) -> Text:
-    return Text(
-        f'Nothing to see: there is no node of redres_ros in domain {domain}.\n'
-        'Start one, as with `redres demo`, which prints its domain, or name one with --domain.',
-        style='yellow',
     )
 
 
@@ -187,7 +170,7 @@ def _joints(joints: Sequence[JointBar]) -> Panel:
     for joint in joints:
         tags = Text()
         for limit in joint.limits:
-            tags.append(f' {limit} ', style=f'white on {_COLOURS.get(limit, "blue")}')
+            tags.append(f' {limit} ', style=f'white on {LIMIT_COLOURS.get(limit, OTHER_LIMIT)}')
             tags.append(' ')
         degrees = f'{math.degrees(joint.position):+7.1f}°'
         table.add_row(joint.name, degrees, _bar(joint.fraction), tags)

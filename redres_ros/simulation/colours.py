@@ -23,6 +23,14 @@ AXES = {
     'task_error': FigureAxis('distance from the goal [m]', 0.1),
 }
 
+LIMIT_COLOURS = {  # of limits that act, on the pages of `redres watch` and `redres view`
+    'position': '#d62728',
+    'velocity': '#ff7f0e',
+    'acceleration': '#9467bd',
+    'torque': '#8c564b',
+    'collision': '#2ca02c',
+}
+OTHER_LIMIT = '#444444'
 LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits and stops
     'minimum_velocity': '#e69f00',
     'minimum_acceleration': '#0072b2',

@@ -173,22 +173,22 @@ class Teleoperation:
                 self._bindings.values['controller']['admittance.enabled'],
                 hint='admittance: the tip yields to the measured wrench (5 kg, 30 N s/m)',
             )
-        self._mouse.on_update(lambda event: self._set_mouse(event.target.value))
-        led.on_update(lambda event: self._lead(event, event.target.value))
+        self._mouse.on_update(self._on_mouse)
+        led.on_update(self._on_led)
 
         def show(enabled: Any) -> None:
             led.value = enabled
 
         self._bindings.on_change('controller', 'admittance.enabled', show)
 
-    def _set_mouse(self, chosen: str) -> None:
-        self._tip.set_visible(chosen == _DRAG)
-        self._link.set_active(chosen == _PUSH)
+    def _on_mouse(self, event: Any) -> None:
+        self._tip.set_visible(event.target.value == _DRAG)
+        self._link.set_active(event.target.value == _PUSH)
 
-    def _lead(self, event: Any, enabled: bool) -> None:
+    def _on_led(self, event: Any) -> None:
         """Have the tip yield to a hand, or no longer."""
-        values: dict[str, Any] = {'admittance.enabled': enabled}
-        if enabled:
+        values: dict[str, Any] = {'admittance.enabled': event.target.value}
+        if event.target.value:
             for name, (linear, angular) in _LED.items():
                 values[f'admittance.{name}'] = [linear] * 3 + [angular] * (self.rows - 3)
         self._bindings.set(event, 'controller', values)

@@ -11,6 +11,7 @@ from redres_ros.loop.limit_report import LimitReport
 from redres_ros.nodes.session_topics import MODE, QUALITY, REASON, SESSION
 from redres_ros.nodes.task_topics import TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
+from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
 _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
@@ -20,13 +21,6 @@ _ALMOST_ALL = 0.995  # of a velocity
 _SCALED = {'s': 'whole task s', 'translation': 'translation', 'rotation': 'rotation'}
 _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
-_COLOURS = {
-    'position': '#d62728',
-    'velocity': '#ff7f0e',
-    'acceleration': '#9467bd',
-    'torque': '#8c564b',
-    'collision': '#2ca02c',
-}
 
 
 def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: float) -> str:
@@ -50,7 +44,9 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
     done = f'{progress:.0%}' if task in _UNDER_WAY else ''
     lines.append(f'<div>Task: <b>{_escaped(task or "no message")}</b> {_dim(done)}</div>')
     lines.append(f'<div>Controller: <b>{_escaped(words[MODE] or "no message")}</b></div>')
-    lines.extend(_health(node, health.get(node, 'no message')) for node in NODES)
+    for node in NODES:
+        text = _escaped(health.get(node, 'no message'))
+        lines.append(f'<div>{_dim(f"{node}: {text}")}</div>')
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
@@ -122,7 +118,7 @@ def _filled(fraction: float) -> str:
 
 
 def _tag(limit: str) -> str:
-    colour = _COLOURS.get(limit, '#444')
+    colour = LIMIT_COLOURS.get(limit, OTHER_LIMIT)
     return (
         f'<span style="background: {colour}; color: white; border-radius: 3px; padding: 0 4px; '
         f'font-size: 10px;">{escape(limit)}</span>'
@@ -132,10 +128,6 @@ def _tag(limit: str) -> str:
 def _escaped(text: str) -> str:
     """A text from the graph, escaped and of limited length."""
     return escape(text[:_LONGEST])
-
-
-def _health(node: str, text: str) -> str:
-    return f'<div>{_dim(f"{node}: {_escaped(text)}")}</div>'
 
 
 def _dim(text: str) -> str:
