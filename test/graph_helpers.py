@@ -27,9 +27,9 @@ from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
-from redres_ros.nodes.stamps import to_nanoseconds, to_time
+from redres_ros.nodes.topics import LATCHED
+from redres_ros.nodes.wire import to_nanoseconds, to_time
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm

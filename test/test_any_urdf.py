@@ -15,7 +15,7 @@ from graph_helpers import PATIENCE, await_that, log_lines, nodes
 from std_msgs.msg import String
 from test_urdf import PARTS, urdf
 
-from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.topics import LATCHED
 from redres_ros.robots import arm_from_urdf
 
 pytestmark = pytest.mark.slow

@@ -34,7 +34,7 @@ from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, Times, measure
 from redres_ros.cli import main
 from redres_ros.graph.mcap_file import RecordedMessage
-from redres_ros.nodes.stamps import to_time
+from redres_ros.nodes.wire import to_time
 
 PERIOD = 0.002  # [s]
 

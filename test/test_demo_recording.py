@@ -21,8 +21,7 @@ from redres_ros.demo.log import Log, read_log, stamped
 from redres_ros.demo.outcome import Outcome, replay
 from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.laws import make_law
-from redres_ros.nodes.stamps import to_time
-from redres_ros.nodes.wire import stamp_of
+from redres_ros.nodes.wire import stamp_of, to_time
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel

@@ -43,7 +43,7 @@ from std_srvs.srv import SetBool, Trigger
 from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.sim import SimNode
-from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.nodes.wire import to_nanoseconds
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

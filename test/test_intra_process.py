@@ -20,8 +20,8 @@ from std_msgs.msg import Float64
 
 from redres_ros.nodes.composed import IntraProcess
 from redres_ros.nodes.conversions import to_twist
-from redres_ros.nodes.qos import NEWEST, PUBLISH
 from redres_ros.nodes.runtime import Arrival, Spinner
+from redres_ros.nodes.topics import NEWEST, PUBLISH
 
 pytestmark = pytest.mark.slow
 

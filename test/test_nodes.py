@@ -45,7 +45,7 @@ from redres_ros.loop.settings import LoopSettings
 from redres_ros.nodes import controller, planner, sim
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.topics import LATCHED
 from redres_ros.robot_model import RobotModel
 
 pytestmark = pytest.mark.slow

@@ -25,7 +25,7 @@ from wire_faults import lossy, off
 from redres_ros.files.share import share_path
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.diagnostics import ERROR
-from redres_ros.nodes.stamps import to_nanoseconds
+from redres_ros.nodes.wire import to_nanoseconds
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits

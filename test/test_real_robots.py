@@ -35,7 +35,7 @@ from redres_ros.files.share import share_path
 from redres_ros.files.yaml import read_yaml
 from redres_ros.limits import make_limits
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.joint_limits import JointLimits

@@ -34,9 +34,9 @@ from redres_ros.nodes.controller import ControllerNode
 from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.planner import PlannerNode
-from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.sim import SimNode
+from redres_ros.nodes.topics import LATCHED
 from redres_ros.robot_model import RobotModel
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))

@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.topics import LATCHED
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

@@ -39,8 +39,7 @@ from redres_ros.nodes.controller_telemetry import (
     from_message,
     to_message,
 )
-from redres_ros.nodes.session_topics import SESSION
-from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run

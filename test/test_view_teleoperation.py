@@ -26,7 +26,7 @@ from websockets.sync.client import connect
 
 from redres_ros import RobotModel
 from redres_ros.graph.client import CallError
-from redres_ros.nodes.session_topics import MODE, REASON
+from redres_ros.nodes.topics import MODE, REASON
 from redres_ros.view import dead_man, origin_check
 from redres_ros.view.controls import Bindings
 from redres_ros.view.dead_man import PATH, BeatError, DeadMan, TeleopChannel, read_beat

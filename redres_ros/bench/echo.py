@@ -8,8 +8,8 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from redres_ros.nodes.qos import NEWEST, PUBLISH
 from redres_ros.nodes.runtime import run_nodes
+from redres_ros.nodes.topics import NEWEST, PUBLISH
 
 
 class EchoNode(Node):

@@ -23,12 +23,9 @@ from redres_ros.graph.mcap_file import McapFile, merge, read_messages
 from redres_ros.laws import Law
 from redres_ros.loop.session import COMMANDING
 from redres_ros.nodes.controller import ControllerParameters
-from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.runtime import spun
-from redres_ros.nodes.session_topics import REASON, SESSION
-from redres_ros.nodes.stamps import to_nanoseconds
-from redres_ros.nodes.task_topics import TASK_BEGUN, TASK_STATE
-from redres_ros.nodes.wire import stamp_of
+from redres_ros.nodes.topics import LATCHED, NEWEST, REASON, SESSION, TASK_BEGUN, TASK_STATE
+from redres_ros.nodes.wire import stamp_of, to_nanoseconds
 from redres_ros.parameter import check_parameters
 from redres_ros.planning.task_executor import UNDER_WAY
 from redres_ros.planning.waypoints import NODES, TaskEvent, WaypointTask

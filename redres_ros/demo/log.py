@@ -14,8 +14,7 @@ import numpy as np
 
 from redres_ros.graph.mcap_file import RecordedMessage, read_messages
 from redres_ros.nodes.conversions import JointMapper
-from redres_ros.nodes.session_topics import REASON, SESSION
-from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.topics import REASON, SESSION, TASK_STATE
 from redres_ros.nodes.wire import stamp_of
 from redres_ros.planning.task_executor import TaskState
 

@@ -18,9 +18,17 @@ from std_msgs.msg import Float64, String
 from redres_ros.errors import one_line
 from redres_ros.graph.client import PATIENCE, GraphClient
 from redres_ros.loop.limit_report import LimitReport, read
-from redres_ros.nodes.qos import LATCHED, NEWEST
-from redres_ros.nodes.session_topics import ACTIVE_LIMITS, MODE, QUALITY, REASON, SESSION
-from redres_ros.nodes.task_topics import PROGRESS, TASK_STATE
+from redres_ros.nodes.topics import (
+    ACTIVE_LIMITS,
+    LATCHED,
+    MODE,
+    NEWEST,
+    PROGRESS,
+    QUALITY,
+    REASON,
+    SESSION,
+    TASK_STATE,
+)
 from redres_ros.nodes.wire import EncodingError, deserialised
 
 

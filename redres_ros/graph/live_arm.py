@@ -16,8 +16,8 @@ from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.conversions import JointMapper
-from redres_ros.nodes.qos import LATCHED, NEWEST
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.nodes.topics import LATCHED, NEWEST
 from redres_ros.nodes.wire import deserialised
 
 _STATES = 'joint_states'

@@ -5,7 +5,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
 
 from redres_ros.nodes.conversions import to_pose, to_twist
-from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.topics import PUBLISH
 
 TOPIC = 'cartesian_velocity'
 

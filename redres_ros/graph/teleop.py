@@ -21,8 +21,7 @@ from redres_ros.errors import RangeError, RedresError, one_line
 from redres_ros.files.signals import handled
 from redres_ros.graph.operator_topics import TOPIC, TwistPublisher
 from redres_ros.loop.limit_report import LimitReport, read
-from redres_ros.nodes.qos import NEWEST
-from redres_ros.nodes.session_topics import ACTIVE_LIMITS
+from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST
 
 
 class Way(NamedTuple):

@@ -15,8 +15,7 @@ from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.watch_page import NODES, JointBar, line, page
-from redres_ros.nodes.qos import NEWEST
-from redres_ros.nodes.session_topics import ACTIVE_LIMITS
+from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST
 
 _REFRESH = 5.0  # [Hz]
 _LINE_EVERY = 1.0  # [s]

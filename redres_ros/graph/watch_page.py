@@ -12,8 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from redres_ros.graph.graph_monitor import STALE, LastValue, NodeHealth
-from redres_ros.nodes.session_topics import QUALITY, REASON, SESSION
-from redres_ros.nodes.task_topics import PROGRESS, TASK_STATE
+from redres_ros.nodes.topics import PROGRESS, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 
 _BAR = 33  # letters of a joint's bar
@@ -22,9 +21,7 @@ _NEAR = 0.06  # of the range, from an end
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the page: where its value comes from, what it is, its unit and the factor to it; and
-    whether it is in the line for a pipe.
-    """
+    """A line of the page: topic, label, unit, factor; and whether it is in the line for a pipe."""
 
     topic: str
     label: str

@@ -43,13 +43,17 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.policy_parameters import PolicyParameters, named
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sensors import Sensors
-from redres_ros.nodes.session_topics import MODE
-from redres_ros.nodes.stamps import to_nanoseconds
-from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, read_twist
+from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT
+from redres_ros.nodes.wire import (
+    JointSample,
+    JointStateReader,
+    JointStateWriter,
+    read_twist,
+    to_nanoseconds,
+)
 from redres_ros.parameter import param
 from redres_ros.vectors import check_finite
 

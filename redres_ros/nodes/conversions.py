@@ -14,8 +14,7 @@ from redres_ros.errors import (
     UnknownNameError,
     one_line,
 )
-from redres_ros.nodes.stamps import to_time
-from redres_ros.nodes.wire import JointSample
+from redres_ros.nodes.wire import JointSample, to_time
 from redres_ros.robot_model import RobotModel
 from redres_ros.rotation import from_quaternion, to_quaternion
 

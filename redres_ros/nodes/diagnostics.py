@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from redres_ros.errors import one_line
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.topics import PUBLISH
 
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN

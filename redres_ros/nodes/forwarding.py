@@ -10,7 +10,7 @@ from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.topics import PUBLISH
 
 _CONTROLLER = 'forward_position_controller'
 _LOOK = 0.1  # [s] between checks of the subscribers

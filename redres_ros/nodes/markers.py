@@ -10,8 +10,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.qos import PUBLISH
-from redres_ros.nodes.stamps import to_time
+from redres_ros.nodes.topics import PUBLISH
+from redres_ros.nodes.wire import to_time
 
 PERIOD = 0.2  # [s] between two messages
 _STEP = 50_000_000  # [ns] of the robot's clock between two points of a trace

@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from redres_ros.limits.shapes import SPHERE, DrawnShape, shapes_of
 from redres_ros.nodes.clocks import create_steady_timer
 from redres_ros.nodes.markers import make_marker, to_point
-from redres_ros.nodes.qos import LATCHED, PUBLISH
+from redres_ros.nodes.topics import LATCHED, PUBLISH
 
 Shapes = Callable[[Callable[[str], Any]], Iterator[DrawnShape]]
 

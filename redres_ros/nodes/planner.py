@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -30,13 +29,17 @@ from redres_ros.nodes.lifecycle import LifeError, ManagedNode
 from redres_ros.nodes.markers import Markers
 from redres_ros.nodes.parameters import ListenerParameters, declare
 from redres_ros.nodes.policy_parameters import END_OF_REACH
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
-from redres_ros.nodes.session_topics import ACTIVE_LIMITS, MODE, REASON
-from redres_ros.nodes.stamps import to_nanoseconds
 from redres_ros.nodes.task_topics import TaskTopics
-from redres_ros.nodes.wire import JointSample, JointStateReader, JointStateWriter, TwistWriter
+from redres_ros.nodes.topics import ACTIVE_LIMITS, LATCHED, MODE, NEWEST, PUBLISH, REASON, RECENT
+from redres_ros.nodes.wire import (
+    JointSample,
+    JointStateReader,
+    JointStateWriter,
+    TwistWriter,
+    to_nanoseconds,
+)
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal, GoalError, Goals, GoalSettings
 from redres_ros.planning.progress import ProgressMonitor, UnachievedVelocity
@@ -127,9 +130,8 @@ class PlannerNode(ManagedNode):
         self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
         self.create_subscription(String, REASON, self._on_stop_reason, LATCHED)
         self.create_subscription(PoseStamped, 'target_pose', self._on_target, PUBLISH)
-        for name, begin in (('start', self._start_task), ('home', self._go_home)):
-            service = f'planner/{name}'
-            self.create_service(Trigger, service, partial(self._respond, service, begin))
+        self.create_service(Trigger, 'planner/start', self._on_start)
+        self.create_service(Trigger, 'planner/home', self._on_home)
         self.create_service(Trigger, 'planner/stop', self._on_stop)
 
     def _on_state(self, message: JointState | bytes) -> None:
@@ -193,6 +195,12 @@ class PlannerNode(ManagedNode):
         self._refusals.accept('target_pose')
         self._begin_goal(goal)
 
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._respond('planner/start', response, self._start_task)
+
+    def _on_home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._respond('planner/home', response, self._go_home)
+
     def _start_task(self, q: np.ndarray) -> str:
         """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
@@ -222,11 +230,7 @@ class PlannerNode(ManagedNode):
         return f'the joints go to its start first, which takes {path.duration:.3g} s'
 
     def _respond(
-        self,
-        service: str,
-        begin: Callable[[np.ndarray], str],
-        request: Trigger.Request,
-        response: Trigger.Response,
+        self, service: str, response: Trigger.Response, begin: Callable[[np.ndarray], str]
     ) -> Trigger.Response:
         """Report what will happen, or why nothing will."""
         task = self._settings.task or 'the task'

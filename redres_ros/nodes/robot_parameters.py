@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from redres_ros.errors import UnknownNameError
 from redres_ros.files.signals import handled
 from redres_ros.nodes.parameters import ParameterError, declare
-from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.topics import LATCHED
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import ARMS, Arm, choose_arm, choose_tip

@@ -21,9 +21,8 @@ from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.nodes.conversions import JointMapper
 from redres_ros.nodes.diagnostics import InputMonitor
 from redres_ros.nodes.parameters import declare
-from redres_ros.nodes.qos import NEWEST
-from redres_ros.nodes.stamps import to_nanoseconds
-from redres_ros.nodes.wire import deserialised
+from redres_ros.nodes.topics import NEWEST
+from redres_ros.nodes.wire import deserialised, to_nanoseconds
 from redres_ros.parameter import param
 from redres_ros.preferences import Preference
 from redres_ros.preferences.compliance import Compliance

@@ -1,20 +1,14 @@
-"""The topics on which robot and controller report their state: latched words."""
+"""The fake robot's topics of its session: latched words, as they change."""
 
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from redres_ros.nodes.qos import LATCHED
+from redres_ros.nodes.topics import LATCHED, QUALITY, REASON, SESSION
 
 if TYPE_CHECKING:  # who watches the topics needs no robot
     from redres_ros.fake_robot.session import Session
-
-REASON = 'sim/stop_reason'
-SESSION = 'sim/session_state'
-QUALITY = 'sim/connection_quality'
-MODE = 'controller/mode'
-ACTIVE_LIMITS = 'controller/active_limits'
 
 
 class SessionTopics:

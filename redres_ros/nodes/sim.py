@@ -38,13 +38,18 @@ from redres_ros.nodes.parameters import (
     on_live_change,
     with_changes,
 )
-from redres_ros.nodes.qos import LATCHED, NEWEST, PUBLISH
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
 from redres_ros.nodes.session_topics import SessionTopics
-from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.nodes.wire import EncodingError, JointStateReader, JointStateWriter, stamp_of
+from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.wire import (
+    EncodingError,
+    JointStateReader,
+    JointStateWriter,
+    stamp_of,
+    to_time,
+)
 from redres_ros.parameter import param
 from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits

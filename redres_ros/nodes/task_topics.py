@@ -9,16 +9,12 @@ from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.qos import LATCHED
-from redres_ros.nodes.stamps import to_time
 from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.topics import LATCHED, TASK_BEGUN, TASK_STATE
+from redres_ros.nodes.wire import to_time
 
 if TYPE_CHECKING:  # who watches the topics needs no planner
     from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
-
-TASK_STATE = 'planner/state'
-TASK_BEGUN = 'planner/begun'
-PROGRESS = 'planner/progress'
 
 
 class TaskTopics:

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.qos import PUBLISH
+from redres_ros.nodes.topics import PUBLISH
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
 LOOK_PERIOD = 0.2

@@ -1,4 +1,4 @@
-"""Messages of the loop as they go over the wire, read and written in place.
+"""Messages of the loop as they go over the wire, read and written in place; and stamps.
 
 Between the wire and a callback, rclpy makes a Python object of every field, and reads every field
 when it publishes one. For a JointState and a TwistStamped that takes 10 to 20 us, as long as the
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -249,3 +250,14 @@ def deserialised(data: bytes, kind: Any) -> Any:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001 (rclpy raises what its middleware does)
         raise EncodingError(f'{len(data)} bytes that are no {kind.__name__}: {error}') from None
+
+
+def to_time(stamp: int) -> Time:
+    """Nanoseconds to a stamp."""
+    return Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
+
+
+def to_nanoseconds(stamp: Time) -> int:
+    """A stamp to nanoseconds."""
+    total: int = stamp.sec * NANOSECONDS + stamp.nanosec
+    return total

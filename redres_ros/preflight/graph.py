@@ -8,7 +8,7 @@ import numpy as np
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.session import COMMANDING
 from redres_ros.loop.settings import why_it_would_leap
-from redres_ros.nodes.session_topics import REASON, SESSION
+from redres_ros.nodes.topics import REASON, SESSION
 from redres_ros.preflight.arm import judge_arm
 from redres_ros.preflight.graph_snapshot import (
     ACTIVITY,

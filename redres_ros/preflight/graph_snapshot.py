@@ -16,11 +16,9 @@ from std_msgs.msg import String
 from redres_ros.errors import one_line
 from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
-from redres_ros.nodes.qos import LATCHED
 from redres_ros.nodes.robot_parameters import DESCRIPTION
-from redres_ros.nodes.session_topics import MODE, REASON, SESSION
-from redres_ros.nodes.stamps import to_nanoseconds
-from redres_ros.nodes.wire import EncodingError, deserialised
+from redres_ros.nodes.topics import LATCHED, MODE, REASON, SESSION
+from redres_ros.nodes.wire import EncodingError, deserialised, to_nanoseconds
 
 STATES = 'joint_states'
 TWISTS = 'cartesian_velocity'

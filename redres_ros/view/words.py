@@ -8,8 +8,7 @@ import numpy as np
 from redres_ros.graph.graph_monitor import NODES
 from redres_ros.graph.watch_page import is_near_an_end
 from redres_ros.loop.limit_report import LimitReport
-from redres_ros.nodes.session_topics import MODE, QUALITY, REASON, SESSION
-from redres_ros.nodes.task_topics import TASK_STATE
+from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
 from redres_ros.simulation.colours import LIMIT_COLOURS, OTHER_LIMIT
 

@@ -1,4 +1,4 @@
-"""Quality of service: which of four a topic of this package has."""
+"""Names of topics that several modules use, and which of four qualities of service a topic has."""
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -12,3 +12,14 @@ RECENT = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
+
+# Latched words of robot, controller and planner.
+REASON = 'sim/stop_reason'
+SESSION = 'sim/session_state'
+QUALITY = 'sim/connection_quality'
+MODE = 'controller/mode'
+TASK_STATE = 'planner/state'
+TASK_BEGUN = 'planner/begun'
+# Telemetry.
+ACTIVE_LIMITS = 'controller/active_limits'
+PROGRESS = 'planner/progress'
