@@ -100,10 +100,7 @@ def case_of(options: argparse.Namespace, law: 'Law') -> 'Case':
 
 
 def _building_blocks(options: argparse.Namespace) -> dict[str, Any]:
-    """Limits, preferences and secondary tasks by name, as a Controller and a Case take them.
-
-    Raises RedresError for a name or a scale that is not allowed.
-    """
+    """Limits, preferences and secondary tasks, as a Controller takes them. Raises RedresError."""
     limits = _limit_names(options)
     _check_scales(options, limits)
     return {
@@ -117,10 +114,7 @@ def _building_blocks(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _find_gains(options: argparse.Namespace) -> dict[str, Any]:
-    """The gains that the command line gives, such as {'posture.gain': 4.0}.
-
-    Raises OptionError for one of --prefer that is no number.
-    """
+    """The given gains, such as {'posture.gain': 4.0}. Raises OptionError for no number."""
     gains = {gain.key: value for gain, value in given_gains(options).items()}
     for name, text in _preferences(options).items():
         if text is None:
@@ -153,10 +147,7 @@ def _check_scales(options: argparse.Namespace, names: tuple[str, ...]) -> None:
 
 
 def _preferences(options: argparse.Namespace) -> dict[str, str | None]:
-    """The text of each preference's gain by its name; None: its default.
-
-    Raises RepeatedNameError for one that is named twice.
-    """
+    """The text of each preference's gain by name; None: its default. Raises RepeatedNameError."""
     from redres_ros.parameter import check_once
 
     given = [text.partition('=') for text in options.prefer or ()]

@@ -29,8 +29,7 @@ def made(directory: Path, *names: str) -> Path:
 
 
 def pictures(out: Path, *names: str) -> list[Path]:
-    """Where pictures go: into a directory, or, for a name that ends in .pdf or .svg, the first one
-    into that file and the others beside it.
+    """Where pictures go: into a directory; or the first into a .pdf or .svg, the others beside it.
 
     Args:
         out: As the user named it.

@@ -1,6 +1,4 @@
-"""Gains as options: every parameter of a law, preference, task or limit that is declared in the
-tables.
-"""
+"""Gains as options: every parameter that the tables of building blocks declare."""
 
 import argparse
 from collections.abc import Iterator, Mapping

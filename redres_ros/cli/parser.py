@@ -20,9 +20,7 @@ class OptionError(RedresError):
 
 
 class _Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows the defaults that say something, and leaves gains out of the usage: they fill a screen
-    below it.
-    """
+    """Shows the defaults that say something, and leaves gains out of the usage."""
 
     def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
         shown = [each for each in actions if '.' not in ''.join(each.option_strings)]
@@ -83,9 +81,7 @@ class Parser(argparse.ArgumentParser):
             self._declarations.pop()(words)
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the command line in one line. The base class prints the usage before it, up to
-        twenty lines.
-        """
+        """Refuse the command line in one line; the base class prints twenty."""
         self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
 
     def _print_message(self, message: str, file: Any = None) -> None:

@@ -173,9 +173,7 @@ class Demo:
             time.sleep(_LOOK)
 
     def _ready(self, monitor: DemoMonitor) -> bool:
-        """Whether the task may begin: the planner is there and the robot in command mode, or, in
-        lock-step, waits for its first response.
-        """
+        """Whether the planner is there and the robot takes commands, or waits in lock-step."""
         if not monitor.count_services('planner/start'):
             return False
         if self.options.lockstep:
@@ -207,10 +205,7 @@ class Demo:
             self._report('; '.join(('the task was not finished', *reasons)))
 
     def _start_task(self, monitor: DemoMonitor) -> None:
-        """Start the task, and wait until it begins, or the robot is stopped.
-
-        The planner may refuse at first: it may not know yet that the controller is active.
-        """
+        """Wait until the task begins, or the robot is stopped; the planner may refuse at first."""
         before = monitor.began
         until = time.monotonic() + START_PATIENCE
         granted = False

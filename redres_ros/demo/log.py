@@ -96,9 +96,7 @@ class Log:
         return bool(self.words) and self.words[max(self.words)] == FINISHED
 
     def rounds(self) -> list[list[int]]:
-        """Stamps at which the planner had the task under way and the robot took commands, for each
-        time that the task was begun.
-        """
+        """Stamps of each round: the planner had the task under way, and the robot took commands."""
         rounds: list[list[int]] = []
         word = ''
         for stamp in sorted(self.desired.keys() | self.words.keys()):
@@ -137,9 +135,7 @@ class Log:
         return str(self._latest('laws', stamp))
 
     def switches(self) -> tuple[tuple[float, str, str], ...]:
-        """Changes of the law while the task was under way: seconds since it began, name before,
-        name after.
-        """
+        """Changes of the law under way: seconds since the task began, name before, name after."""
         changes = []
         stamps = self.under_way()
         for before, after in pairwise(stamps):

@@ -83,9 +83,7 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Whether the last point was reached by a robot that was not stopped, and no node has
-        grown.
-        """
+        """Whether a robot that was not stopped reached the last point, and no node has grown."""
         steady = self.endurance is None or self.endurance.steady
         return self.recording.finished and not self.stop_reason and not self.interrupted and steady
 

@@ -44,8 +44,7 @@ _STEERED = {
 
 
 class GraphClient:
-    """Calls what the nodes offer, from any thread, by clients that stay: the second call of a
-    service is on its way at once.
+    """Calls what the nodes offer, from any thread, by clients that stay: a second call is fast.
 
     Args:
         node: Has the clients; is spun elsewhere.

@@ -1,6 +1,4 @@
-"""A running graph from outside: the newest messages of its nodes, their health and parameters,
-samples of fast topics, and calls to its services.
-"""
+"""A running graph from outside: its nodes' newest messages, health, parameters and services."""
 
 import time
 from collections.abc import Callable

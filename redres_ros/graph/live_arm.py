@@ -31,9 +31,7 @@ _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class LiveArm:
-    """The state of an arm from the controller's snapshots.
-
-    While the controller is silent the arm is where its own states say.
+    """The state of an arm from the controller's snapshots; from its own states if there are none.
 
     Args:
         monitor: In whose graph and namespace it is; is spun elsewhere.

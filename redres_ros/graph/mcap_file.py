@@ -114,10 +114,7 @@ class McapFile:
 
 
 def read_messages(path: Path) -> Iterator[RecordedMessage]:
-    """The messages in order; up to the last complete one if the writer was killed.
-
-    Memory is taken for one message only: a demo that runs for an hour makes a long file.
-    """
+    """The messages in order, one in memory at a time, up to the last complete one."""
     kinds: dict[int, str] = {}
     channels: dict[int, Channel] = {}
     with path.open('rb') as stream, suppress(McapError, struct.error):

@@ -120,8 +120,7 @@ class Watch(GraphMonitor):
 
 
 def watch(node: Watch, duration: float | None = None) -> None:
-    """Show the page. Where it cannot be redrawn, as in a pipe or a file, print a line a second,
-    and the page once, at the end.
+    """Show the page; in a pipe or a file print a line a second, and the page once, at the end.
 
     Args:
         node: What listens.

@@ -118,8 +118,7 @@ def run_composed(
     *,
     with_sim: bool = True,
 ) -> int:
-    """Run the nodes until they are asked to end; the controller gets a state before the planner
-    gets it.
+    """Run the nodes until they are asked to end; the controller gets a state before the planner.
 
     Args:
         adapt: Gives a class in place of each node's.

@@ -82,8 +82,7 @@ class ControllerParameters(ListenerParameters):
 
 
 class ControllerNode(ManagedNode):
-    """Publishes a command for each state of the robot, in the callback that brings it; has no clock
-    of its own.
+    """Publishes a command for each state, in the callback that brings it; has no clock of its own.
 
     Deactivated it brings the arm to rest, and then publishes nothing any more.
     """

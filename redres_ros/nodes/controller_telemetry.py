@@ -1,5 +1,4 @@
-"""The controller's telemetry of each tick, and `controller/snapshot`: the arm's state for displays,
-twenty times a second.
+"""The controller's telemetry of each tick, and `controller/snapshot`, twenty times a second.
 
 A page that subscribed to states, commands and task velocities at the robot's rate made sim, planner
 and controller send one more message each in every cycle. That added a tenth to the median response
@@ -38,8 +37,7 @@ _LIMITS_REMINDER = 0.5  # [s] the same, while none acts
 
 
 class Figures(NamedTuple):
-    """What is plotted of one instant, by the names of the controller's topics; velocity and
-    acceleration are the largest since the last one.
+    """Figures of one instant, named as the topics; those of dq and ddq: the largest since the last.
 
     Attributes:
         time: Of the robot's clock [s].
@@ -182,10 +180,7 @@ class MotionTelemetry:
         self._limits_most = round(_LIMITS_REMINDER / T)
 
     def publish_change(self, scaling: float) -> None:
-        """Publish the task scaling, if it has changed.
-
-        The planner listens, so every message of these would wake it up.
-        """
+        """Publish the task scaling, if it has changed: every message wakes up the planner."""
         if scaling != self._scaling:
             self._publish_scaling(scaling)
 

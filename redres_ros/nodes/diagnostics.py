@@ -1,6 +1,4 @@
-"""A node's health: a log line when an event begins and one when it ends, and /diagnostics once a
-second.
-"""
+"""A node's health: a log line when an event begins and one when it ends, and /diagnostics."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -86,9 +84,7 @@ class _Episode:
 
 
 class InputMonitor:
-    """Input that was refused: a log line when a source turns bad, or bad in another way, and one
-    when it has been good for a while.
-    """
+    """Logs when a source turns bad, or bad in another way, and when it has been good again."""
 
     def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()
@@ -132,8 +128,7 @@ class InputMonitor:
 
 
 class Watchdog:
-    """Notices the silence of a topic by the monotonic clock; logs when it falls silent, and when it
-    has been back for a while.
+    """Notices the silence of a topic by the monotonic clock; logs its beginning and its end.
 
     Args:
         node: Whose log it is.

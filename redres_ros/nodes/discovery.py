@@ -1,6 +1,4 @@
-"""Domain, discovery and transport of the nodes: environment variables that ROS and Fast DDS read
-when a process joins.
-"""
+"""Domain, discovery and transport: variables that ROS and Fast DDS read when a process joins."""
 
 import fcntl
 import os
@@ -61,10 +59,7 @@ def prepare() -> None:
 
 @contextmanager
 def joined_domain(domain: int | None) -> Iterator[None]:
-    """Set the environment to a ROS domain on this host; None leaves it as the user has it.
-
-    Raises RangeError for a domain that there is not.
-    """
+    """Set a ROS domain on this host; None: as the user has it. Raises RangeError."""
     if domain is not None and not 0 <= domain <= HIGHEST_DOMAIN:
         raise RangeError('ROS domain', domain, 0, HIGHEST_DOMAIN)
     kept = dict(os.environ)

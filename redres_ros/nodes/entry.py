@@ -1,6 +1,4 @@
-"""The executables. Each loads its node in here: help needs no ROS, and Ctrl-C while Python loads
-ends quietly.
-"""
+"""The executables. Each loads its node in here: help needs no ROS, and Ctrl-C ends it quietly."""
 
 import ast
 import sys
@@ -75,10 +73,7 @@ def run_node(name: str, arguments: list[str]) -> int:
 
 
 def _check_law(arguments: list[str]) -> None:
-    """Refuse a mistyped law before its node loads, and compiles, the formulas.
-
-    A plugin may add laws; then the node itself decides.
-    """
+    """Refuse a mistyped law before formulas are compiled. With plugins, the node itself decides."""
     given = [word.partition(':=')[::2] for word in arguments]
     for option, file in pairwise(arguments):
         if option == '--params-file':

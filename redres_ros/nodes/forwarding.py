@@ -19,8 +19,7 @@ _ASK_AGAIN = 1.0  # [s] after a wrong order, or no response
 
 
 class Forwarding:
-    """Publishes positions once the forwarding controller is known to have our order of joints: they
-    are numbers without names.
+    """Publishes positions, numbers without names, once the order of their joints is confirmed.
 
     Args:
         node: Publishes.

@@ -1,6 +1,4 @@
-"""The life cycle of ROS 2: configure, activate, deactivate, clean up and shut down by its standard
-services.
-"""
+"""The life cycle of ROS 2: its states, by its standard services."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -116,10 +114,7 @@ class ManagedNode(LifecycleNode):
         return self.on_deactivate(state) if self.active else _DONE
 
     def _refuse_impossible_transitions(self) -> None:
-        """Reject a transition that the present state does not allow.
-
-        rclpy 7.1 raises an error there, which would end the node.
-        """
+        """Reject a transition that the state does not allow; rclpy 7.1 would end the node."""
         service = self._service_change_state
         change_state = service.callback
 

@@ -97,8 +97,7 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
 def on_live_change(
     node: Node, check: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]
 ) -> None:
-    """Have changes of parameters checked before they are set and applied after; a RedresError
-    refuses them all.
+    """Have changes of parameters checked, all refused for a RedresError, and applied once set.
 
     Args:
         node: Has the parameters.

@@ -1,6 +1,4 @@
-"""Node `planner`: streams the task velocities of a task, one cartesian_velocity for each
-joint_states.
-"""
+"""Node `planner`: streams a task's velocities, one cartesian_velocity for each joint_states."""
 
 import sys
 import time
@@ -78,9 +76,7 @@ class _PlannerParameters(ListenerParameters):
 
 
 class PlannerNode(ManagedNode):
-    """Takes time from the states and the task scaling: when the robot's
-    clock stands, or the arm is stopped, so does the task.
-    """
+    """Takes its time from the states and the task scaling: it stands still when the robot does."""
 
     def __init__(self) -> None:
         super().__init__('planner')

@@ -97,8 +97,7 @@ class PolicyParameters:
         self._next = (self._settings, self._gains, self.policy)  # after a change that is allowed
 
     def check(self, changes: Mapping[str, Any]) -> None:
-        """Make the policy after changes of parameters, for adopt(). Changes of other parameters are
-        passed over.
+        """Make the policy after changes of parameters, for adopt(); others are passed over.
 
         Raises:
             RedresError: A value that is not allowed, limits that the arm has no figures for, or a
@@ -117,9 +116,7 @@ class PolicyParameters:
         self._next = (settings, gains, policy)
 
     def adopt(self) -> Policy:
-        """The policy of the changes that were checked last, from now on in force; limits that did
-        not change stay the same.
-        """
+        """Put the policy that was checked last in force; unchanged limits stay the same."""
         self._settings, self._gains, self.policy = self._next
         return self.policy
 

@@ -22,9 +22,7 @@ _MCL_FUTURE = 2  # Linux, see mlockall(2)
 
 @dataclass(frozen=True)
 class RealTime:
-    """Parameters of every node; they act on its whole process. By default nothing is asked of the
-    kernel.
-    """
+    """Parameters of every node, for its process; by default nothing is asked of the kernel."""
 
     realtime_priority: int = param(
         0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99
@@ -39,9 +37,7 @@ class RealTime:
 
 
 def ask_kernel(node: Node) -> None:
-    """Apply the node's real-time parameters; what is not permitted gets one warning, and the node
-    runs without it.
-    """
+    """Apply the node's real-time parameters; what is not permitted gets one warning."""
     wanted = declare(node, RealTime())
     priority = wanted.realtime_priority
     processors = wanted.processors

@@ -144,11 +144,7 @@ class Spinner:
 
 
 def start(arguments: list[str] | None = None) -> None:
-    """rclpy.init with our own signal handling, on this host alone and without shared memory unless
-    the user asks for it.
-
-    Raises _StartError for an environment that cannot work.
-    """
+    """rclpy.init with our own signal handling and discovery. Raises _StartError."""
     discovery.prepare()
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain and not (domain.isdecimal() and int(domain) <= discovery.HIGHEST_DOMAIN):
@@ -173,10 +169,7 @@ def _made(make: Callable[[], N]) -> N:
 
 @contextmanager
 def spun(make: Callable[[], N]) -> Iterator[N]:
-    """Start ROS and yield a node that is spun in a thread; for programs that listen and ask.
-
-    Raises RedresError for an environment that cannot work.
-    """
+    """Start ROS and yield a node that is spun in a thread. Raises RedresError."""
     start()
     try:
         node = _made(make)

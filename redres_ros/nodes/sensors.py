@@ -121,9 +121,7 @@ class Sensors:
                 self._subscribe(name, JointState, self._on_torques)
 
     def enter_effort(self, message: Any) -> None:
-        """Take the efforts of a JointState, serialised or not, if they are asked for and a response
-        came before.
-        """
+        """Take a JointState's efforts, serialised or not, if asked for and after a response."""
         response = self._loop.newest_response
         if not self._from_effort or response is None:
             return

@@ -118,10 +118,7 @@ def stamp_of(data: bytes) -> int:
 
 
 def read_twist(message: Any) -> _TwistSample:
-    """What the loop needs of a TwistStamped, serialised or not.
-
-    Raises EncodingError for bytes that are none.
-    """
+    """What the loop needs of a TwistStamped, serialised or not. Raises EncodingError."""
     if isinstance(message, bytes) and not message.startswith(_LITTLE_ENDIAN):
         message = deserialised(message, TwistStamped)
     if not isinstance(message, bytes):
@@ -147,11 +144,7 @@ def _nanoseconds(message: Any) -> int:
 
 
 def _joined(seconds: int, nanoseconds: int) -> int:
-    """A stamp [ns] from its parts.
-
-    Raises EncodingError where the second one is more than a second: it may make a stamp that no
-    message can carry.
-    """
+    """A stamp [ns]. Raises EncodingError where the nanoseconds make a second or more."""
     if nanoseconds >= NANOSECONDS:
         raise EncodingError(f'a stamp with {nanoseconds} ns in nanosec; allowed: below 1e9')
     return seconds * NANOSECONDS + nanoseconds

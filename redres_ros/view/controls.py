@@ -1,6 +1,4 @@
-"""Buttons, menus and sliders: each sets one parameter or calls one service of the nodes, and shows
-what the nodes have.
-"""
+"""Buttons, menus and sliders: each sets a parameter or calls a service, and shows its state."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -115,8 +113,7 @@ class Bindings:
         order: Callable[[], str | None],
         undo: Callable[[], None] = lambda: None,
     ) -> None:
-        """Carry out an order at the page; the response of the nodes is shown to its browser
-        alone.
+        """Carry out an order at the page; the response is shown to its browser alone.
 
         Args:
             event: What was clicked, and by whom.

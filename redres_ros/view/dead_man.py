@@ -1,6 +1,4 @@
-"""The dead-man switch of the page: nothing of the operator's moves the arm unless it is held. And
-the connection by which the page's own script holds it.
-"""
+"""The dead-man switch of the page, and the connection by which its script holds it."""
 
 import json
 import threading

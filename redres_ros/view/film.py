@@ -1,6 +1,4 @@
-"""A film of a recorded motion: the arm on the left, its norms over time on the right; or of several
-motions, side by side above one figure of each.
-"""
+"""A film of a recorded motion beside its norms, or of several side by side above one figure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -137,9 +137,7 @@ def close_server(server: viser.ViserServer) -> None:
 
 @contextmanager
 def _guarded(channel: TeleopChannel | None) -> Iterator[None]:
-    """Have the next websocket server check every request, and serve the channel; viser has no
-    option for that.
-    """
+    """Have the next websocket server check every request, for which viser has no option."""
     module = websockets.asyncio.server
     serve = module.serve
 

@@ -1,6 +1,4 @@
-"""The arm in three dimensions: its shapes, the points of its task, the paths of tip and elbow,
-and the walls.
-"""
+"""The arm in three dimensions: its shapes, its task, the paths of tip and elbow, the walls."""
 
 from collections.abc import Iterable
 
