@@ -81,7 +81,7 @@ class Waiting(Protocol):
         """
 
 
-class _OwnThread:
+class OwnThread:
     """For a loop beside the thread of the executor."""
 
     sleep = staticmethod(time.sleep)
@@ -275,7 +275,7 @@ def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None
             loop(stopped, spinner)
         elif loop:
             with _spinning(spinner, stopped):
-                loop(stopped, _OwnThread())
+                loop(stopped, OwnThread())
         else:
             spinner.spin()
     finally:
