@@ -164,7 +164,8 @@ class SimNode(ManagedNode):
             self, {}, {'wrench': WrenchStamped, 'external_torques': JointState}
         )
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
-        self._session_topics = SessionTopics(self, self._session)
+        self._session_topics = SessionTopics(self)
+        self._publish_session()
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
         self._diagnostics = Diagnostics(self, self._description.name, self._health)
@@ -201,7 +202,7 @@ class SimNode(ManagedNode):
                 self._robot.reset()
             self._robot.advance(*commands)
             self._report_refusals()
-            self._session_topics.publish()
+            self._publish_session()
             if self._settings.lockstep:
                 # The command may have come already, in this thread; services still need a turn.
                 waiting.sleep(0.0)
@@ -226,6 +227,10 @@ class SimNode(ManagedNode):
             for arriving in self._states.receive(tick):
                 self._state_publisher.publish(arriving)
                 self._newest = max(self._newest, arriving, key=stamp_of)
+
+    def _publish_session(self) -> None:
+        session = self._session
+        self._session_topics.publish(session.reason, session.state.value, session.quality.name)
 
     def _arriving_wrench(self, stamp: int, tick: int) -> WrenchStamped | None:
         message = WrenchStamped()
