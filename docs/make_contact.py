@@ -9,15 +9,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from redres_ros import Controller, RobotModel, make_law
-from redres_ros.contact import AdmittanceSettings, ContactControl, minimum_damping
+from redres_ros.contact import AdmittanceSettings, minimum_damping
 from redres_ros.contact.contact_control import ContactError
-from redres_ros.fake_robot.environment import EnvironmentSettings
-from redres_ros.fake_robot.mujoco_arm import MujocoSettings
-from redres_ros.fake_robot.plant import MujocoPlant
+from redres_ros.paper.contact.scenes import FORCE, Pressing, PressingArm
 
 T = 0.002  # [s]
-FORCE = 20.0  # [N]
 ARMS = ('fr3', 'iiwa7', 'lwr4')
 STIFFNESSES = (1e3, 1e4, 1e5)  # [N/m]
 BANDWIDTHS = (100.0, 400.0)  # [rad/s]
@@ -83,38 +79,19 @@ def ripple(arm: str, stiffness: float, bandwidth: float, delay: int, damping: fl
         delay: From a contact to the response [cycles].
         damping: Of the admittance [N s/m].
     """
-    model = RobotModel.named(arm)
-    q = np.array(model.arm.start)
-    x, _ = model.tip(q)
-    environment = EnvironmentSettings('table', tuple(x), contact_stiffness=stiffness)
-    plant = MujocoPlant(model.arm, T, q, MujocoSettings(servo_bandwidth=bandwidth), environment)
-    law = make_law('minimum_acceleration', damping=10.0)
-    limits = ('position', 'velocity', 'acceleration')
-    controller = Controller(model, law, T, limits=limits)
-    settings = AdmittanceSettings(
-        enabled=True,
-        damping=(1e6, 1e6, damping),
-        force=(0.0, 0.0, FORCE),
-        force_limit=1e4,
-    )
-    contact = ContactControl(settings, T)
-    on_the_way = [q] * (delay - 1)
+    case = Pressing(arm, T, bandwidth, stiffness, damping, delay=delay, gap=0.0, force_limit=1e4)
+    pressing = PressingArm(case)
     lag = delay * T + 2.0 / bandwidth
     settles = 0.3 + _LAGS * lag + 7.0 * damping / stiffness
-    settles += 0.25 * FORCE / (stiffness * settings.search_speed)
+    settles += 0.25 * FORCE / (stiffness * AdmittanceSettings().search_speed)
     forces = []
     for _ in range(round((settles + JUDGED) / T)):
-        state = model.state(plant.q, np.zeros(model.n))
-        forces.append((state.R @ plant.wrench[:3])[2])
-        contact.sensor.enter(plant.wrench)
+        state = pressing.state()
+        forces.append(pressing.force(state))
         try:
-            velocity = contact.velocity(np.zeros(3), state)
+            pressing.advance(state, np.zeros(3))
         except ContactError:
             return np.inf
-        command = controller.update(plant.q, velocity)
-        contact.record(command, np.zeros(3))
-        on_the_way.append(command.q_ref)
-        plant.step(on_the_way.pop(0))
     last = np.array(forces[-round(JUDGED / T) :])
     return float(np.ptp(last)) if last.mean() > 0.5 * FORCE else np.inf
 

@@ -23,7 +23,8 @@ from redres_ros.paper.claims import (
 )
 from redres_ros.paper.claims.claim import ROUNDING
 from redres_ros.paper.contact import claims as contact
-from redres_ros.paper.contact import second_order
+from redres_ros.paper.contact.pushed import IMPEDANCE, by_velocity, pushed_tip
+from redres_ros.paper.contact.second_order import by_scheme
 from redres_ros.paper.runs import Runs
 from redres_ros.paper.saturation import LWR_DAMPED, angle_between, run_benchmark
 
@@ -131,9 +132,9 @@ def test_the_admittance_is_the_impedance_of_second_order_to_rounding(law: str) -
 
 
 def test_a_wrong_admittance_is_found_out() -> None:
-    wrong = replace(contact.IMPEDANCE, mass=(5.0, 5.001, 5.0))
-    one = second_order.by_velocity('minimum_acceleration', wrong, second_order.pushed_tip)
-    two = second_order.by_scheme('minimum_acceleration', contact.IMPEDANCE, second_order.pushed_tip)
+    wrong = replace(IMPEDANCE, mass=(5.0, 5.001, 5.0))
+    one = by_velocity('minimum_acceleration', wrong, pushed_tip)
+    two = by_scheme('minimum_acceleration', IMPEDANCE, pushed_tip)
     assert np.abs(one.dq - two.dq).max() > ROUNDING
 
 

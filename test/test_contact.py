@@ -11,13 +11,9 @@ from redres_ros.contact import Admittance, AdmittanceSettings, ContactControl, m
 from redres_ros.contact.contact_control import ContactError, PayloadError
 from redres_ros.contact.force_sensor import ForceSensor, TareError
 from redres_ros.errors import ArrayError, RangeError
-from redres_ros.paper.contact.step_response import (
-    FORCE,
-    STIFFNESS,
-    analytic,
-    in_the_ideal_loop,
-    on_plant_after,
-)
+from redres_ros.paper.contact import claims
+from redres_ros.paper.contact.pushed import STEP, STIFFNESS, analytic, stepped
+from redres_ros.paper.runs import Runs
 
 T = 0.002  # [s]
 MODEL = RobotModel.named('fr3')
@@ -105,18 +101,13 @@ def test_the_rate_is_the_implicit_euler_step_of_mass_damper_and_spring() -> None
 
 
 def test_a_step_of_force_is_answered_like_the_analytic_mass_damper_and_spring() -> None:
-    end = FORCE / STIFFNESS
-    assert np.abs(in_the_ideal_loop() - analytic()).max() < 0.02 * end
+    assert np.abs(stepped() - analytic()).max() < 0.02 * STEP / STIFFNESS
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize('bandwidth', [100.0, 400.0])
-def test_on_the_plant_servos_that_give_way_are_the_whole_difference(bandwidth: float) -> None:
-    response = on_plant_after(bandwidth)
-    end = FORCE / STIFFNESS
-    assert response.error < 0.02 * end
-    # 0.2 %: the lag of servos that know velocity and acceleration of their reference
-    assert response.unexplained < 0.002 * end
+def test_on_the_plant_servos_that_give_way_are_the_whole_difference() -> None:
+    finding = claims.step_response.measure(Runs())
+    assert finding.held, finding.measured
 
 
 @pytest.mark.parametrize('task', ['position', 'pose'])

@@ -1,18 +1,25 @@
 """Every sentence of the paper that can be measured, measured; and what others published."""
 
-from redres_ros.paper.claims.assumptions import ASSUMPTIONS
-from redres_ros.paper.claims.claim import Claim, Finding, check_all, table, write_csv
-from redres_ros.paper.claims.experimental import EXPERIMENTAL
-from redres_ros.paper.claims.numerical import NUMERICAL
-from redres_ros.paper.claims.published import PUBLISHED_MOTIONS
-from redres_ros.paper.claims.theoretical import THEORETICAL
+from itertools import chain
+from types import ModuleType
 
-CLAIMS: tuple[Claim, ...] = (
-    *THEORETICAL,
-    *NUMERICAL,
-    *EXPERIMENTAL,
-    *ASSUMPTIONS,
-    *PUBLISHED_MOTIONS,
+from redres_ros.paper.claims import (
+    assumptions,
+    damping,
+    experimental,
+    numerical,
+    published,
+    theoretical,
 )
+from redres_ros.paper.claims.claim import Claim, Finding, check_all, table, write_csv
+
+
+def _claims_of(module: ModuleType) -> list[Claim]:
+    """In the order in which the module has them."""
+    return [each for each in vars(module).values() if isinstance(each, Claim)]
+
+
+_MODULES = (theoretical, damping, numerical, experimental, assumptions, published)
+CLAIMS: tuple[Claim, ...] = tuple(chain.from_iterable(map(_claims_of, _MODULES)))
 
 __all__ = ['CLAIMS', 'Claim', 'Finding', 'check_all', 'table', 'write_csv']

@@ -69,6 +69,3 @@ def _reach(model: RobotModel) -> float:
     """Distance of the tip from the shoulder with the arm stretched [m]."""
     stretched = np.zeros(model.n)
     return float(np.linalg.norm(model.tip(stretched)[0] - model.position(stretched, 'link_2')))
-
-
-ASSUMPTIONS = (geometry, switching)

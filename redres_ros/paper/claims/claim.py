@@ -65,6 +65,17 @@ def claim(
     return lambda measure: Claim(section, says, measure, source)
 
 
+def same_velocities(largest: float) -> Finding:
+    """Whether a law and a scheme give the same velocities, each in its own closed loop.
+
+    Args:
+        largest: Difference of theirs [rad/s].
+    """
+    return Finding(
+        largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
+    )
+
+
 def check_all(
     claims: Iterable[Claim], runs: Runs, progress: Callable[[float], None]
 ) -> dict[Claim, Finding]:

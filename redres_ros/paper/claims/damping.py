@@ -3,7 +3,7 @@
 import numpy as np
 
 from redres_ros.laws import make_law
-from redres_ros.paper.claims.claim import Finding, claim
+from redres_ros.paper.claims.claim import Finding, claim, same_velocities
 from redres_ros.paper.runs import SIMULATION_DAMPING, SIMULATION_T, Runs
 from redres_ros.resolution import resolve
 
@@ -71,11 +71,14 @@ def stops_at_once(runs: Runs) -> Finding:
     )
 
 
+@claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
+def full_damping(runs: Runs) -> Finding:
+    """Scheme (22) with k_d = 1/T and law (2), each in a closed loop of its own."""
+    return same_velocities(runs['difference_2'].max)
+
+
 def _fate(ratio: float) -> str:
     """What becomes of a speed that is so many times the first one after a while."""
     if ratio < 1e-6:
         return 'dies out'
     return 'grows' if ratio > 1e6 else 'stays'
-
-
-NULL_SPACE_DAMPING = (resting_place, regimes, stops_at_once)

@@ -68,6 +68,3 @@ def _compared(theirs: Benchmark, ours: SaturatedMotion, remark: str = '') -> Fin
 def _longer(theirs: Benchmark, ours: SaturatedMotion) -> float:
     """By how much our motion takes longer [%]."""
     return 100.0 * (ours.seconds / theirs.seconds - 1.0)
-
-
-PUBLISHED_MOTIONS = (lwr, lwr_damped, planar)

@@ -1,4 +1,4 @@
-"""Claims of Sections 2 to 4 and of the appendices: identities, optimality, stability, cost."""
+"""Claims of Sections 2 to 4 and of Appendix A: identities, optimality, cost."""
 
 import time
 from collections.abc import Iterator
@@ -7,9 +7,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
-from redres_ros.paper.claims.claim import ROUNDING, Finding, claim
-from redres_ros.paper.claims.damping import NULL_SPACE_DAMPING
-from redres_ros.paper.equivalence import Difference
+from redres_ros.paper.claims.claim import ROUNDING, Finding, claim, same_velocities
 from redres_ros.paper.runs import (
     CONVERGING_LAWS,
     PREFERENCE,
@@ -24,30 +22,6 @@ from redres_ros.simulation.recording import Recording
 
 _EVERY = 50  # ticks between the states of a run at which something is checked
 _REPETITIONS = 3000  # of a tick when it is timed
-
-
-def same_velocities(difference: Difference) -> Finding:
-    """Whether a law and a scheme give the same velocities, each in its own closed loop."""
-    return Finding(
-        difference.max <= ROUNDING,
-        f'largest |dq_I - dq_II| {difference.max:.1e} rad/s over the whole task',
-    )
-
-
-def states(
-    recording: Recording, model: RobotModel, every: int = _EVERY
-) -> Iterator[tuple[RobotState, np.ndarray]]:
-    """States along a recording and the velocities commanded there.
-
-    Args:
-        recording: Of a motion.
-        model: Of the arm.
-        every: Ticks from one state to the next.
-    """
-    q = recording.vectors('q1')
-    dq = recording.vectors('dq1')
-    for k in range(every, len(q), every):
-        yield model.state(q[k], dq[k - 1]), dq[k]
 
 
 @claim('2.2 (14)', 'Without redundancy, the sampled acceleration law is the velocity law J^-1 dx')
@@ -79,11 +53,65 @@ def square_task(runs: Runs) -> Finding:
 
 
 @claim(
+    '2.2',
+    'The approximations (8) to (10) are consistent: '
+    'the sampled laws tend to the continuous schemes',
+)
+def proportional(runs: Runs) -> Finding:
+    """Order of convergence to the continuous scheme on the first segment."""
+    orders = {law: runs[f'convergence_{law}'].q_order for law in CONVERGING_LAWS}
+    return Finding(
+        all(0.9 <= order <= 1.1 for order in orders.values()),
+        'the error of q against the continuous scheme falls as T^p over the first segment, '
+        'with p = ' + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
+    )
+
+
+@claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical')
+def two_forms(runs: Runs) -> Finding:
+    """(15) against (17) with an explicit pseudoinverse."""
+    worst = 0.0
+    for state, dq in _states(runs['simulated_15'], runs.model):
+        J_pinv = np.linalg.pinv(state.J[:3])
+        dx = state.J[:3] @ dq
+        b = state.dq_prev
+        form_15 = J_pinv @ dx + (np.eye(len(b)) - J_pinv @ state.J[:3]) @ b
+        form_17 = b + J_pinv @ (dx - state.J[:3] @ b)
+        worst = max(worst, float(np.linalg.norm(form_15 - form_17)))
+    return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
+
+
+@claim(
+    '3',
+    'Near a singularity the task is deformed, but the change of the velocity is still minimised',
+)
+def damped_variation(runs: Runs) -> Finding:
+    """An arm that is nearly stretched, with velocities at random."""
+    random = np.random.default_rng(0)
+    deformation = 0.0
+    residual = 0.0
+    for bend in np.geomspace(1e-2, 1e-4, 20):  # of elbow and wrist [rad]
+        q = np.array((0.3, 0.5, 0.2, bend, 0.1, bend, 0.0))
+        state = runs.model.state(q, random.uniform(-0.5, 0.5, 7))
+        J = state.J[:3]
+        dx = random.uniform(-0.1, 0.1, 3)
+        dq = resolve(J, dx, state.dq_prev)
+        deformation = max(deformation, float(np.linalg.norm(J @ dq - dx) / np.linalg.norm(dx)))
+        change = dq - state.dq_prev
+        residual = max(residual, float(np.linalg.norm(_null_space(J).T @ change)))
+    return Finding(
+        residual <= ROUNDING and deformation > 0.01,
+        f'up to {deformation:.0%} of the task velocity is not executed; of all velocities that '
+        f'execute the rest, the commanded one is {residual:.1e} rad/s from the least change',
+    )
+
+
+@claim(
     '3.1 (19)', 'Law (19) and scheme (18) give the same velocities with a preferred acceleration'
 )
 def auxiliary_task(runs: Runs) -> Finding:
     """Joint centering beside damping."""
-    return same_velocities(runs['difference_19'])
+    return same_velocities(runs['difference_19'].max)
 
 
 @claim(
@@ -98,7 +126,7 @@ def several_tasks(runs: Runs) -> Finding:
     task_error = 0.0
     residual = 0.0
     difference = 0.0
-    for state, moved in states(runs['simulated_23'], runs.model):
+    for state, moved in _states(runs['simulated_23'], runs.model):
         J_1 = state.J[:3]
         J_2 = state.jacobian(elbow)[2:3]
         dx_1 = J_1 @ moved
@@ -156,51 +184,12 @@ def unneeded_joint(runs: Runs) -> Finding:
     )
 
 
-@claim(
-    '3',
-    'Near a singularity the task is deformed, but the change of the velocity is still minimised',
-)
-def damped_variation(runs: Runs) -> Finding:
-    """An arm that is nearly stretched, with velocities at random."""
-    random = np.random.default_rng(0)
-    deformation = 0.0
-    residual = 0.0
-    for bend in np.geomspace(1e-2, 1e-4, 20):  # of elbow and wrist [rad]
-        q = np.array((0.3, 0.5, 0.2, bend, 0.1, bend, 0.0))
-        state = runs.model.state(q, random.uniform(-0.5, 0.5, 7))
-        J = state.J[:3]
-        dx = random.uniform(-0.1, 0.1, 3)
-        dq = resolve(J, dx, state.dq_prev)
-        deformation = max(deformation, float(np.linalg.norm(J @ dq - dx) / np.linalg.norm(dx)))
-        change = dq - state.dq_prev
-        residual = max(residual, float(np.linalg.norm(_null_space(J).T @ change)))
-    return Finding(
-        residual <= ROUNDING and deformation > 0.01,
-        f'up to {deformation:.0%} of the task velocity is not executed; of all velocities that '
-        f'execute the rest, the commanded one is {residual:.1e} rad/s from the least change',
-    )
-
-
-@claim('3 (17)', 'Forms (15) and (17) of the law of least acceleration are identical')
-def two_forms(runs: Runs) -> Finding:
-    """(15) against (17) with an explicit pseudoinverse."""
-    worst = 0.0
-    for state, dq in states(runs['simulated_15'], runs.model):
-        J_pinv = np.linalg.pinv(state.J[:3])
-        dx = state.J[:3] @ dq
-        b = state.dq_prev
-        form_15 = J_pinv @ dx + (np.eye(len(b)) - J_pinv @ state.J[:3]) @ b
-        form_17 = b + J_pinv @ (dx - state.J[:3] @ b)
-        worst = max(worst, float(np.linalg.norm(form_15 - form_17)))
-    return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
-
-
 @claim('4.2 (35)', 'With the damping torque (34), law (32) becomes the simpler (35)')
 def special_case_35(runs: Runs) -> Finding:
     """(32) with the damping torque (34) against (35), written out."""
     T = SIMULATION_T
     worst = 0.0
-    for state, dq in states(runs['simulated_35'], runs.model):
+    for state, dq in _states(runs['simulated_35'], runs.model):
         Minv = np.linalg.inv(state.M)
         dx = state.J[:3] @ dq
         J_M = Minv @ state.J[:3].T @ np.linalg.inv(state.J[:3] @ Minv @ state.J[:3].T)  # Eq. (A.5)
@@ -212,41 +201,11 @@ def special_case_35(runs: Runs) -> Finding:
     return Finding(worst <= ROUNDING, f'largest difference {worst:.1e} rad/s')
 
 
-@claim('A', 'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)')
-def optimality(runs: Runs) -> Finding:
-    """Z' W (dq - b), Z spanning the null space of J, relative to its terms: zero at the constrained
-    minimum.
-    """
-    worst = {}
-    for name in LAWS:
-        law = make_law(name)
-        residuals = []
-        for state, moved in states(runs['simulated_23'], runs.model):
-            b = law.bias(state, SIMULATION_T)
-            W = law.weight(state)
-            Z = _null_space(state.J[:3])
-            dq = resolve(state.J[:3], state.J[:3] @ moved, b, W)
-            W = np.eye(len(b)) if W is None else np.asarray(W)
-            size = np.linalg.norm(W) * np.linalg.norm(dq - b)
-            residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / size)
-        worst[name] = max(residuals)
-    return Finding(
-        bool(max(worst.values()) <= 1e-9),
-        'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()),
-    )
-
-
-@claim('B', 'With k_d = 1/T the scheme of least acceleration becomes the law of least velocity')
-def full_damping(runs: Runs) -> Finding:
-    """Scheme (22) with k_d = 1/T and law (2), each in a closed loop of its own."""
-    return same_velocities(runs['difference_2'])
-
-
 @claim('7', 'The velocity laws cost no more computation than the second-order schemes')
 def cost(runs: Runs) -> Finding:
     """Time of a tick of each law and of its scheme, measured in turns."""
     ratios = {}
-    state, moved = next(states(runs['simulated_23'], runs.model, 1000))
+    state, moved = next(_states(runs['simulated_23'], runs.model, 1000))
     dx = state.J[:3] @ moved
     for name in SCHEMES:
         law = Controller(runs.model, make_law(name), SIMULATION_T)
@@ -263,19 +222,38 @@ def cost(runs: Runs) -> Finding:
     )
 
 
-@claim(
-    '2.2',
-    'The approximations (8) to (10) are consistent: '
-    'the sampled laws tend to the continuous schemes',
-)
-def proportional(runs: Runs) -> Finding:
-    """Order of convergence to the continuous scheme on the first segment."""
-    orders = {law: runs[f'convergence_{law}'].q_order for law in CONVERGING_LAWS}
+@claim('A', 'Every law is the minimum of its quadratic programme: (3), (24), (28), (A.1)')
+def optimality(runs: Runs) -> Finding:
+    """Z' W (dq - b), Z spanning the null space of J, relative to its terms: zero at the constrained
+    minimum.
+    """
+    worst = {}
+    for name in LAWS:
+        law = make_law(name)
+        residuals = []
+        for state, moved in _states(runs['simulated_23'], runs.model):
+            b = law.bias(state, SIMULATION_T)
+            W = law.weight(state)
+            Z = _null_space(state.J[:3])
+            dq = resolve(state.J[:3], state.J[:3] @ moved, b, W)
+            W = np.eye(len(b)) if W is None else np.asarray(W)
+            size = np.linalg.norm(W) * np.linalg.norm(dq - b)
+            residuals.append(np.linalg.norm(Z.T @ W @ (dq - b)) / size)
+        worst[name] = max(residuals)
     return Finding(
-        all(0.9 <= order <= 1.1 for order in orders.values()),
-        'the error of q against the continuous scheme falls as T^p over the first segment, '
-        'with p = ' + ', '.join(f'{order:.3f} ({name})' for name, order in orders.items()),
+        bool(max(worst.values()) <= 1e-9),
+        'largest relative residual ' + ', '.join(f'{name} {r:.0e}' for name, r in worst.items()),
     )
+
+
+def _states(
+    recording: Recording, model: RobotModel, every: int = _EVERY
+) -> Iterator[tuple[RobotState, np.ndarray]]:
+    """States along a recording, `every` tick apart, and the velocities commanded there."""
+    q = recording.vectors('q1')
+    dq = recording.vectors('dq1')
+    for k in range(every, len(q), every):
+        yield model.state(q[k], dq[k - 1]), dq[k]
 
 
 def _null_space(J: np.ndarray) -> np.ndarray:
@@ -289,19 +267,3 @@ def _seconds(
     begun = time.perf_counter()
     controller.update(q, dx)
     return time.perf_counter() - begun
-
-
-THEORETICAL = (
-    square_task,
-    proportional,
-    two_forms,
-    damped_variation,
-    auxiliary_task,
-    several_tasks,
-    unneeded_joint,
-    special_case_35,
-    optimality,
-    *NULL_SPACE_DAMPING,
-    full_damping,
-    cost,
-)

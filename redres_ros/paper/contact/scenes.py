@@ -11,29 +11,29 @@ from redres_ros.fake_robot.environment import EnvironmentSettings
 from redres_ros.fake_robot.mujoco_arm import MujocoSettings
 from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.laws import Law, make_law
-from redres_ros.preferences import Compliance, Posture
+from redres_ros.preferences import Compliance, Posture, Preference
 from redres_ros.robot_model import RobotModel, RobotState
 
 FORCE = 20.0  # [N] with which the tip presses
 APPROACH = 0.02  # [m/s]
-GAP = 0.005  # [m] from the start to the surface
 SLIDE = 0.05  # [m/s]
 RAMP = 0.2  # [s] in which it is reached
-PRESSED = 1.5  # [s] after which the tip slides
-SETTLED = 2.0  # [s] after which the force is judged
 PUSH = 30.0  # [N] on the elbow
-PUSH_BEGINS = 1.5  # [s]
-PUSH_ENDS = 2.5  # [s]
-ELBOW_LAST = 8.5  # [s]
-STIFF = 1e6  # [N s/m] of directions that do not yield
 LIMITS = ('position', 'velocity', 'acceleration')
 LAW = make_law('minimum_acceleration', damping=10.0)
 COMPLIANCE = Compliance()
 
+_STIFF = 1e6  # [N s/m] of directions that do not yield
+_PRESSED = 1.5  # [s] after which the tip slides
+_SETTLED = 2.0  # [s] after which the force is judged
+_PUSH_BEGINS = 1.5  # [s]
+_PUSH_ENDS = 2.5  # [s]
+_ELBOW_LAST = 8.5  # [s]
+
 
 @dataclass(frozen=True)
 class Pressing:
-    """An arm, its cycle and servos, a surface, and the damping across it."""
+    """An arm, its cycle and servos, a surface below the tip, and the damping across it."""
 
     arm: str = 'fr3'
     T: float = 0.001
@@ -42,7 +42,69 @@ class Pressing:
     damping: float = 1000.0
     noise: float = 0.0
     delay: int = 1  # cycles from a state to the motion
-    distance: float = 0.3
+    gap: float = 0.005  # [m] from the start to the surface
+    force_limit: float = 100.0
+
+
+class PressingArm:
+    """An arm on the plant that asks for a force, above a table or in free space.
+
+    Args:
+        case: Arm, surface and damping.
+        law: In use.
+        preferences: Of the law.
+        has_table: Whether there is a table, and a force is asked for.
+    """
+
+    def __init__(
+        self,
+        case: Pressing,
+        law: Law = LAW,
+        preferences: tuple[Preference, ...] = (),
+        *,
+        has_table: bool = True,
+    ) -> None:
+        self.model = RobotModel.named(case.arm)
+        q0 = np.array(self.model.arm.start)
+        surface = tuple(self.model.tip(q0)[0] - np.array((0.0, 0.0, case.gap)))
+        shape = 'table' if has_table else 'none'
+        environment = EnvironmentSettings(shape, surface, contact_stiffness=case.stiffness)
+        servo = MujocoSettings(servo_bandwidth=case.bandwidth)
+        self.plant = MujocoPlant(self.model.arm, case.T, q0, servo, environment)
+        self.controller = Controller(
+            self.model, law, case.T, limits=LIMITS, preferences=preferences
+        )
+        settings = AdmittanceSettings(
+            enabled=has_table,
+            damping=(_STIFF, _STIFF, case.damping),
+            force=(0.0, 0.0, FORCE),
+            force_limit=case.force_limit,
+        )
+        self._contact = ContactControl(settings, case.T)
+        self._noise = case.noise
+        self._random = np.random.default_rng(0)
+        self._on_the_way = [q0] * (case.delay - 1)
+
+    def state(self) -> RobotState:
+        """Of the arm at this tick; the admittance asks for no joint velocities."""
+        return self.model.state(self.plant.q, np.zeros(self.model.n))
+
+    def force(self, state: RobotState) -> float:
+        """Of the table on the tip, along z of the base [N]."""
+        return float((state.R @ self.plant.wrench[:3])[2])
+
+    def advance(self, state: RobotState, dx: np.ndarray) -> None:
+        """A cycle at a task velocity. Raises ContactError.
+
+        Args:
+            state: Of this tick.
+            dx: (3,) [m/s].
+        """
+        self._contact.sensor.enter(self.plant.wrench + self._noise * self._random.normal(size=6))
+        command = self.controller.update(self.plant.q, self._contact.velocity(dx, state))
+        self._contact.record(command, dx)
+        self._on_the_way.append(command.q_ref)
+        self.plant.step(self._on_the_way.pop(0))
 
 
 class Pressed(NamedTuple):
@@ -60,42 +122,28 @@ class Pressed(NamedTuple):
     @property
     def rms(self) -> float:
         """Of the force error while sliding [N]."""
-        return float(np.sqrt(np.mean((self.force[self.t >= SETTLED] - FORCE) ** 2)))
+        return _rms_error(self.force[self.t >= _SETTLED])
 
 
-def pressed(case: Pressing) -> Pressed:
-    """The tip goes down to a table, presses on it, and slides."""
-    model = RobotModel.named(case.arm)
-    q0 = np.array(model.arm.start)
-    x0, _ = model.tip(q0)
-    surface = tuple(x0 - np.array((0.0, 0.0, GAP)))
-    environment = EnvironmentSettings('table', surface, contact_stiffness=case.stiffness)
-    servo = MujocoSettings(servo_bandwidth=case.bandwidth)
-    plant = MujocoPlant(model.arm, case.T, q0, servo, environment)
-    controller = Controller(model, LAW, case.T, limits=LIMITS)
-    settings = AdmittanceSettings(
-        enabled=True, damping=(STIFF, STIFF, case.damping), force=(0.0, 0.0, FORCE)
-    )
-    contact = ContactControl(settings, case.T)
-    random = np.random.default_rng(0)
-    on_the_way = [q0] * (case.delay - 1)
+def pressed(case: Pressing, distance: float = 0.3) -> Pressed:
+    """The tip goes down to a table, presses on it, and slides.
+
+    Args:
+        case: Arm, surface and damping.
+        distance: That it slides [m].
+    """
+    arm = PressingArm(case)
     forces = []
     positions = []
-    times = case.T * np.arange(round((PRESSED + RAMP + case.distance / SLIDE) / case.T))
+    times = case.T * np.arange(round((_PRESSED + RAMP + distance / SLIDE) / case.T))
     for t in times:
-        state = model.state(plant.q, np.zeros(model.n))
-        wrench = plant.wrench
-        forces.append((state.R @ wrench[:3])[2])
+        state = arm.state()
+        forces.append(arm.force(state))
         positions.append(state.x)
-        contact.sensor.enter(wrench + case.noise * random.normal(size=6))
         touched = max(forces) > 0.0
         down = 0.0 if touched else -(APPROACH - min(APPROACH, FORCE / case.damping))
-        along = SLIDE * float(np.clip((t - PRESSED) / RAMP, 0.0, 1.0))
-        dx = np.array((0.0, along, down))
-        command = controller.update(plant.q, contact.velocity(dx, state))
-        contact.record(command, dx)
-        on_the_way.append(command.q_ref)
-        plant.step(on_the_way.pop(0))
+        along = SLIDE * float(np.clip((t - _PRESSED) / RAMP, 0.0, 1.0))
+        arm.advance(state, np.array((0.0, along, down)))
     return Pressed(times, np.array(forces), np.array(positions))
 
 
@@ -111,7 +159,7 @@ class Yielding(NamedTuple):
     @property
     def rms(self) -> float:
         """Of the force error [N]."""
-        return float(np.sqrt(np.mean((self.force - FORCE) ** 2)))
+        return _rms_error(self.force)
 
 
 def elbow_direction(state: RobotState) -> np.ndarray:
@@ -142,37 +190,23 @@ def elbow_pushed(
         push: On the elbow [N].
         T: Sampling time [s].
     """
-    model = RobotModel.named(arm)
-    q0 = np.array(model.arm.start)
-    at_rest = np.zeros(model.n)
-    start = model.state(q0, at_rest)
-    surface = tuple(start.x - np.array((0.0, 0.0, 0.001)))
-    shape = 'table' if presses else 'none'
-    servo = MujocoSettings(servo_bandwidth=400.0)
-    plant = MujocoPlant(model.arm, T, q0, servo, EnvironmentSettings(shape, surface))
-    controller = Controller(
-        model,
-        law,
-        T,
-        limits=LIMITS,
-        preferences=(compliance, Posture()),
-    )
-    settings = AdmittanceSettings(
-        enabled=presses, damping=(STIFF, STIFF, 1000.0), force=(0.0, 0.0, FORCE)
-    )
-    contact = ContactControl(settings, T)
-    direction = elbow_direction(start)
+    case = Pressing(arm, T, gap=0.001)
+    pushed = PressingArm(case, law, (compliance, Posture()), has_table=presses)
+    elbow = pushed.model.elbow_frame
+    direction = elbow_direction(pushed.state())
     rows = []
-    for t in np.arange(0.0, ELBOW_LAST, T):
-        pushed = PUSH_BEGINS <= t < PUSH_ENDS
-        plant.push(push * direction * pushed, model.elbow_frame)
-        state = model.state(plant.q, at_rest)
-        elbow = model.position(plant.q, model.elbow_frame) @ direction
-        rows.append((elbow, *state.x, (state.R @ plant.wrench[:3])[2]))
-        contact.sensor.enter(plant.wrench)
-        controller.measurements = {'external_torques': plant.external_torques}
-        command = controller.update(plant.q, contact.velocity(np.zeros(3), state))
-        contact.record(command, np.zeros(3))
-        plant.step(command.q_ref)
-    table = np.array(rows)[round(PUSH_BEGINS / T) :]
+    for t in np.arange(0.0, _ELBOW_LAST, T):
+        is_pushed = _PUSH_BEGINS <= t < _PUSH_ENDS
+        pushed.plant.push(push * direction * is_pushed, elbow)
+        state = pushed.state()
+        given = pushed.model.position(pushed.plant.q, elbow) @ direction
+        rows.append((given, *state.x, pushed.force(state)))
+        pushed.controller.measurements = {'external_torques': pushed.plant.external_torques}
+        pushed.advance(state, np.zeros(3))
+    table = np.array(rows)[round(_PUSH_BEGINS / T) :]
     return Yielding(table[:, 0] - table[0, 0], table[:, 1:4] - table[0, 1:4], table[:, 4])
+
+
+def _rms_error(force: np.ndarray) -> float:
+    """Of forces (N,) [N] from the desired one."""
+    return float(np.sqrt(np.mean((force - FORCE) ** 2)))
