@@ -21,8 +21,8 @@ from redres_ros.fake_robot.plant import MujocoPlant
 from redres_ros.planning.waypoints import task_for
 from redres_ros.robots import ARMS, Arm, arm_from_urdf
 from redres_ros.robots.chain import CONTINUOUS_RANGE, UNLIMITED_EFFORT
+from redres_ros.robots.defaults import square_before_tip
 from redres_ros.robots.joint_limits import JointLimits
-from redres_ros.robots.square import square_before_tip
 from redres_ros.rotation import from_roll_pitch_yaw
 from redres_ros.simulation.closed_loop import run
 

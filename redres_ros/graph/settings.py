@@ -12,7 +12,7 @@ from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.robot_parameters import TOPIC, MountingParameters
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import choose_arm, choose_tip
+from redres_ros.robots import arm_from_urdf, choose_arm
 
 _TOUCHING = 1e-6  # [rad/s] from a bound: what is commanded there, is commanded because of it
 
@@ -68,7 +68,7 @@ def model_of(values: Values, description: str = '') -> RobotModel:
     """
     links = (values['tip_frame'], values['elbow_frame'])
     if values['robot'] == TOPIC:
-        arm = choose_tip(description, *links)
+        arm = arm_from_urdf(description, *links)
     else:
         arm = choose_arm(values['robot'], *links)
     mounting = {f.name: _unchangeable(values[f.name]) for f in fields(MountingParameters)}

@@ -15,7 +15,7 @@ from redres_ros.nodes.parameters import ParameterError, declare
 from redres_ros.nodes.topics import LATCHED
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import ARMS, Arm, choose_arm, choose_tip
+from redres_ros.robots import ARMS, Arm, arm_from_urdf, choose_arm
 from redres_ros.robots.arm import DYNAMICS
 from redres_ros.robots.choice import ALLOWED, names_an_arm
 
@@ -119,7 +119,7 @@ def declare_robot(node: Node, *, is_the_robot: bool = False) -> _ChosenRobot:
             f'allowed: {", ".join(ALLOWED)}'
         )
     if wanted.robot == TOPIC:
-        arm = choose_tip(_await_description(node), wanted.tip_frame, wanted.elbow_frame)
+        arm = arm_from_urdf(_await_description(node), wanted.tip_frame, wanted.elbow_frame)
     else:
         arm = choose_arm(wanted.robot, wanted.tip_frame, wanted.elbow_frame)
     own = MountingParameters(arm.dynamics, arm.base_offset, arm.tool_offset, arm.acceleration_limit)

@@ -10,7 +10,7 @@ from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 from redres_ros.preflight.graph_snapshot import FORWARD, STATES, TWISTS, GraphSnapshot, StateSeen
 from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots import choose_arm, choose_tip
+from redres_ros.robots import arm_from_urdf, choose_arm
 from redres_ros.robots.joint_limits import JointLimits
 
 _NEAR = 0.05  # of a range, from its end
@@ -44,7 +44,7 @@ def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
 def _model_of(expected: ExpectedArm, description: str) -> RobotModel:
     if expected.robot != TOPIC:
         return RobotModel(choose_arm(expected.robot, expected.tip_frame))
-    return RobotModel(choose_tip(_published(description), expected.tip_frame))
+    return RobotModel(arm_from_urdf(_published(description), expected.tip_frame))
 
 
 def _published(description: str) -> str:
@@ -121,7 +121,8 @@ def _judge_description(
     if not description or expected.robot == TOPIC:
         return
     try:
-        published = JointLimits.of(choose_tip(description, expected.tip_frame or _tip_of(expected)))
+        tip = expected.tip_frame or choose_arm(expected.robot).tip_frame
+        published = JointLimits.of(arm_from_urdf(description, tip))
     except RedresError as error:
         text = f'the URDF on {DESCRIPTION} is of another arm: {error}'
         yield Verdict(Level.NOTE, 'limits', text)
@@ -139,10 +140,6 @@ def _judge_description(
                 'limits',
                 f'{name}: {DESCRIPTION} allows {_range(theirs)}, the arm expected {_range(ours)}',
             )
-
-
-def _tip_of(expected: ExpectedArm) -> str:
-    return choose_arm(expected.robot).tip_frame
 
 
 def _range(limits: tuple[Any, ...]) -> str:

@@ -1,14 +1,13 @@
 """The arms: one URDF each, and a table of the data a URDF lacks."""
 
 from redres_ros.robots.arm import Arm
-from redres_ros.robots.choice import choose_arm, choose_tip
-from redres_ros.robots.table import ARMS, arm_from_urdf, find_arm
+from redres_ros.robots.choice import arm_from_urdf, choose_arm
+from redres_ros.robots.table import ARMS, find_arm
 
 __all__ = [
     'ARMS',
     'Arm',
     'arm_from_urdf',
     'choose_arm',
-    'choose_tip',
     'find_arm',
 ]

@@ -154,7 +154,7 @@ class Arm:
             UnknownNameError: No link has the tip's or the elbow's name.
             ArrayError: Rotor inertias, acceleration limits or a start for other joints.
         """
-        return self._prepared().urdf.text()
+        return self._prepared()[0].text()
 
     def remarks(self) -> tuple[str, ...]:
         """Remarks for the user: assumed data, locked joints.
@@ -162,7 +162,7 @@ class Arm:
         Raises:
             As `description`.
         """
-        return (*self.assumptions, *self._prepared().remarks)
+        return (*self.assumptions, *self._prepared()[1])
 
     def kinematics(self) -> Kinematics:
         """The moving joints, and the chain to the tip.
@@ -170,8 +170,7 @@ class Arm:
         Raises:
             As `description`.
         """
-        prepared = self._prepared()
-        return Kinematics.of(prepared.urdf, prepared.tree, self.tip_frame)
+        return Kinematics(self.description(), self.tip_frame)
 
     def bodies(self) -> Bodies:
         """The capsules that must not collide.
@@ -189,7 +188,8 @@ class Arm:
             )
         return Bodies.along(kinematics, radius)
 
-    def _prepared(self) -> '_Prepared':
+    def _prepared(self) -> tuple[Urdf, list[str]]:
+        """The URDF ready for use, and remarks on it."""
         urdf = Urdf.read(self.urdf)
         self._set_offset(urdf, 'base_mount', self.base_offset)
         self._set_offset(urdf, 'tool_mount', self.tool_offset)
@@ -203,7 +203,7 @@ class Arm:
             make_cylinders(urdf, tree)
         remarks += fill_in_inertias(urdf, tree)
         urdf.put_first(tree)
-        return _Prepared(urdf, tree, remarks)
+        return urdf, remarks
 
     def _check_sizes(self, joint_names: list[str]) -> None:
         for field in OF_EACH_JOINT:
@@ -227,11 +227,3 @@ class Arm:
                 child(joint.element, 'origin').set('xyz', f'0 0 {offset!r}')
                 return
         raise FileError(f'{urdf.source} has no fixed joint {mount}, which an offset needs')
-
-
-class _Prepared(NamedTuple):
-    """A URDF ready for use, its joints from the root link to the tips, and remarks on it."""
-
-    urdf: Urdf
-    tree: tuple[UrdfJoint, ...]
-    remarks: list[str]

@@ -1,26 +1,29 @@
 """Finds an arm by its name in the table, or by the file or the text of a URDF."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from redres_ros.errors import UnknownNameError
+from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.robots.arm import Arm
-from redres_ros.robots.table import ARMS, arm_from_urdf, find_arm
+from redres_ros.robots.defaults import default_acceleration, default_elbow, default_start
+from redres_ros.robots.table import ARMS, find_arm
 from redres_ros.robots.urdf import Urdf
 
-URDF_ENDINGS = ('.urdf', '.xacro')  # that distinguish a file from a name
-ALLOWED = (*ARMS, f'a path ending in {" or ".join(URDF_ENDINGS)}')  # in words
+_FEWEST_JOINTS = 3  # of an arm from a URDF
+_ENDINGS = ('.urdf', '.xacro')  # that distinguish a file from a name
+ALLOWED = (*ARMS, f'a path ending in {" or ".join(_ENDINGS)}')  # in words
 
 
 def names_an_arm(robot: str) -> bool:
     """Whether a text is a name of the table, or a path as that of a URDF."""
-    return robot in ARMS or Path(robot).suffix in URDF_ENDINGS
+    return robot in ARMS or Path(robot).suffix in _ENDINGS
 
 
 def choose_arm(robot: str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
     """The arm of a name in the table ARMS, or from a file.
 
     Args:
-        robot: The name, or a path ending in one of URDF_ENDINGS.
+        robot: The name, or a path of a .urdf or .xacro file.
         tip_frame: The link that carries out tasks; empty: the arm's own, of a file the last link.
         elbow_frame: The link whose origin counts as the elbow; empty: the arm's own, or chosen.
 
@@ -31,19 +34,64 @@ def choose_arm(robot: str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
     if not names_an_arm(robot):
         raise UnknownNameError('robot', robot, ALLOWED)
     if robot not in ARMS:
-        return choose_tip(Path(robot), tip_frame, elbow_frame)
+        return arm_from_urdf(Path(robot), tip_frame, elbow_frame)
     return find_arm(robot, tip_frame=tip_frame or None, elbow_frame=elbow_frame or None)
 
 
-def choose_tip(source: Path | str, tip_frame: str = '', elbow_frame: str = '') -> Arm:
-    """As `choose_arm`, from the file or the text of a URDF.
+def arm_from_urdf(
+    source: Path | str,
+    tip_frame: str = '',
+    elbow_frame: str = '',
+    *,
+    acceleration_limit: tuple[float, ...] = (),
+    effort_limit: tuple[float, ...] = (),
+) -> Arm:
+    """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
 
     Args:
-        source: A file (Path) or the text (str) of a URDF.
-        tip_frame: Link at the tip; empty for the one that the URDF leaves no doubt about.
-        elbow_frame: Link at the elbow; empty for one in the middle.
+        source: The file, a URDF or xacro (Path), or a URDF's text (str).
+        tip_frame: The link that carries out tasks; empty: the last one of an arm without branches.
+        elbow_frame: The link whose origin counts as the elbow; empty: chosen.
+        acceleration_limit: Of each joint, (n,) [rad/s^2] or [m/s^2]; empty: assumed.
+        effort_limit: Of each joint, (n,) [Nm] or [N]; empty: the URDF's own.
+
+    Raises:
+        FileError: The file cannot be read, has a joint that cannot be used, too few of them, or
+            more than one last link.
+        UnknownNameError: No link has the tip's or the elbow's name.
+        ArrayError: Limits of another number of joints.
+        RangeError: An effort limit that is none.
     """
-    return arm_from_urdf(source, tip_frame or _last_link(source), elbow_frame)
+    tip_frame = tip_frame or _last_link(source)
+    arm = Arm(
+        source,
+        tip_frame,
+        elbow_frame,
+        acceleration_limit=acceleration_limit,
+        effort_limit=effort_limit,
+    )
+    kinematics = arm.kinematics()
+    if kinematics.n < _FEWEST_JOINTS:
+        raise FileError(
+            f'{arm.source}: {kinematics.n} joints move {tip_frame}; '
+            f'expected at least {_FEWEST_JOINTS}, as a position has three coordinates'
+        )
+    if not kinematics.offsets.any():
+        raise FileError(f'{arm.source}: all joints of {tip_frame} are at one point; expected links')
+    elbow = elbow_frame or default_elbow(kinematics)
+    acceleration = acceleration_limit or default_acceleration(kinematics)
+    assumptions = []
+    if not elbow_frame:
+        assumptions.append(f'the elbow is {elbow}')
+    if not acceleration_limit:
+        assumptions.append(_assumed_accelerations(acceleration))
+    return replace(
+        arm,
+        elbow_frame=elbow,
+        acceleration_limit=acceleration,
+        start=tuple(default_start(kinematics).tolist()),
+        assumptions=tuple(assumptions),
+    )
 
 
 def _last_link(source: Path | str) -> str:
@@ -59,3 +107,10 @@ def _last_link(source: Path | str) -> str:
             'choose the tip with --tip FRAME or the parameter tip_frame'
         )
     return ends[0]
+
+
+def _assumed_accelerations(limits: tuple[float, ...]) -> str:
+    figures = ', '.join(f'{limit:g}' for limit in limits)
+    return (
+        f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 (m/s^2 of a linear joint)'
+    )

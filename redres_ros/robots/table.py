@@ -1,4 +1,4 @@
-"""The arms by name, and any other from its URDF.
+"""The arms by name.
 
 A further arm by name is a URDF, a task in config/tasks and a row here.
 """
@@ -8,11 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from redres_ros.errors import FileError, UnknownNameError
-from redres_ros.robots import defaults
+from redres_ros.errors import UnknownNameError
 from redres_ros.robots.arm import FOLDER, OF_EACH_JOINT, Arm, EndSpeed
-
-FEWEST_JOINTS = 3  # of an arm from a URDF
 
 
 def _urdf(name: str) -> Path:
@@ -147,64 +144,3 @@ def _with_another_tip(arm: Arm) -> Arm:
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
     body_radius = arm.body_radius[: n + 1]
     return replace(arm, task='', pose_task='', body_radius=body_radius, **figures)
-
-
-def arm_from_urdf(
-    source: Path | str,
-    tip_frame: str,
-    elbow_frame: str = '',
-    *,
-    acceleration_limit: tuple[float, ...] = (),
-    effort_limit: tuple[float, ...] = (),
-) -> Arm:
-    """Any serial arm, with defaults for what its URDF does not say; `Arm.assumptions` names them.
-
-    Args:
-        source: The file, a URDF or xacro (Path), or a URDF's text (str).
-        tip_frame: The link that carries out tasks.
-        elbow_frame: The link whose origin counts as the elbow; empty: chosen.
-        acceleration_limit: Of each joint, (n,) [rad/s^2] or [m/s^2]; empty: assumed.
-        effort_limit: Of each joint, (n,) [Nm] or [N]; empty: the URDF's own.
-
-    Raises:
-        FileError: The file cannot be read, has a joint that cannot be used, or too few of them.
-        UnknownNameError: No link has the tip's or the elbow's name.
-        ArrayError: Limits of another number of joints.
-        RangeError: An effort limit that is none.
-    """
-    arm = Arm(
-        source,
-        tip_frame,
-        elbow_frame,
-        acceleration_limit=acceleration_limit,
-        effort_limit=effort_limit,
-    )
-    kinematics = arm.kinematics()
-    if kinematics.n < FEWEST_JOINTS:
-        raise FileError(
-            f'{arm.source}: {kinematics.n} joints move {tip_frame}; '
-            f'expected at least {FEWEST_JOINTS}, as a position has three coordinates'
-        )
-    if not kinematics.offsets.any():
-        raise FileError(f'{arm.source}: all joints of {tip_frame} are at one point; expected links')
-    elbow = elbow_frame or defaults.default_elbow(kinematics)
-    acceleration = acceleration_limit or defaults.default_acceleration(kinematics)
-    assumptions = []
-    if not elbow_frame:
-        assumptions.append(f'the elbow is {elbow}')
-    if not acceleration_limit:
-        assumptions.append(_assumed_accelerations(acceleration))
-    return replace(
-        arm,
-        elbow_frame=elbow,
-        acceleration_limit=acceleration,
-        start=tuple(defaults.default_start(kinematics).tolist()),
-        assumptions=tuple(assumptions),
-    )
-
-
-def _assumed_accelerations(limits: tuple[float, ...]) -> str:
-    figures = ', '.join(f'{limit:g}' for limit in limits)
-    return (
-        f'a URDF has no acceleration limits; assumed: {figures} rad/s^2 (m/s^2 of a linear joint)'
-    )
