@@ -20,9 +20,9 @@ from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation import batch
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
-from redres_ros.simulation.limit_usage import acceleration_usage
+from redres_ros.simulation.drawing import legend_below
+from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
-from redres_ros.simulation.plots import legend_below
 from redres_ros.simulation.report import progress_bar
 
 ROOT = Path(__file__).parents[1]

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from redres_ros.simulation.batch import Result, batch
     from redres_ros.simulation.case import Case
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.comparison import Effort
+    from redres_ros.simulation.comparison import Comparison, compare, plot
+    from redres_ros.simulation.effort import Effort
     from redres_ros.simulation.recording import Recording
-    from redres_ros.simulation.side_by_side import Comparison, compare, plot
     from redres_ros.tasks import TASKS, Task, make_task
 
 # Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy
@@ -72,11 +72,11 @@ _HOMES = {
     'Result': 'simulation.batch',
     'batch': 'simulation.batch',
     'run': 'simulation.closed_loop',
-    'Effort': 'simulation.comparison',
+    'Effort': 'simulation.effort',
     'Recording': 'simulation.recording',
-    'Comparison': 'simulation.side_by_side',
-    'compare': 'simulation.side_by_side',
-    'plot': 'simulation.side_by_side',
+    'Comparison': 'simulation.comparison',
+    'compare': 'simulation.comparison',
+    'plot': 'simulation.comparison',
 }
 
 __all__ = [

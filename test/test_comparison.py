@@ -21,7 +21,8 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.comparison import Effort, conclusion, first_violation, tables
+from redres_ros.simulation.comparison import conclusion, tables
+from redres_ros.simulation.effort import Effort, first_violation
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording, columns
 from redres_ros.simulation.report import print_tables

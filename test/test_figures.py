@@ -22,7 +22,7 @@ from redres_ros.paper.savgol import MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robots import Arm, find_arm
 from redres_ros.simulation import render as rendering
-from redres_ros.simulation.limit_usage import acceleration_usage
+from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.render import Film, RenderError, render
 
 pytestmark = pytest.mark.nightly

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from redres_ros.robot_model import RobotModel
-from redres_ros.simulation.limit_usage import acceleration_usage, draw_limit_usage, velocity_usage
+from redres_ros.simulation.comparison import draw_limit_usage
+from redres_ros.simulation.effort import acceleration_usage, velocity_usage
 from redres_ros.simulation.recording import Recording, columns
 
 T = 0.01  # [s]

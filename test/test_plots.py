@@ -10,7 +10,8 @@ from redres_ros import RobotModel, WaypointTask
 from redres_ros.laws import LAWS
 from redres_ros.simulation import plots
 from redres_ros.simulation.colours import law_colour, line_styles
-from redres_ros.simulation.plots import COLUMN, Remarks, draw_motion, legend_below, save
+from redres_ros.simulation.drawing import COLUMN, legend_below, save
+from redres_ros.simulation.plots import Remarks, draw_motion
 from redres_ros.simulation.recording import Recording, columns
 
 T = 0.01  # [s]

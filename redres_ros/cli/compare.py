@@ -11,7 +11,7 @@ from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
     from redres_ros.laws import Law
-    from redres_ros.simulation.comparison import Effort
+    from redres_ros.simulation.effort import Effort
     from redres_ros.simulation.recording import Recording
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
@@ -116,10 +116,9 @@ def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import made, pictures
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
-    from redres_ros.simulation.comparison import picture, tables
-    from redres_ros.simulation.limit_usage import draw_limit_usage
+    from redres_ros.simulation.comparison import draw_limit_usage, picture, tables
+    from redres_ros.simulation.drawing import DRAWINGS, save
     from redres_ros.simulation.parallel import in_parallel
-    from redres_ros.simulation.plots import DRAWINGS, save
     from redres_ros.simulation.report import print_tables, progress_bar
 
     motion = find_motion(options)
@@ -183,7 +182,7 @@ def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Rec
     from redres_ros.cli.controller import make_controller
     from redres_ros.cli.task import find_motion
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.comparison import Effort
+    from redres_ros.simulation.effort import Effort
 
     options = contender.options
     motion = find_motion(options)

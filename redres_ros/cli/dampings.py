@@ -32,7 +32,7 @@ def _dampings(options: argparse.Namespace) -> int:
     from redres_ros.cli.files import pictures
     from redres_ros.simulation.case import Case
     from redres_ros.simulation.dampings import damping_table, draw_dampings, sweep
-    from redres_ros.simulation.plots import save
+    from redres_ros.simulation.drawing import save
     from redres_ros.simulation.report import print_tables, progress_bar
 
     if not 1 <= options.tasks <= _MOST:

@@ -186,8 +186,8 @@ def _draw_forces(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     path.unlink(missing_ok=True)  # that of a run before
     if not outcome.forces[:, 1:].any():  # behind the times
         return
-    from redres_ros.simulation.contact_plot import draw_contact
-    from redres_ros.simulation.plots import in_symbols
+    from redres_ros.simulation.drawing import in_symbols
+    from redres_ros.simulation.plots import draw_contact
 
     draw_contact(outcome.forces, outcome.recording, demo.model, in_symbols(demo.title), path)
     print(f'forces {path}')
@@ -197,7 +197,8 @@ def _draw(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
     """The motion; and what another law would do with an ideal arm on a path that it passes once."""
     from redres_ros.controller import Controller
     from redres_ros.simulation.closed_loop import run
-    from redres_ros.simulation.plots import Remarks, draw_motion, in_symbols
+    from redres_ros.simulation.drawing import in_symbols
+    from redres_ros.simulation.plots import Remarks, draw_motion
 
     beside = {}
     if not outcome.endurance and not outcome.goals:

@@ -38,7 +38,7 @@ def pictures(out: Path, *names: str) -> list[Path]:
     Raises:
         FileError: One of them cannot be written.
     """
-    from redres_ros.simulation.plots import DRAWINGS
+    from redres_ros.simulation.drawing import DRAWINGS
 
     if out.suffix in DRAWINGS:
         files = [out, *(out.with_stem(f'{out.stem}_{name}') for name in names[1:])]

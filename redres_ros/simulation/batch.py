@@ -21,7 +21,7 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots import Arm, choose_arm
 from redres_ros.simulation.case import Case
 from redres_ros.simulation.closed_loop import run
-from redres_ros.simulation.comparison import Effort
+from redres_ros.simulation.effort import Effort
 from redres_ros.simulation.parallel import processes
 from redres_ros.simulation.random_tasks import RANDOM_TASKS, make_random_task
 from redres_ros.simulation.recording import Recording

@@ -1,25 +1,38 @@
-"""Laws side by side on one task: what each demands of the arm, and whether the arm could do it."""
+"""Laws side by side on one task: `compare`, and tables and plots of what each demands."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.console import Console
 from rich.table import Table
 
-from redres_ros.laws import Law, law_name
+from redres_ros.controller import Controller
+from redres_ros.errors import ArrayError
+from redres_ros.laws import Law, law_name, make_law
+from redres_ros.limits import Limit
+from redres_ros.parameter import as_tuple
+from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import line_styles
-from redres_ros.simulation.plots import NORMS, in_symbols, legend_below
+from redres_ros.simulation.drawing import in_symbols, legend_below, save
+from redres_ros.simulation.effort import Effort, acceleration_usage, velocity_usage
+from redres_ros.simulation.plots import NORMS
 from redres_ros.simulation.recording import Recording
 from redres_ros.simulation.report import PEAKS, table
+
+_WIDTH = 160  # columns of a table
 
 # A norm is drawn on a logarithmic scale where its largest peak is so many times the median one
 _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 
-_ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
+_HIGHEST = 3.0  # fraction of a limit that is shown
+_ABOVE = 1.1  # of the highest curve, or of the limit, the axis ends
+
 _ALIKE = 1.05  # ratio of two peaks that hardly differ
 
 _WHOLE = {  # figures of Effort, and their heads
@@ -31,92 +44,87 @@ _WHOLE = {  # figures of Effort, and their heads
 
 
 @dataclass(frozen=True)
-class Effort:
-    """What a motion demands of the arm.
+class Comparison:
+    """The results of some laws on one task; `print` shows them as tables.
 
     Args:
-        acceleration: Largest norm [rad/s^2].
-        velocity: Largest norm [rad/s].
-        torque: Largest norm [Nm].
-        squared_acceleration: Integral of the squared norm over time [rad^2/s^3].
-        squared_torque: Integral of the squared norm over time [Nm^2 s].
-        kinetic_energy: Integral of 1/2 dq' M dq over time [J s].
-        elbow: Length of the elbow's path [m].
-        violation: The first joint that goes beyond a limit, how and when; empty for none.
-        finished: The last point was reached.
-        ending: How the motion ended, in words.
+        recordings: Every tick, by law.
+        efforts: What each asked of the arm, by law.
+        title: Says what was compared.
     """
 
-    acceleration: float
-    velocity: float
-    torque: float
-    squared_acceleration: float
-    squared_torque: float
-    kinetic_energy: float
-    elbow: float
-    violation: str
-    finished: bool
-    ending: str
+    recordings: dict[str, Recording]
+    efforts: dict[str, Effort]
+    title: str
 
-    @classmethod
-    def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
-        """That of a motion.
-
-        Args:
-            recording: Of at least one tick.
-            model: Of the arm.
-        """
-        T = recording.T
-        q = recording.vectors('q1')
-        dq = recording.vectors('dq1')
-        energies, elbow = model.energies_and_positions(q, dq, model.arm.elbow_frame)
-        return cls(
-            recording.peak('joint_acceleration_norm')[0],
-            recording.peak('joint_velocity_norm')[0],
-            recording.peak('joint_torque_norm')[0],
-            squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
-            squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
-            kinetic_energy=T * float(energies.sum()),
-            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
-            violation=first_violation(recording, JointLimits.of(model.arm)),
-            finished=recording.finished,
-            ending=recording.ending,
-        )
+    def __str__(self) -> str:
+        console = Console(width=_WIDTH, no_color=True)
+        with console.capture() as capture:
+            for table in tables(self.efforts, self.title):
+                console.print(table)
+        return capture.get()
 
 
-def first_violation(recording: Recording, limits: JointLimits) -> str:
-    """The first joint beyond one of its limits, how and when; empty where all are kept.
+def compare(
+    laws: str | Iterable[str | Law],
+    task: str | Path | WaypointTask = 'rectangle',
+    *,
+    T: float = 0.002,
+    limits: str | Iterable[str | Limit] = (),
+    model: RobotModel | None = None,
+) -> Comparison:
+    """Laws side by side on one task, in the ideal loop.
 
     Args:
-        recording: Of a motion that began at rest.
-        limits: Of the same arm.
+        laws: Names in LAWS, or laws with gains of their own.
+        task: A name in config/tasks, a path of a YAML file, or a task.
+        T: Sampling time [s].
+        limits: Names in LIMITS, or limits, that are kept.
+        model: The arm; None: that of the task.
+
+    Raises:
+        RedresError: A name or a figure that is not allowed.
     """
-    found = [
-        (float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}')
-        for kind, (tick, joint) in _violations(recording, limits)
-    ]
-    if not found:
-        return ''
-    t, what = min(found)
-    return f'{what}, {t:.2f} s'
+    if not isinstance(task, WaypointTask):
+        task = load_task(str(task))
+    model = model or RobotModel.named(task.robot)
+    limits = as_tuple(limits)
+    recordings = {}
+    efforts = {}
+    for each in as_tuple(laws):
+        law = make_law(each) if isinstance(each, str) else each
+        name = label(law)
+        recordings[name] = run(Controller(model, law, T, limits=limits), task, greedy=False)
+        efforts[name] = Effort.of(recordings[name], model)
+    if not recordings:
+        raise ArrayError('laws is empty; expected at least one')
+    return Comparison(recordings, efforts, f'{task.robot}, T = {1e3 * T:g} ms')
 
 
-def _violations(recording: Recording, limits: JointLimits) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Each kind of limit that is broken, and the tick and the joint where it is first."""
-    q = recording.vectors('q1')
-    dq = recording.vectors('dq1')
-    ddq = np.diff(dq, axis=0, prepend=0.0) / recording.T  # (ticks, n), Eq. (13)
-    tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
-    more = 1.0 + _ROUNDING
-    beyond = {
-        'position': (q < limits.lower - tolerance) | (q > limits.upper + tolerance),
-        'velocity': np.abs(dq) > more * limits.velocity,
-        'acceleration': np.abs(ddq) > more * limits.acceleration,
-    }
-    for kind, where in beyond.items():
-        if where.any():
-            tick, joint = np.argwhere(where)[0]
-            yield kind, (int(tick), int(joint))
+def plot(
+    what: Comparison | Recording | Mapping[str, Recording], path: str | Path | None = None
+) -> Figure:
+    """The norms of motions over time: acceleration, velocity, null-space part and torque.
+
+    Args:
+        what: A comparison, one recording, or several by name.
+        path: Where to write it; None: nowhere, as in a notebook, which shows what is returned.
+
+    Raises:
+        ArrayError: There is no motion.
+        FileError: The file cannot be written.
+    """
+    if isinstance(what, Comparison):
+        figure = picture(what.recordings, what.title)
+    elif isinstance(what, Recording):
+        figure = picture({'motion': what}, what.ending)
+    elif what:
+        figure = picture(what, '')
+    else:
+        raise ArrayError('there is no motion to draw; expected at least one')
+    if path is not None:
+        save(figure, Path(path))
+    return figure
 
 
 def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
@@ -209,4 +217,41 @@ def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
         ax.set_xmargin(0.01)
     axes[-1].set_xlabel('time [s]')
     legend_below(axes[-1], axes[0], fontsize='small')
+    return figure
+
+
+def draw_limit_usage(
+    recordings: Mapping[str, Recording], model: RobotModel, allowed: float, title: str
+) -> Figure:
+    """Velocity and acceleration as fractions of the limits, and the task scaling, over time.
+
+    Args:
+        recordings: By law.
+        model: The arm, with its limits.
+        allowed: Fraction of them that the motions may use, `limit_scale`.
+        title: Says what was compared.
+    """
+    figure = Figure(figsize=(11.0, 8.0), layout='constrained')
+    figure.suptitle(title)
+    velocity, acceleration, scaling = figure.subplots(3, 1, sharex=True)
+    styles = line_styles(list(recordings))
+    for name, recording in recordings.items():
+        t = recording['t']
+        style = styles[name]
+        velocity.plot(t, velocity_usage(recording, model), label=in_symbols(name), **style)
+        acceleration.plot(t, acceleration_usage(recording, model), **style)
+        scaling.plot(t, recording['task_scaling'], **style)
+    for ax, quantity in ((velocity, 'velocity'), (acceleration, 'acceleration')):
+        ax.axhline(allowed, color='tab:red', ls='--', lw=1.0, label='allowed')
+        highest = max(float(np.max(line.get_ydata())) for line in ax.get_lines())
+        ax.set_ylim(0.0, min(_ABOVE * highest, _HIGHEST))
+        note = f'\n(up to {highest:.3g})' if highest > _HIGHEST else ''
+        ax.set_ylabel(f"largest {quantity}\n[fraction of a joint's limit]{note}", fontsize='small')
+    scaling.set_ylim(0.0, 1.05)
+    scaling.set_ylabel('task scaling $s$:\nfraction of the task velocity', fontsize='small')
+    scaling.set_xlabel('time [s]')
+    for ax in (velocity, acceleration, scaling):
+        ax.grid(alpha=0.3)
+        ax.set_xmargin(0.01)
+    legend_below(scaling, velocity, fontsize='small')
     return figure

@@ -11,7 +11,7 @@ from rich.table import Table
 from redres_ros.simulation.batch import batch
 from redres_ros.simulation.case import Case
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.plots import legend_below
+from redres_ros.simulation.drawing import legend_below
 from redres_ros.simulation.report import table
 
 DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]

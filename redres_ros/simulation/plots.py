@@ -7,17 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.text import Text
-from matplotlib.transforms import ScaledTranslation
 
-from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
+from redres_ros.simulation.drawing import legend_below, save
 from redres_ros.simulation.paths import draw_paths
 from redres_ros.simulation.recording import Recording
 
@@ -28,9 +24,6 @@ NORMS = {
     'joint_torque_norm': r'torque $\Vert\tau\Vert$ [Nm]',
 }
 
-# What plain text writes, and how a picture shows it
-_SYMBOLS = {'k_d': '$k_d$', '1/s': 's$^{-1}$', 'λ': r'$\lambda$'}
-
 _SHOWN = ('joint_acceleration_norm', 'joint_velocity_norm', 'null_velocity_norm')
 _LEAST_SCALE = 0.1  # of a norm's axis, so that rounding does not fill the picture
 _HEADROOM = 1.15  # of an axis, above the largest value of the run that is shown
@@ -38,16 +31,7 @@ _MARGIN = 0.015  # of the time axis, so that a step at either end is seen
 _BEFORE_STOP = 0.2  # [s] at the end of a run that was stopped, which does not set the scale
 _GAP = 0.05  # [s] without a row, over which a curve is broken
 _TITLE_WIDTH = 110  # letters
-
-DRAWINGS = ('.pdf', '.svg')  # written at the width of a column
-COLUMN = 3.5  # [in] of a page in two columns
-_COLUMN_RATIO = 1.6  # such a figure is so many times as high for its width
-_COLUMN_TEXT = 7.0  # [pt]
-_COLUMN_LINE = 0.7  # of the line width
-_COLUMN_LETTERS = 64  # of a line of the title
-
-_BELOW = 0.45  # [in] from the lowest panel to the legend, where its axis is labelled
-_OF_ALL = 'legend of all panels'
+_MOST_POINTS = 2000  # of a curve
 
 
 @dataclass(frozen=True)
@@ -114,26 +98,36 @@ def draw_motion(
     save(figure, path)
 
 
-def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | None = None) -> None:
-    """A legend of several panels below the lowest one, for which their layout leaves place.
+def draw_contact(
+    forces: np.ndarray, recording: Recording, model: RobotModel, title: str, path: Path
+) -> None:
+    """Draw the picture into a file.
 
     Args:
-        ax: The lowest panel.
-        labelled: The panel whose curves have the labels.
-        ncols: Number of columns.
-        fontsize: None for that of other texts.
+        forces: Times [s], and forces of the environment on the tip along its axes [N], (N, 4).
+        recording: Of the motion.
+        model: The arm.
+        title: Says what was run.
+        path: With the ending of a picture.
     """
-    # 'outside lower center' of a figure is the same, but needs matplotlib 3.7.
-    below = ax.transAxes + ScaledTranslation(0.0, -_BELOW, ax.figure.dpi_scale_trans)
-    legend = ax.legend(
-        *labelled.get_legend_handles_labels(),
-        loc='upper center',
-        bbox_to_anchor=(0.5, 0.0),
-        bbox_transform=below,
-        ncols=ncols,
-        fontsize=fontsize,
-    )
-    legend.set_gid(_OF_ALL)
+    figure = Figure(figsize=(9.0, 5.5), layout='constrained')
+    figure.suptitle(title)
+    force, distance = figure.subplots(2, 1, sharex=True)
+    force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')
+    force.set_ylabel('force on the tip [N]')
+    every = max(len(recording.data) // _MOST_POINTS, 1)
+    t = recording['t'][::every]
+    positions = recording.vectors('q1')[::every]
+    for name, frame in (('tip', model.arm.tip_frame), ('elbow', model.arm.elbow_frame)):
+        if frame:
+            x = np.array([model.position(q, frame) for q in positions])
+            distance.plot(t, 1e3 * np.linalg.norm(x - x[0], axis=1), label=name)
+    distance.set(ylabel='distance from its start [mm]', xlabel='time [s]')
+    distance.legend(fontsize='small')
+    for ax in (force, distance):
+        ax.grid(alpha=0.3)
+        ax.set_xmargin(0.01)
+    figure.savefig(path, dpi=110)
 
 
 def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:
@@ -189,64 +183,6 @@ def _draw_errors(ax: Axes, recording: Recording) -> None:
     ax.set_ylim(bottom=0.0)
     ax.grid(alpha=0.3)
     ax.legend(fontsize='x-small', loc='upper right')
-
-
-def in_symbols(text: str) -> str:
-    """A law's label or a title as a picture shows it."""
-    for plain, symbol in _SYMBOLS.items():
-        text = text.replace(plain, symbol)
-    return text
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a file: a picture for the screen, or a drawing for a column of a paper.
-
-    Args:
-        figure: What is drawn; a .pdf or .svg has the width of a column, and so has the figure then.
-        path: Whose folder is made if need be.
-
-    Raises:
-        FileError: It cannot be written.
-    """
-    if path.suffix in DRAWINGS:
-        fit_column(figure)
-    with writing(path):  # a ValueError says that no picture ends like that
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with rc_context({'pdf.fonttype': 42}):  # TrueType, as publishers ask for
-            figure.savefig(path, dpi=130)
-
-
-def fit_column(figure: Figure) -> None:
-    """Give a figure the width of a column, and texts and lines that suit it."""
-    width, height = figure.get_size_inches()
-    figure.set_size_inches(COLUMN, min(height, _COLUMN_RATIO * COLUMN * height / width))
-    for line in figure.findobj(Line2D):
-        line.set_linewidth(_COLUMN_LINE * line.get_linewidth())
-    for ax in figure.axes:
-        legend = ax.get_legend()
-        if legend is not None and legend.get_gid() == _OF_ALL:
-            names = {text.get_text() for text in legend.get_texts()}
-            labelled = (each for each in figure.axes if names == set(_labels(each)))
-            legend_below(ax, next(labelled), ncols=1)
-        ax.tick_params(labelsize=_COLUMN_TEXT)
-        ax.set_ylabel(_in_two_lines(ax.get_ylabel()))
-        ax.set_title(textwrap.fill(ax.get_title(), _COLUMN_LETTERS))
-    for title in figure.texts:
-        title.set_text(textwrap.fill(title.get_text(), _COLUMN_LETTERS))
-    for text in figure.findobj(Text):
-        text.set_fontsize(_COLUMN_TEXT)
-    figure.align_ylabels()
-
-
-def _labels(ax: Axes) -> list[str]:
-    """Of the curves of a panel."""
-    labels: list[str] = ax.get_legend_handles_labels()[1]
-    return labels
-
-
-def _in_two_lines(label: str) -> str:
-    """The label of an axis, with its unit on a line of its own."""
-    return label if '\n' in label else label.replace(' [', '\n[')
 
 
 def _lines(remarks: Remarks) -> list[str]:

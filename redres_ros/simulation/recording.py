@@ -197,6 +197,12 @@ class Recording:
         start = self.columns.index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
+    @property
+    def accelerations(self) -> np.ndarray:
+        """(dq_k - dq_{k-1}) / T from rest, Eq. (13), (ticks, n) [rad/s^2]."""
+        ddq: np.ndarray = np.diff(self.vectors('dq1'), axis=0, prepend=0.0) / self.T
+        return ddq
+
     def peak(self, name: str) -> tuple[float, float]:
         """Largest value of a column and the time [s] at which it occurs."""
         at = int(np.argmax(self[name]))

@@ -13,7 +13,7 @@ import numpy as np
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.simulation.batch import Result
 from redres_ros.simulation.case import Case
-from redres_ros.simulation.comparison import Effort
+from redres_ros.simulation.effort import Effort
 
 ENDINGS = ('.csv', '.parquet')
 

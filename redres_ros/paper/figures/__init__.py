@@ -16,8 +16,8 @@ from redres_ros.paper.figures import (
     pictorial,
 )
 from redres_ros.paper.runs import Runs
+from redres_ros.simulation.drawing import save
 from redres_ros.simulation.parallel import in_parallel
-from redres_ros.simulation.plots import save
 
 _ACCELERATION = ('joint_acceleration_norm', 'null_velocity_norm', 'joint_velocity_norm')
 _TORQUE = ('joint_torque_norm', 'joint_velocity_norm')

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from redres_ros.paper.equivalence import velocity_difference
 from redres_ros.paper.runs import Runs, title
-from redres_ros.simulation.plots import legend_below
+from redres_ros.simulation.drawing import legend_below
 
 _ROUNDING = 1e-17, 1e2  # of the axis [rad/s]: from below rounding to above any speed of the arm
 _MEASURED = 1e-5, 1e1  # [rad/s]: from below the noise

@@ -10,8 +10,8 @@ from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.runs import TORQUE_SCALE, Runs, title
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.limit_usage import acceleration_usage
-from redres_ros.simulation.plots import legend_below
+from redres_ros.simulation.drawing import legend_below
+from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.recording import Recording
 
 _LEAST = 1e-3  # of the logarithmic axis
@@ -60,15 +60,10 @@ def torque_usage(recording: Recording, model: RobotModel) -> np.ndarray:
         model: The arm, with its limits.
     """
     dq_prev = np.vstack((np.zeros(model.n), recording.vectors('dq1')[:-1]))  # (ticks, n)
-    rows = zip(recording.vectors('q1'), dq_prev, _accelerations(recording), strict=True)
+    rows = zip(recording.vectors('q1'), dq_prev, recording.accelerations, strict=True)
     states = ((model.state(q, dq), ddq) for q, dq, ddq in rows)
     tau = np.array([state.M @ ddq + state.n for state, ddq in states])  # (ticks, n) [Nm]
     return np.abs(tau / model.tau_max).max(axis=1)
-
-
-def _accelerations(recording: Recording) -> np.ndarray:
-    """(dq_k - dq_{k-1}) / T, (ticks, n) [rad/s^2], Eq. (13)."""
-    return np.diff(recording.vectors('dq1'), axis=0, prepend=0.0) / recording.T
 
 
 def _panels(heading: str) -> tuple[Figure, list[Axes]]:

@@ -13,7 +13,8 @@ from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.plots import NORMS, Remarks, draw_norm, legend_below
+from redres_ros.simulation.drawing import legend_below
+from redres_ros.simulation.plots import NORMS, Remarks, draw_norm
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
 

@@ -1,0 +1,122 @@
+"""What a motion demands of the arm, and whether the arm could do it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots.joint_limits import JointLimits
+from redres_ros.simulation.recording import Recording
+
+_ROUNDING = 1e-9  # fraction of a limit by which rounding may exceed it
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a motion demands of the arm.
+
+    Args:
+        acceleration: Largest norm [rad/s^2].
+        velocity: Largest norm [rad/s].
+        torque: Largest norm [Nm].
+        squared_acceleration: Integral of the squared norm over time [rad^2/s^3].
+        squared_torque: Integral of the squared norm over time [Nm^2 s].
+        kinetic_energy: Integral of 1/2 dq' M dq over time [J s].
+        elbow: Length of the elbow's path [m].
+        violation: The first joint that goes beyond a limit, how and when; empty for none.
+        finished: The last point was reached.
+        ending: How the motion ended, in words.
+    """
+
+    acceleration: float
+    velocity: float
+    torque: float
+    squared_acceleration: float
+    squared_torque: float
+    kinetic_energy: float
+    elbow: float
+    violation: str
+    finished: bool
+    ending: str
+
+    @classmethod
+    def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
+        """That of a motion.
+
+        Args:
+            recording: Of at least one tick.
+            model: Of the arm.
+        """
+        T = recording.T
+        q = recording.vectors('q1')
+        dq = recording.vectors('dq1')
+        energies, elbow = model.energies_and_positions(q, dq, model.arm.elbow_frame)
+        return cls(
+            recording.peak('joint_acceleration_norm')[0],
+            recording.peak('joint_velocity_norm')[0],
+            recording.peak('joint_torque_norm')[0],
+            squared_acceleration=T * float(np.sum(recording['joint_acceleration_norm'] ** 2)),
+            squared_torque=T * float(np.sum(recording['joint_torque_norm'] ** 2)),
+            kinetic_energy=T * float(energies.sum()),
+            elbow=float(np.linalg.norm(np.diff(elbow, axis=0), axis=1).sum()),  # (ticks, 3)
+            violation=first_violation(recording, JointLimits.of(model.arm)),
+            finished=recording.finished,
+            ending=recording.ending,
+        )
+
+
+def first_violation(recording: Recording, limits: JointLimits) -> str:
+    """The first joint beyond one of its limits, how and when; empty where all are kept.
+
+    Args:
+        recording: Of a motion that began at rest.
+        limits: Of the same arm.
+    """
+    found = [
+        (float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}')
+        for kind, (tick, joint) in _violations(recording, limits)
+    ]
+    if not found:
+        return ''
+    t, what = min(found)
+    return f'{what}, {t:.2f} s'
+
+
+def _violations(recording: Recording, limits: JointLimits) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Each kind of limit that is broken, and the tick and the joint where it is first."""
+    q = recording.vectors('q1')
+    tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
+    more = 1.0 + _ROUNDING
+    beyond = {
+        'position': (q < limits.lower - tolerance) | (q > limits.upper + tolerance),
+        'velocity': np.abs(recording.vectors('dq1')) > more * limits.velocity,
+        'acceleration': np.abs(recording.accelerations) > more * limits.acceleration,
+    }
+    for kind, where in beyond.items():
+        if where.any():
+            tick, joint = np.argwhere(where)[0]
+            yield kind, (int(tick), int(joint))
+
+
+def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
+    """Velocity of the joint that is nearest to its limit, or beyond, as a fraction, (ticks,).
+
+    Args:
+        recording: Of commands.
+        model: The arm, with its limits.
+    """
+    velocity: np.ndarray = np.abs(recording.vectors('dq1')) / JointLimits.of(model.arm).velocity
+    return velocity.max(axis=1)
+
+
+def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
+    """The same of the acceleration, (ticks,).
+
+    Args:
+        recording: Of commands.
+        model: The arm, with its limits.
+    """
+    acceleration = JointLimits.of(model.arm).acceleration
+    usage: np.ndarray = np.abs(recording.accelerations) / acceleration
+    return usage.max(axis=1)
