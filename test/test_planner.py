@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, WaypointTask
 from redres_ros.interpolation import quintic
-from redres_ros.planning.planner import Reference, orientation_error
+from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.planning.planner import Reference
 
 T = 0.001  # [s]
 
@@ -270,7 +271,7 @@ def test_the_orientation_error_is_to_first_order_the_turn_that_is_left():
     for turn in 1e-4 * random.normal(size=(20, 3)):
         R = Rotation.random(random_state=random).as_matrix()
         R_d = Rotation.from_rotvec(turn).as_matrix() @ R
-        assert orientation_error(R_d, R) == pytest.approx(turn, abs=1e-11)  # sin(a) = a - a^3 / 6
+        assert rotation_error(R, R_d) == pytest.approx(turn, abs=1e-11)  # sin(a) = a - a^3 / 6
 
 
 def test_the_feedback_is_limited_in_speed_but_not_in_direction(task):

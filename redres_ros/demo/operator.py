@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.planner import LonePlannerNode
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal
-from redres_ros.planning.planner import Reference, ReferenceSource, orientation_error
+from redres_ros.planning.planner import Reference, ReferenceSource
 from redres_ros.planning.task_executor import Step
 from redres_ros.simulation.operators import GoalOperator
 
@@ -60,7 +61,7 @@ class SteeredPlanner(ReferenceSource):
         number = operator.reached + operator.given_up + 1
         if finished:
             dx = np.zeros(6)
-        turn_left = orientation_error(R_d, R)
+        turn_left = rotation_error(R, R_d)
         return Reference(dx, goal.x, goal.x - x, number, finished, R_d, turn_left)
 
     def is_due(self, t: float) -> bool:

@@ -15,8 +15,9 @@ from redres_ros.demo.cycles import CycleCounts
 from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures, PressingFigures, Rows
 from redres_ros.demo.log import Log
 from redres_ros.files.text import writing
+from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.laws import Law
-from redres_ros.planning.planner import Reference, orientation_error
+from redres_ros.planning.planner import Reference
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion
 from redres_ros.simulation.recording import MotionRecorder, Recording
@@ -185,4 +186,4 @@ def _reference(wanted: np.ndarray, state: RobotState, segment: int, pose: bool) 
     if not pose:
         return reference
     R_d = from_quaternion(wanted[3:])
-    return reference._replace(R_d=R_d, orientation_error=orientation_error(R_d, state.R))
+    return reference._replace(R_d=R_d, orientation_error=rotation_error(state.R, R_d))

@@ -3,6 +3,7 @@ force sensor.
 """
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -14,38 +15,38 @@ PUSHES = ('push_force_x', 'push_force_y', 'push_force_z')
 _NOISE = np.repeat((1.0, 0.1), 3)  # of forces and moments
 
 
+def _fraction(description: str) -> Any:
+    return param(0.0, description, 0.0, 1.0, live=True)
+
+
+def _cycles(description: str) -> Any:
+    return param(0, description, 0, LONGEST, live=True)
+
+
+def _burst(description: str) -> Any:
+    return param(1, description, 1, 10000, live=True)
+
+
+def _force(description: str) -> Any:
+    return param(0.0, description, -500.0, 500.0, live=True)
+
+
 @dataclass(frozen=True)
 class Faults:
     """Every fault as a parameter that can be set while it runs. By default all is well."""
 
-    state_delay: int = param(
-        0, 'delay of states on their way to the client [cycles]', 0, LONGEST, live=True
-    )
-    state_delay_spread: int = param(
-        0, 'random delay of states, at most [cycles]', 0, LONGEST, live=True
-    )
-    state_loss: float = param(0.0, 'fraction of the states that are lost', 0.0, 1.0, live=True)
-    state_loss_burst: int = param(1, 'states lost in a row each time', 1, 10000, live=True)
-    state_duplication: float = param(
-        0.0, 'fraction of the states that arrive twice', 0.0, 1.0, live=True
-    )
-    state_reordering: float = param(
-        0.0, 'probability that a state arrives after the next one', 0.0, 1.0, live=True
-    )
-    command_delay: int = param(
-        0, 'delay of commands on their way to the robot [cycles]', 0, LONGEST, live=True
-    )
-    command_delay_spread: int = param(
-        0, 'random delay of commands, at most [cycles]', 0, LONGEST, live=True
-    )
-    command_loss: float = param(0.0, 'fraction of the commands that are lost', 0.0, 1.0, live=True)
-    command_loss_burst: int = param(1, 'commands lost in a row each time', 1, 10000, live=True)
-    command_duplication: float = param(
-        0.0, 'fraction of the commands that arrive twice', 0.0, 1.0, live=True
-    )
-    command_reordering: float = param(
-        0.0, 'probability that a command arrives after the next one', 0.0, 1.0, live=True
-    )
+    state_delay: int = _cycles('delay of states on their way to the client [cycles]')
+    state_delay_spread: int = _cycles('random delay of states, at most [cycles]')
+    state_loss: float = _fraction('fraction of the states that are lost')
+    state_loss_burst: int = _burst('states lost in a row each time')
+    state_duplication: float = _fraction('fraction of the states that arrive twice')
+    state_reordering: float = _fraction('probability that a state arrives after the next one')
+    command_delay: int = _cycles('delay of commands on their way to the robot [cycles]')
+    command_delay_spread: int = _cycles('random delay of commands, at most [cycles]')
+    command_loss: float = _fraction('fraction of the commands that are lost')
+    command_loss_burst: int = _burst('commands lost in a row each time')
+    command_duplication: float = _fraction('fraction of the commands that arrive twice')
+    command_reordering: float = _fraction('probability that a command arrives after the next one')
     encoder_step: float = param(
         0.0, 'resolution of measured positions; 0: exact [rad]', 0.0, 0.1, live=True
     )
@@ -55,15 +56,9 @@ class Faults:
     frozen_joint: int = param(
         0, 'joint whose encoder is frozen, 1 next to the base; 0: none', 0, 100, live=True
     )
-    push_force_x: float = param(
-        0.0, 'force on the tip along x of the base [N]', -500.0, 500.0, live=True
-    )
-    push_force_y: float = param(
-        0.0, 'force on the tip along y of the base [N]', -500.0, 500.0, live=True
-    )
-    push_force_z: float = param(
-        0.0, 'force on the tip along z of the base [N]', -500.0, 500.0, live=True
-    )
+    push_force_x: float = _force('force on the tip along x of the base [N]')
+    push_force_y: float = _force('force on the tip along y of the base [N]')
+    push_force_z: float = _force('force on the tip along z of the base [N]')
     push_link: str = param('', 'link on whose origin these forces act; empty: the tip', live=True)
     push_time: float = param(
         0.0,
@@ -72,8 +67,8 @@ class Faults:
         1e3,
         live=True,
     )
-    wrench_delay: int = param(0, 'delay of the measured wrench [cycles]', 0, LONGEST, live=True)
-    wrench_loss: float = param(0.0, 'fraction of the wrenches that are lost', 0.0, 1.0, live=True)
+    wrench_delay: int = _cycles('delay of the measured wrench [cycles]')
+    wrench_loss: float = _fraction('fraction of the wrenches that are lost')
     wrench_noise: float = param(
         0.0,
         'standard deviation of measured forces [N]; of moments a tenth of it [Nm]',
@@ -81,9 +76,7 @@ class Faults:
         100.0,
         live=True,
     )
-    wrench_bias: float = param(
-        0.0, "offset of measured forces along the tip's z [N]", -500.0, 500.0, live=True
-    )
+    wrench_bias: float = _force("offset of measured forces along the tip's z [N]")
     wrench_range: float = param(
         0.0,
         'largest force and moment that the sensor measures; 0: no bound [N], [Nm]',

@@ -10,6 +10,8 @@ from redres_ros.robot_model import RobotModel
 _PEAK_SPEED = 15.0 / 8.0  # of Eq. (36): largest ds/dxi
 _PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)  # largest d2s/dxi2
 _SHORTEST = 0.5  # [s]
+_GAIN = 10.0  # k_P of the feedback [1/s]
+_TOLERANCE = 0.005  # [rad] at which the end counts as reached
 _TURN = 2.0 * np.pi  # [rad]
 _MARGIN = 0.1  # [rad] between an equal angle, a turn away, and the end of the range
 
@@ -46,8 +48,6 @@ class JointPath:
         acceleration: np.ndarray,
         *,
         turning: np.ndarray | None = None,
-        gain: float = 10.0,
-        tolerance: float = 0.005,
     ) -> None:
         """A path, at its start.
 
@@ -58,15 +58,11 @@ class JointPath:
             acceleration: Largest one of each joint, (n,) [rad/s^2]; infinite for no limit.
             turning: Whether each joint has a range of more than a turn, (n,), so that its driver
                 may report angles of one turn only; None: no joint has.
-            gain: k_P of the feedback [1/s].
-            tolerance: Error of each joint at which the end counts as reached [rad].
         """
         self._q_start = q_start.copy()
         self._delta = q_end - q_start
         self._velocity = velocity
         self._turning = np.zeros(len(q_start), bool) if turning is None else turning
-        self._gain = gain
-        self._tolerance = tolerance
         distance = np.abs(self._delta)
         by_speed = _PEAK_SPEED * distance / velocity  # (n,) [s]
         by_acceleration = np.sqrt(_PEAK_ACCELERATION * distance / acceleration)  # (n,) [s]
@@ -84,10 +80,10 @@ class JointPath:
         q_d = self._q_start + s * self._delta  # Eq. (36)
         error = q_d - q
         error = error - whole_turns(error, self._turning)
-        feedback = self._gain * error  # Eq. (37)
+        feedback = _GAIN * error  # Eq. (37)
         excess = float((np.abs(feedback) / self._velocity).max())
         dq = self._delta * (rate * ds / self.duration) + feedback / max(excess, 1.0)
-        is_there = float(np.abs(error).max()) < self._tolerance
+        is_there = float(np.abs(error).max()) < _TOLERANCE
         return JointReference(dq, q_d, error, t >= self.duration and is_there)
 
 

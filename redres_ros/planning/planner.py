@@ -13,17 +13,7 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
 
 LEVER = 0.1  # [m] on which a turn is compared with a length
-
-
-def orientation_error(R_d: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """The rotation vector that turns R into R_d, (3,) [rad] in the base frame.
-
-    Args:
-        R_d: Wanted orientation, (3, 3).
-        R: Orientation, (3, 3).
-    """
-    e: np.ndarray = rotation_error(R, R_d)
-    return e
+_START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 
 
 def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
@@ -109,20 +99,17 @@ class Planner(ReferenceSource):
         x_start: np.ndarray | None = None,
         R_start: np.ndarray | None = None,
         *,
-        start_tolerance: float = 0.005,
         feedback_limit: float = np.inf,
     ) -> None:
         """A planner at the beginning of a task.
 
         Args:
             task: Points, and how to pass them.
-            x_start: (3,) where the tip is [m]. Unless it is x_0 to within start_tolerance, a first
+            x_start: (3,) where the tip is [m]. Unless it is x_0 to within 5 mm, a first
                 segment of its own leads to x_0, no faster than the fastest one of the task. None
                 begins at x_0.
             R_start: (3, 3) how the tip is turned; None begins as at x_0. A task that says nothing
                 of orientations holds the one with which it begins.
-            start_tolerance: [m]; for the orientation the angle [rad] of that arc at a radius of
-                0.1 m.
             feedback_limit: Largest speed that the feedback may add [m/s], and [rad/s] for the
                 orientation. Errors that need more come from an interruption, and a jump in velocity
                 would be the response to them.
@@ -134,7 +121,7 @@ class Planner(ReferenceSource):
         self._lines = np.diff(self._points, axis=0)  # (N - 1, 3), from each point to the next
         self._turns = task.orientations  # (N, 3, 3), None until one is known
         self._first_segment = 1
-        if self._is_away(x_start, R_start, start_tolerance):
+        if self._is_away(x_start, R_start):
             self._approach_from(x_start, R_start)
         if self._turns is None and R_start is not None:
             self._hold(R_start)
@@ -171,7 +158,7 @@ class Planner(ReferenceSource):
         if R is None or self._turns is None:
             return Reference(dx, x_d, error, segment, self._finished)
         R_d, turn = self._on_the_arc(self._turns, start, s)
-        turn_left = orientation_error(R_d, R)
+        turn_left = rotation_error(R, R_d)
         w = turn * (rate * ds / T_AB) + self._feedback(turn_left)
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
@@ -233,7 +220,7 @@ class Planner(ReferenceSource):
         errors = [self._points[end] - x]
         tolerances = [self._task.tolerance]
         if R is not None and self._turns is not None:
-            errors.append(orientation_error(self._turns[end], R))
+            errors.append(rotation_error(R, self._turns[end]))
             tolerances.append(self._task.orientation_tolerance)
         is_last = end == len(self._points) - 1
         if unachieved is not None and not is_last and not is_early:
@@ -252,16 +239,14 @@ class Planner(ReferenceSource):
         part: np.ndarray = (asked - unachieved) * (float(np.linalg.norm(error)) / size)
         return part
 
-    def _is_away(
-        self, x_start: np.ndarray | None, R_start: np.ndarray | None, tolerance: float
-    ) -> bool:
+    def _is_away(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> bool:
         """Whether the tip has to go to x_0 first."""
-        if x_start is not None and np.linalg.norm(x_start - self._points[0]) > tolerance:
+        if x_start is not None and np.linalg.norm(x_start - self._points[0]) > _START_TOLERANCE:
             return True
         if R_start is None or self._turns is None:
             return False
-        turn = orientation_error(self._turns[0], R_start)
-        return bool(np.linalg.norm(turn) * LEVER > tolerance)
+        turn = rotation_error(R_start, self._turns[0])
+        return bool(np.linalg.norm(turn) * LEVER > _START_TOLERANCE)
 
     def _approach_from(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> None:
         """Add a segment to x_0 before the task."""

@@ -178,7 +178,6 @@ def elbow_pushed(
     compliance: Compliance = COMPLIANCE,
     *,
     push: float = PUSH,
-    T: float = 0.002,
 ) -> Yielding:
     """The elbow is pushed for a second, while the tip presses on a table or is free.
 
@@ -188,8 +187,8 @@ def elbow_pushed(
         law: In use.
         compliance: Beside a posture.
         push: On the elbow [N].
-        T: Sampling time [s].
     """
+    T = 0.002  # [s]
     case = Pressing(arm, T, gap=0.001)
     pushed = PressingArm(case, law, (compliance, Posture()), has_table=presses)
     elbow = pushed.model.elbow_frame
