@@ -19,9 +19,14 @@ from sensor_msgs.msg import JointState
 
 from redres_ros import LAWS, RobotModel
 from redres_ros.bench import loop, peers
-from redres_ros.bench.loop import LoopResult, ProcessorMeter, graphs, processor_seconds
+from redres_ros.bench.loop import (
+    LoopResult,
+    ProcessorMeter,
+    graphs,
+    processor_seconds,
+    round_trips,
+)
 from redres_ros.bench.report import write_json
-from redres_ros.bench.round_trips import RoundTrips
 from redres_ros.bench.tick import (
     LIMIT_SCALES,
     SAME,
@@ -31,7 +36,7 @@ from redres_ros.bench.tick import (
     recorded,
 )
 from redres_ros.bench.tick import T as TICK
-from redres_ros.bench.timing import BLOCK, COLD, Times, measure
+from redres_ros.bench.timing import BLOCK, COLD, RoundTrips, Times, measure
 from redres_ros.cli import main
 from redres_ros.graph.mcap_file import RecordedMessage
 from redres_ros.nodes.wire import to_time
@@ -131,7 +136,7 @@ def test_a_recording_gives_the_first_commands_for_the_states_of_its_window() -> 
         at = milliseconds * 10**6
         kind = 'sensor_msgs/msg/JointState'
         messages.append(RecordedMessage(topic, kind, data, at, at, is_received))
-    got = RoundTrips.from_messages(PERIOD, messages, (0.005, 0.025), {})
+    got = round_trips(PERIOD, messages, (0.005, 0.025), {})
     assert got.latencies == pytest.approx([0.001, np.inf])
     assert got.skipped == 1
 

@@ -1,8 +1,9 @@
 """The loop over DDS at several rates: the time from a state to its command."""
 
+import math
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +11,11 @@ from typing import Any
 
 from rich.table import Table
 
-from redres_ros.bench.round_trips import RoundTrips
+from redres_ros.bench.timing import RoundTrips
+from redres_ros.demo.log import stamped
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.errors import RedresError
-from redres_ros.graph.mcap_file import read_messages
+from redres_ros.graph.mcap_file import RecordedMessage, read_messages
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.real_time import LATENCY
 from redres_ros.simulation.report import table
@@ -140,10 +142,33 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
         time.sleep(_STRAGGLERS)
         for process in processes.values():
             process.check()
-    messages = read_messages(recording)
-    trips = RoundTrips.from_messages(1.0 / rate, messages, (begin, end), fractions)
+    trips = round_trips(1.0 / rate, read_messages(recording), (begin, end), fractions)
     recording.unlink()
     return trips
+
+
+def round_trips(
+    period: float,
+    messages: Iterable[RecordedMessage],
+    window: tuple[float, float],
+    processors: Mapping[str, float],
+) -> RoundTrips:
+    """Those of a recording of the robot.
+
+    Args:
+        period: At which states should go out [s].
+        messages: The states that it published and the commands that it received.
+        window: The instants between which states count, time of day [s].
+        processors: Fraction of a core by name.
+    """
+    sent: dict[int, float] = {}
+    returned: dict[int, float] = {}
+    for stamp, message in stamped(messages):
+        times = returned if message.is_received else sent
+        times.setdefault(stamp, message.time / 1e9)
+    counted = [stamp for stamp, at in sent.items() if window[0] <= at < window[1]]
+    responses = [returned.get(stamp, math.inf) for stamp in counted]
+    return RoundTrips.from_times(period, [sent[stamp] for stamp in counted], responses, processors)
 
 
 def _await_response(recording: Path, processes: Mapping[str, NodeProcess]) -> None:

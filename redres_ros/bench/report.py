@@ -5,10 +5,10 @@ import math
 import os
 import platform
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from redres_ros.files.installed import version_of
 from redres_ros.files.text import writing
 
 _PACKAGES = (
@@ -45,7 +45,7 @@ def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
 
 def machine() -> dict[str, object]:
     """Processor, cores, kernel, Python and packages."""
-    versions = {name: _version(name) for name in _PACKAGES}
+    versions = {name: version_of(name) for name in _PACKAGES}
     return {
         'processor': _processor(),
         'cores': len(os.sched_getaffinity(0)),
@@ -53,13 +53,6 @@ def machine() -> dict[str, object]:
         'python': platform.python_version(),
         'versions': {name: found for name, found in versions.items() if found},
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ''
 
 
 def _processor() -> str:

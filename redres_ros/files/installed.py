@@ -1,4 +1,4 @@
-"""Entries of the tables that installed packages declare as entry points."""
+"""What installed packages bring: their versions, and entries of our tables."""
 
 import sys
 import warnings
@@ -31,6 +31,16 @@ def installed(kind: str) -> dict[str, Any]:
             reason = f'{type(error).__name__}: {error}'
             warnings.warn(f'{entry.name} of {entry.value} is left out: {reason}', stacklevel=2)
     return found
+
+
+def version_of(package: str) -> str:
+    """The version of a package; empty if it is not installed."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ''
 
 
 @cache

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from threading import get_ident
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
+from redres_ros.files.installed import version_of
 from redres_ros.files.plugins import load_plugins
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
@@ -119,15 +119,10 @@ def batch(
 @cache
 def versions() -> str:
     """Versions of this package and of what its figures depend on."""
-    packages = ', '.join(f'{name} {_version(name)}' for name in ('redres_ros', 'pin', 'numpy'))
-    return f'{packages}, Python {platform.python_version()}'
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return 'not installed'
+    packages = [
+        f'{name} {version_of(name) or "not installed"}' for name in ('redres_ros', 'pin', 'numpy')
+    ]
+    return f'{", ".join(packages)}, Python {platform.python_version()}'
 
 
 def _jobs(cases: Iterable[Case]) -> Iterator[_Job]:
