@@ -20,7 +20,7 @@ from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation import batch
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
-from redres_ros.simulation.drawing import legend_below
+from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
@@ -245,8 +245,12 @@ def _table(heads: str, rows: Sequence[Sequence[str]]) -> str:
 
 def draw_laws(results: Results) -> Figure:
     """Three laws on the rectangle, and one of them within limits."""
-    figure = Figure(figsize=(9.0, 7.5), layout='constrained')
-    accelerations, speeds, scaling = figure.subplots(3, 1, sharex=True, height_ratios=(1.6, 1, 0.7))
+    figure, (accelerations, speeds, scaling) = time_panels(
+        3,
+        "One task, three laws: the paper's rectangle, past the stretched arm",
+        (9.0, 7.5),
+        (1.6, 1.0, 0.7),
+    )
     model = RobotModel.named('lwr4_paper')
     unlimited = Case('minimum_velocity')
     within = replace(unlimited, limits=LIMITS)
@@ -269,12 +273,11 @@ def draw_laws(results: Results) -> Figure:
     accelerations.axhline(1.0, color='black', ls=':', lw=1.3, label='limit of the joint')
     accelerations.set(yscale='log', ylim=(3e-3, 8.0))
     accelerations.set_ylabel('largest joint acceleration\n[fraction of its limit]')
-    accelerations.set_title("One task, three laws: the paper's rectangle, past the stretched arm")
     speeds.set_ylabel(r'$\Vert\dot q\Vert$ [rad/s]')
     scaling.set_ylabel('task scaling $s$')
     scaling.set_ylim(0.0, 1.1)
-    scaling.set_xlabel('time [s]')
-    return _finished(figure, accelerations, speeds, scaling)
+    legend_below(scaling, accelerations)
+    return figure
 
 
 def _write_peak(ax: Axes, recording: Recording, model: RobotModel) -> None:
@@ -288,8 +291,7 @@ def _write_peak(ax: Axes, recording: Recording, model: RobotModel) -> None:
 
 def draw_rectangle_dampings(results: Results) -> Figure:
     """The norm of the acceleration with five dampings."""
-    figure = Figure(figsize=(9.0, 4.5), layout='constrained')
-    ax = figure.add_subplot()
+    figure, (ax,) = time_panels(1, 'minimum_acceleration on the rectangle', (9.0, 4.5))
     colour = np.array(to_rgb(law_colour('minimum_acceleration')))
     for damping, shade in _DRAWN_DAMPINGS.items():
         recording = results[Case('minimum_acceleration', damping=damping)].recording
@@ -300,23 +302,15 @@ def draw_rectangle_dampings(results: Results) -> Figure:
             color=_shaded(colour, shade),
             label=label,
         )
-    ax.set(yscale='log', xlim=(-0.1, 9.3), ylim=(1e-2, 1e3), xlabel='time [s]')
+    ax.set(yscale='log', xlim=(-0.1, 9.3), ylim=(1e-2, 1e3))
     ax.set_ylabel(r'$\Vert\ddot q\Vert$ [rad/s$^2$]')
-    ax.set_title('minimum_acceleration on the rectangle')
-    return _finished(figure, ax)
+    legend_below(ax, ax)
+    return figure
 
 
 def _shaded(colour: np.ndarray, shade: float) -> np.ndarray:
     """A shade of a colour (3,): -1 is white, 0 the colour itself, 1 black."""
     return np.array([np.interp(shade, (-1.0, 0.0, 1.0), (1.0, part, 0.0)) for part in colour])
-
-
-def _finished(figure: Figure, *axes: object) -> Figure:
-    for ax in axes:
-        ax.grid(alpha=0.3)
-        ax.set_xmargin(0.01)
-    legend_below(axes[-1], axes[0])
-    return figure
 
 
 # --- pages ----------------------------------------------------------------------------------------

@@ -1,34 +1,28 @@
 """The measurement of an arm: encoders, a network, and a start at any time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from redres_ros.fake_robot.faults import Faults
-from redres_ros.parameter import check_parameters, param
 
 
 @dataclass(frozen=True)
 class Sensing:
     """How an experiment sees its arm. By default it sees every position exactly and at once.
 
-    The encoders' figures act on the controller too. A position that is recorded late does not: the
-    robot's own cycle is not disturbed by its recorder.
+    Attributes:
+        faults: Of the encoders, which act on the controller too.
+        recorded_late: Chance of a joint's position to be that before, in the recording alone: the
+            robot's own cycle is not disturbed by its recorder.
+        phase: From the first state to the start of the task [cycles].
+        seed: Of everything random.
     """
 
-    encoder_step: float = param(0.0, 'resolution of measured positions; 0: exact [rad]', 0.0, 0.1)
-    encoder_noise: float = param(0.0, 'standard deviation of positions [rad]', 0.0, 0.1)
-    recorded_late: float = param(0.0, "chance of a joint's position to be that before", 0.0, 1.0)
-    phase: float = param(0.0, 'from the first state to the start of the task [cycles]', 0.0, 1.0)
-    seed: int = param(0, 'of everything random', 0, 2**31 - 1)
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
-    @property
-    def faults(self) -> Faults:
-        """What the encoders do to the arm's positions."""
-        return Faults(encoder_step=self.encoder_step, encoder_noise=self.encoder_noise)
+    faults: Faults = field(default_factory=Faults)
+    recorded_late: float = 0.0
+    phase: float = 0.0
+    seed: int = 0
 
 
 # An assumption: KUKA publishes neither. FRI sends positions as numbers of 32 bits, whose last digit
@@ -48,7 +42,7 @@ def as_in_the_paper(seed: int) -> Sensing:
         seed: Of the noise and of the start; each experiment has one of its own.
     """
     phase = float(np.random.default_rng(seed).uniform())
-    return Sensing(_STEP, _NOISE, _LATE, phase, seed)
+    return Sensing(Faults(encoder_step=_STEP, encoder_noise=_NOISE), _LATE, phase, seed)
 
 
 class Recorder:

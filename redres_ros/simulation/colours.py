@@ -1,6 +1,6 @@
 """One colour for each law and one axis for each figure, in plots, films and the live page."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from redres_ros.laws import LAWS
 
@@ -57,13 +57,13 @@ def law_colour(name: str) -> str:
     return _OTHERS[place % len(_OTHERS)]
 
 
-def line_styles(names: list[str]) -> dict[str, dict[str, str]]:
+def line_styles(names: list[str]) -> dict[str, dict[str, Any]]:
     """Colour and line style of motions by their names, for `Axes.plot`.
 
     Args:
         names: Of the motions, as law_colour takes them. Several of one law differ in their lines.
     """
-    styles: dict[str, dict[str, str]] = {}
+    styles: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}
     for name in names:
         colour = law_colour(name)

@@ -18,7 +18,7 @@ from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import line_styles
-from redres_ros.simulation.drawing import in_symbols, legend_below, save
+from redres_ros.simulation.drawing import in_symbols, legend_below, save, time_panels
 from redres_ros.simulation.effort import Effort, acceleration_usage, velocity_usage
 from redres_ros.simulation.plots import NORMS
 from redres_ros.simulation.recording import Recording
@@ -201,21 +201,16 @@ def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
         recordings: By law.
         title: Says what was compared.
     """
-    figure = Figure(figsize=(11.0, 9.0), layout='constrained')
-    figure.suptitle(title)
-    axes = figure.subplots(len(NORMS), 1, sharex=True)
+    figure, axes = time_panels(len(NORMS), title, (11.0, 9.0))
     styles = line_styles(list(recordings))
     for ax, (norm, label) in zip(axes, NORMS.items(), strict=True):
         for name, recording in recordings.items():
             ax.plot(recording['t'], recording[norm], label=in_symbols(name), **styles[name])
         ax.set_ylabel(label, fontsize='small')
-        ax.grid(alpha=0.3)
         peaks = [recording.peak(norm)[0] for recording in recordings.values()]
         if max(peaks) > _WIDE * np.median(peaks):
             ax.set_yscale('log')
             ax.set_ylim(bottom=max(peaks) / _SHOWN)
-        ax.set_xmargin(0.01)
-    axes[-1].set_xlabel('time [s]')
     legend_below(axes[-1], axes[0], fontsize='small')
     return figure
 
@@ -231,9 +226,7 @@ def draw_limit_usage(
         allowed: Fraction of them that the motions may use, `limit_scale`.
         title: Says what was compared.
     """
-    figure = Figure(figsize=(11.0, 8.0), layout='constrained')
-    figure.suptitle(title)
-    velocity, acceleration, scaling = figure.subplots(3, 1, sharex=True)
+    figure, (velocity, acceleration, scaling) = time_panels(3, title, (11.0, 8.0))
     styles = line_styles(list(recordings))
     for name, recording in recordings.items():
         t = recording['t']
@@ -249,9 +242,5 @@ def draw_limit_usage(
         ax.set_ylabel(f"largest {quantity}\n[fraction of a joint's limit]{note}", fontsize='small')
     scaling.set_ylim(0.0, 1.05)
     scaling.set_ylabel('task scaling $s$:\nfraction of the task velocity', fontsize='small')
-    scaling.set_xlabel('time [s]')
-    for ax in (velocity, acceleration, scaling):
-        ax.grid(alpha=0.3)
-        ax.set_xmargin(0.01)
     legend_below(scaling, velocity, fontsize='small')
     return figure

@@ -1,8 +1,10 @@
 """Figures as files: pictures for the screen, or drawings for a column of a paper."""
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,6 +13,8 @@ from matplotlib.text import Text
 from matplotlib.transforms import ScaledTranslation
 
 from redres_ros.files.text import writing
+
+_MARGIN = 0.01  # of a time axis, so that a step at either end is seen
 
 DRAWINGS = ('.pdf', '.svg')  # written at the width of a column
 COLUMN = 3.5  # [in] of a page in two columns
@@ -42,6 +46,30 @@ def save(figure: Figure, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with rc_context({'pdf.fonttype': 42}):  # TrueType, as publishers ask for
             figure.savefig(path, dpi=130)
+
+
+def time_panels(
+    count: int,
+    title: str,
+    size: tuple[float, float],
+    heights: Sequence[float] | None = None,
+) -> tuple[Figure, list[Axes]]:
+    """A figure with panels above each other over one time axis.
+
+    Args:
+        count: Number of panels.
+        title: Above the first.
+        size: Of the figure [in].
+        heights: Of the panels, relative to each other; None: all the same.
+    """
+    figure = Figure(figsize=size, layout='constrained')
+    panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True, height_ratios=heights)))
+    panels[0].set_title(title)
+    panels[-1].set_xlabel('time [s]')
+    for ax in panels:
+        ax.grid(alpha=0.3)
+        ax.set_xmargin(_MARGIN)
+    return figure, panels
 
 
 def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | None = None) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below, save
+from redres_ros.simulation.drawing import legend_below, save, time_panels
 from redres_ros.simulation.paths import draw_paths
 from redres_ros.simulation.recording import Recording
 
@@ -110,9 +110,7 @@ def draw_contact(
         title: Says what was run.
         path: With the ending of a picture.
     """
-    figure = Figure(figsize=(9.0, 5.5), layout='constrained')
-    figure.suptitle(title)
-    force, distance = figure.subplots(2, 1, sharex=True)
+    figure, (force, distance) = time_panels(2, title, (9.0, 5.5))
     force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')
     force.set_ylabel('force on the tip [N]')
     every = max(len(recording.data) // _MOST_POINTS, 1)
@@ -122,12 +120,9 @@ def draw_contact(
         if frame:
             x = np.array([model.position(q, frame) for q in positions])
             distance.plot(t, 1e3 * np.linalg.norm(x - x[0], axis=1), label=name)
-    distance.set(ylabel='distance from its start [mm]', xlabel='time [s]')
+    distance.set_ylabel('distance from its start [mm]')
     distance.legend(fontsize='small')
-    for ax in (force, distance):
-        ax.grid(alpha=0.3)
-        ax.set_xmargin(0.01)
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def draw_norm(ax: Axes, norm: str, recording: Recording, remarks: Remarks) -> None:

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from redres_ros.paper.figures import (
     architecture,
-    convergence,
     differences,
     limits,
     motions,
@@ -42,7 +41,7 @@ FIGURES: dict[int, Callable[[Runs], Figure]] = {
     # Beyond the paper:
     17: limits.figure_17,
     18: limits.figure_18,
-    19: convergence.figure_19,
+    19: differences.figure_19,
 }
 
 

@@ -10,10 +10,12 @@ from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.runs import TORQUE_SCALE, Runs, title
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below
+from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.recording import Recording
 
+_SIZE = (10.0, 7.4)  # [in]
+_HEIGHTS = (2.0, 1.0, 1.0)  # of the panels
 _LEAST = 1e-3  # of the logarithmic axis
 _COLOURS = ('0.6', law_colour('minimum_velocity'))  # of the law without and with more limits
 
@@ -24,7 +26,8 @@ def figure_17(runs: Runs) -> Figure:
         'no limits': runs['measured_2'],
         'position, velocity, acceleration': runs['within_limits'],
     }
-    figure, panels = _panels(f'{title(17, "measured_2")},\nwithout and within limits')
+    heading = f'{title(17, "measured_2")},\nwithout and within limits'
+    figure, panels = time_panels(3, heading, _SIZE, _HEIGHTS)
     _draw_usage(panels[0], tried, lambda each: acceleration_usage(each, runs.experiment_model))
     panels[0].set_ylabel('largest acceleration\n[fraction of the limit]')
     panels[0].set_yscale('log')
@@ -42,7 +45,7 @@ def figure_18(runs: Runs) -> Figure:
         f'and torque, {TORQUE_SCALE:g} of the torque limits': runs['within_torques'],
     }
     heading = f'{title(18, "within_torques")},\ntorque limits kept through a position interface'
-    figure, panels = _panels(heading)
+    figure, panels = time_panels(3, heading, _SIZE, _HEIGHTS)
     _draw_usage(panels[0], tried, lambda each: torque_usage(each, runs.experiment_model))
     panels[0].set_ylabel('largest torque\n[fraction of the limit]')
     panels[0].set_ylim(bottom=0.0)
@@ -61,19 +64,8 @@ def torque_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """
     dq_prev = np.vstack((np.zeros(model.n), recording.vectors('dq1')[:-1]))  # (ticks, n)
     rows = zip(recording.vectors('q1'), dq_prev, recording.accelerations, strict=True)
-    states = ((model.state(q, dq), ddq) for q, dq, ddq in rows)
-    tau = np.array([state.M @ ddq + state.n for state, ddq in states])  # (ticks, n) [Nm]
+    tau = np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows])  # (ticks, n) [Nm]
     return np.abs(tau / model.tau_max).max(axis=1)
-
-
-def _panels(heading: str) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(10.0, 7.4), layout='constrained')
-    panels = list(figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 1.0, 1.0)))
-    panels[0].set_title(heading)
-    for ax in panels:
-        ax.set_xmargin(0.01)
-        ax.grid(alpha=0.3)
-    return figure, panels
 
 
 def _draw_usage(
@@ -100,4 +92,3 @@ def _draw_rest(panels: list[Axes], tried: dict[str, Experiment]) -> None:
         error.plot(recording['t'], 1e3 * recording['task_error'], color=color, lw=1.2)
     scaling.set_ylabel('task scaling $s$ [-]')
     error.set_ylabel('task error [mm]')
-    error.set_xlabel('time [s]')

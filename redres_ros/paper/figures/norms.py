@@ -13,7 +13,7 @@ from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below
+from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.plots import NORMS, Remarks, draw_norm
 
 Curves = Mapping[str, np.ndarray]  # norm -> its values over a motion's samples, (N,)
@@ -23,7 +23,6 @@ _LABELS = {
     **NORMS,
     'null_velocity_norm': r'null-space part $\Vert\lambda P\dot q_{k-1}\Vert$ [rad/s]',
 }
-_MARGIN = 0.01  # of the time axis, so that a step at the start is seen
 
 
 @dataclass(frozen=True)
@@ -100,13 +99,8 @@ def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
         motion: As it was measured.
         model: Of the arm.
     """
-    states = (model.state(q, dq) for q, dq in zip(motion.q, motion.dq, strict=True))
-    return np.array(
-        [
-            np.linalg.norm(state.M @ ddq + state.n)
-            for state, ddq in zip(states, motion.ddq, strict=True)
-        ]
-    )
+    rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
+    return _norm(np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows]))
 
 
 def _kinematic(motion: MeasuredMotion) -> Curves:
@@ -133,19 +127,14 @@ def _experiment(
             ax.axvline(end, color='tab:red', ls='--', lw=1.2, label=f'stopped at {end:.2f} s')
         ax.set_ylabel(NORMS[norm])
         ax.set_ylim(bottom=0.0)
-        ax.grid(alpha=0.3)
     legend_below(panels[-1], panels[0])
     return figure
 
 
 def _panels(heading: str, count: int, task: WaypointTask) -> tuple[Figure, list[Axes]]:
     """Panels above each other with one time axis, and a mark where a segment ends."""
-    figure = Figure(figsize=(10.0, 2.0 + 2.2 * count), layout='constrained')
-    panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
-    panels[0].set_title(heading)
-    panels[-1].set_xlabel('time [s]')
+    figure, panels = time_panels(count, heading, (10.0, 2.0 + 2.2 * count))
     for ax in panels:
-        ax.set_xmargin(_MARGIN)
         for segment in range(1, task.segments):
             ax.axvline(segment * task.segment_time, color='0.8', lw=0.8, zorder=0)
     return figure, panels
