@@ -22,7 +22,7 @@ from redres_ros.simulation.report import table
 
 REPETITIONS = 2  # of everything, so that a slow minute of the machine hits all alike
 SETTLING = 2.0  # [s] from the first response to the first state that counts: by then the arm moves
-GRAPHS = {  # what runs together; the last process of each has the robot in it
+_GRAPHS = {  # what runs together; the last process of each has the robot in it
     'bare echo node': ('bench.echo', 'sim'),
     'controller, standing still': ('controller', 'sim'),
     'planner, controller': ('planner', 'controller', 'sim'),
@@ -39,7 +39,7 @@ _STRAGGLERS = 0.1  # [s] for which commands are awaited after the last state
 _RECORDED = ('joint_states', 'joint_command')
 # A real robot would leave command mode when this machine stalls, and the arm would stand still.
 _ROBOT = {'bridged_misses': 100, 'patience': 0.0}
-# Of the nodes of GRAPHS: a task that goes on and on, and a robot that never waits.
+# Of the nodes of _GRAPHS: a task that goes on and on, and a robot that never waits.
 PARAMETERS: dict[str, dict[str, Any]] = {
     'planner': {'autostart': True},
     'sim': _ROBOT,
@@ -50,10 +50,6 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 
 # [s] of /proc/<pid>/stat: Linux counts in hundredths for user space, whatever the kernel's HZ
 _TICK = 0.01
-
-
-class BenchError(RedresError):
-    """A measurement that failed."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +80,10 @@ class LoopResult:
 
 
 def graphs() -> dict[str, tuple[str, ...]]:
-    """The entries of GRAPHS that can run here."""
+    """The entries of _GRAPHS that can run here."""
     if os.access(LATENCY, os.W_OK):
-        return GRAPHS
-    return {name: nodes for name, nodes in GRAPHS.items() if not name.endswith(_AWAKE)}
+        return _GRAPHS
+    return {name: nodes for name, nodes in _GRAPHS.items() if not name.endswith(_AWAKE)}
 
 
 def measure_loop(
@@ -102,7 +98,7 @@ def measure_loop(
         progress: Called with the fraction done, 0 to 1.
 
     Raises:
-        BenchError, GraphError: A node does not run or does not respond.
+        RedresError: A node does not run or does not respond.
     """
     steps = [(rate, name) for _ in range(REPETITIONS) for rate in rates for name in graphs()]
     parts: dict[tuple[float, str], list[RoundTrips]] = {step: [] for step in steps}
@@ -119,9 +115,9 @@ def _measure_graph(name: str, rate: float, duration: float, out: Path) -> RoundT
     recording = out / 'robot.mcap'
     with own_domain(), ExitStack() as stack:
         processes: dict[str, NodeProcess] = {}
-        for node in GRAPHS[name]:
+        for node in _GRAPHS[name]:
             parameters: dict[str, Any] = {'rate': rate, **PARAMETERS.get(node, {})}
-            with_robot = node == GRAPHS[name][-1]
+            with_robot = node == _GRAPHS[name][-1]
             if with_robot and name.endswith(_AWAKE):
                 parameters['keep_awake'] = True
             processes[node] = NodeProcess(
@@ -178,7 +174,7 @@ def _await_response(recording: Path, processes: Mapping[str, NodeProcess]) -> No
             process.check()
         if time.monotonic() > until:
             names = ' and '.join(processes)
-            raise BenchError(f'{names} did not respond within {_PATIENCE:g} s')
+            raise RedresError(f'{names} did not respond within {_PATIENCE:g} s')
         time.sleep(0.1)
 
 

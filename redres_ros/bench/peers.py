@@ -18,7 +18,7 @@ from redres_ros.robots import Arm
 from redres_ros.robots.joint_limits import JointLimits
 
 # quadratic programs for pink and mink, by the names that qpsolvers has for them
-SOLVERS = ('quadprog', 'daqp', 'proxqp')
+_SOLVERS = ('quadprog', 'daqp', 'proxqp')
 # in pink's and mink's cost: small enough for the least velocity, large enough for a definite matrix
 DAMPING = 1e-6
 
@@ -61,7 +61,7 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
         made['embodik'] = _embodik(arm, T, 1.0)
         made['embodik, no limits'] = _embodik(arm, T, None)
     for library, make in {'pink': _pink, 'mink': _mink}.items():
-        for solver in SOLVERS:
+        for solver in _SOLVERS:
             if not {library, solver} & set(missing):
                 made[f'{library}, {solver}'] = make(arm, T, solver, None)
                 made[f'{library}, {solver}, no limits'] = make(arm, T, solver, [])

@@ -11,7 +11,7 @@ from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
 
 SERVO_GROUP = 1  # of the actuators that act on position and velocity
-SAMPLES = 200  # random positions from which the largest inertia is estimated
+_SAMPLES = 200  # random positions from which the largest inertia is estimated
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _inertia_bound(model: mujoco.MjModel) -> np.ndarray:
     random = np.random.default_rng(0)
     lower, upper = joint_range(model, np.pi)
     bound = np.zeros(model.nv)
-    for _ in range(SAMPLES):
+    for _ in range(_SAMPLES):
         data.qpos[:] = random.uniform(lower, upper)
         mujoco.mj_fwdPosition(model, data)
         bound = np.maximum(bound, np.abs(inertia(model, data)).sum(axis=1))

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-Handler = Callable[[int, FrameType | None], object] | signal.Handlers
+_Handler = Callable[[int, FrameType | None], object] | signal.Handlers
 
 
-def handle(handler: Handler, *numbers: signal.Signals) -> None:
+def handle(handler: _Handler, *numbers: signal.Signals) -> None:
     """Have signals go to a handler from now on.
 
     Args:
@@ -23,7 +23,7 @@ def handle(handler: Handler, *numbers: signal.Signals) -> None:
 
 
 @contextmanager
-def handled(handler: Handler, *numbers: signal.Signals) -> Iterator[None]:
+def handled(handler: _Handler, *numbers: signal.Signals) -> Iterator[None]:
     """Send signals to a handler within the block; restore the previous handler afterwards.
 
     Args:

@@ -15,8 +15,8 @@ from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.robot_model import RobotModel
 
-RTOL = 1e-10
-ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
+_RTOL = 1e-10
+_ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
 
 
 class LostMotionError(RedresError):
@@ -72,7 +72,7 @@ def integrate(
         span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
         flow = _flow(scheme, model, task, segment)
         solution = solve_ivp(
-            flow, span, y, method='DOP853', rtol=RTOL, atol=ATOL, dense_output=True
+            flow, span, y, method='DOP853', rtol=_RTOL, atol=_ATOL, dense_output=True
         )
         if solution.sol is None or not solution.success:
             raise LostMotionError(

@@ -37,12 +37,12 @@ from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.recording import Recording
 
 SIMULATION_T = 0.001
-EXPERIMENT_T = 0.002  # [s]
+_EXPERIMENT_T = 0.002  # [s]
 SIMULATION_DAMPING = 10.0
-EXPERIMENT_DAMPING = 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
+_EXPERIMENT_DAMPING = 5.0  # k_d [1/s]; lambda = 0.99 at either sampling time
 SWITCH_TIME = 0.2  # [s] over which the start of an experiment is blended, as the nodes do it
 EXPERIMENT_DYNAMICS = 'identified'  # of arm and controller alike
-JOINT_LIMITS = ('position', 'velocity', 'acceleration')
+_JOINT_LIMITS = ('position', 'velocity', 'acceleration')
 TORQUE_SCALE = 0.2  # fraction of the torque limits that is allowed where they are shown
 PREFERENCE = JointCentering(gain=400.0)  # with which law (19) and scheme (18) are compared
 
@@ -190,7 +190,7 @@ class RobotRun(Setup):
     torque_scale: float = 1.0
     stops: bool = True
 
-    T: float = EXPERIMENT_T
+    T: float = _EXPERIMENT_T
     seconds: ClassVar[float] = 2.0
 
     def run(self, runs: Runs) -> Experiment:
@@ -286,8 +286,8 @@ def _published(benchmark: Benchmark) -> Computation:
 
 
 _LEAST_VELOCITY = RobotRun('2', 'minimum_velocity', seed=1)
-_LEAST_ACCELERATION = RobotRun('23', 'minimum_acceleration', EXPERIMENT_DAMPING, seed=2)
-_CONSISTENT = RobotRun('35', 'dynamically_consistent', 1.0 / EXPERIMENT_T, seed=6)
+_LEAST_ACCELERATION = RobotRun('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, seed=2)
+_CONSISTENT = RobotRun('35', 'dynamically_consistent', 1.0 / _EXPERIMENT_T, seed=6)
 
 # A number in a name is that of the paper's equation.
 MOTIONS: dict[str, Simulation | RobotRun] = {
@@ -297,9 +297,9 @@ MOTIONS: dict[str, Simulation | RobotRun] = {
     'simulated_35': Simulation('35', 'dynamically_consistent', 1.0 / SIMULATION_T),
     'simulated_29': Simulation('29', 'dynamically_consistent', 1.0 / SIMULATION_T, is_scheme=True),
     # At the sampling time of the experiments, by an arm that nothing stops:
-    'ideal_2': Simulation('2', 'minimum_velocity', T=EXPERIMENT_T),
-    'ideal_23': Simulation('23', 'minimum_acceleration', EXPERIMENT_DAMPING, T=EXPERIMENT_T),
-    'ideal_15': Simulation('15', 'minimum_acceleration', 0.0, T=EXPERIMENT_T),
+    'ideal_2': Simulation('2', 'minimum_velocity', T=_EXPERIMENT_T),
+    'ideal_23': Simulation('23', 'minimum_acceleration', _EXPERIMENT_DAMPING, T=_EXPERIMENT_T),
+    'ideal_15': Simulation('15', 'minimum_acceleration', 0.0, T=_EXPERIMENT_T),
     # The next point as soon as the error is below 1 mm:
     'early_23': Simulation(
         '23', 'minimum_acceleration', SIMULATION_DAMPING, switching='within_tolerance'
@@ -315,9 +315,9 @@ MOTIONS: dict[str, Simulation | RobotRun] = {
     'measured_35_at_once': replace(_CONSISTENT, is_reversed=True, switch_time=0.0, seed=7),
     'measured_29': replace(_CONSISTENT, equation='29', is_scheme=True, is_reversed=True, seed=8),
     # Not in the paper:
-    'within_limits': replace(_LEAST_VELOCITY, limits=JOINT_LIMITS),
+    'within_limits': replace(_LEAST_VELOCITY, limits=_JOINT_LIMITS),
     'within_torques': replace(
-        _LEAST_VELOCITY, limits=(*JOINT_LIMITS, 'torque'), torque_scale=TORQUE_SCALE
+        _LEAST_VELOCITY, limits=(*_JOINT_LIMITS, 'torque'), torque_scale=TORQUE_SCALE
     ),
     # Longer tasks, of which Section 4.1 speaks:
     **{

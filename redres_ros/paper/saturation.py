@@ -19,9 +19,9 @@ from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
 
 T = 0.001  # [s]
-K_P = 2.0  # [1/s]
+_K_P = 2.0  # [1/s]
 K_D = 0.05
-REACHED = 0.005  # [m]
+_REACHED = 0.005  # [m]
 LONGEST = 60.0  # [s]
 
 _MARGIN = 1e-6  # [m] by which a corner is surely reached when the tip has stopped
@@ -141,7 +141,7 @@ def run_benchmark(benchmark: Benchmark) -> SaturatedMotion:
     usage = 0.0
     for k in range(round(LONGEST / T)):
         x, _ = model.tip(q)
-        if np.linalg.norm(corners[next_corner] - x) < REACHED:
+        if np.linalg.norm(corners[next_corner] - x) < _REACHED:
             next_corner += 1
         if next_corner == len(corners):
             return SaturatedMotion(k * T, float(np.mean(angles)), usage)
@@ -177,8 +177,8 @@ def _usage(values: np.ndarray, allowed: np.ndarray) -> float:
 def _velocity(path: np.ndarray, speed: float, braking: float) -> np.ndarray:
     """Task velocity (3,) [m/s] along the straight path (3,) [m] to a corner, in time to stop."""
     distance = float(np.linalg.norm(path))
-    rest = max(distance - REACHED + _MARGIN, 0.0)
-    desired = min(K_P * distance - K_D * speed, math.sqrt(2.0 * braking * rest))
+    rest = max(distance - _REACHED + _MARGIN, 0.0)
+    desired = min(_K_P * distance - K_D * speed, math.sqrt(2.0 * braking * rest))
     return path * (desired / distance)
 
 

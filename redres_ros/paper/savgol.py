@@ -10,7 +10,7 @@ from redres_ros.errors import ArrayError
 
 WINDOW = 400  # W, samples
 FINER = 100  # one that shows events of a tenth of a second
-DEGREE = 5
+_DEGREE = 5
 LEFT_OUT = WINDOW // 2  # samples at either end that get no estimate
 
 
@@ -56,7 +56,7 @@ def differentiate(q: np.ndarray, T: float, window: int = WINDOW) -> MeasuredMoti
     left_out = window // 2
     inner = slice(left_out, len(q) - left_out)
     dq, ddq = (
-        savgol_filter(q, window + 1, DEGREE, deriv=order, delta=T, axis=0)[inner]
+        savgol_filter(q, window + 1, _DEGREE, deriv=order, delta=T, axis=0)[inner]
         for order in (1, 2)
     )
     return MeasuredMotion(T * np.arange(len(q))[inner], q[inner], dq, ddq)

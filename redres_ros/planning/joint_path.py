@@ -79,7 +79,7 @@ class JointPath:
         s, ds = quintic(t / self.duration)
         q_d = self._q_start + s * self._delta  # Eq. (36)
         error = q_d - q
-        error = error - whole_turns(error, self._turning)
+        error = error - _whole_turns(error, self._turning)
         feedback = _GAIN * error  # Eq. (37)
         excess = float((np.abs(feedback) / self._velocity).max())
         dq = self._delta * (rate * ds / self.duration) + feedback / max(excess, 1.0)
@@ -102,7 +102,7 @@ def path_to(
         tolerance: Distance of each joint below which the arm is there [rad].
     """
     turning = model.q_max - model.q_min > _TURN
-    nearest = q_end + whole_turns(q - q_end, turning)
+    nearest = q_end + _whole_turns(q - q_end, turning)
     is_allowed = (nearest >= model.q_min + _MARGIN) & (nearest <= model.q_max - _MARGIN)
     q_end = np.where(is_allowed, nearest, q_end)
     if np.abs(q_end - q).max() < tolerance:
@@ -111,12 +111,7 @@ def path_to(
     return JointPath(q, q_end, fraction * model.dq_max, fraction * acceleration, turning=turning)
 
 
-def whole_turns(angle: np.ndarray, turning: np.ndarray) -> np.ndarray:
-    """The whole turns in each angle (n,) [rad] of a turning joint, 0 for the others.
-
-    Args:
-        angle: (n,) [rad].
-        turning: Whether each joint has a range of more than a turn, (n,).
-    """
+def _whole_turns(angle: np.ndarray, turning: np.ndarray) -> np.ndarray:
+    """The whole turns in each angle (n,) [rad] of a turning joint, 0 for the others."""
     turns: np.ndarray = np.where(turning, _TURN * np.round(angle / _TURN), 0.0)
     return turns

@@ -17,7 +17,7 @@ from redres_ros.robots.defaults import square_before_tip
 from redres_ros.rotation import from_quaternion, from_roll_pitch_yaw
 
 NODES = ('sim', 'controller', 'planner')  # of a demo
-SWITCHING = ('at_rest', 'within_tolerance')
+_SWITCHING = ('at_rest', 'within_tolerance')
 
 _FARTHEST = 100.0  # [m]; no arm is that long, and the squares of larger numbers may overflow
 _MOST_DEGREES = 36000.0
@@ -72,7 +72,7 @@ class WaypointTask:
     orientation_tolerance: float = param(
         0.01, 'error at which an orientation counts as reached [rad]', 1e-9, 3.0
     )
-    switching: str = param('at_rest', 'when the next segment begins', choices=SWITCHING)
+    switching: str = param('at_rest', 'when the next segment begins', choices=_SWITCHING)
     nodes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     events: tuple[TaskEvent, ...] = ()
 

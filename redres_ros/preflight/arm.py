@@ -18,10 +18,6 @@ _MOVING = 0.01  # [rad/s] or [m/s]
 _SAME = 1e-3  # [rad] by which two sources of limits may differ
 
 
-class NoDescriptionError(RedresError):
-    """There is no robot_description."""
-
-
 def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
     """Checks joints, positions, limits and frames against the expected arm.
 
@@ -49,7 +45,7 @@ def _model_of(expected: ExpectedArm, description: str) -> RobotModel:
 
 def _published(description: str) -> str:
     if not description:
-        raise NoDescriptionError(f'the arm comes from {DESCRIPTION}, which has no publisher')
+        raise RedresError(f'the arm comes from {DESCRIPTION}, which has no publisher')
     return description
 
 

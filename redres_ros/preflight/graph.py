@@ -36,14 +36,14 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
         expected = ExpectedArm(
             parameters['robot'], parameters['tip_frame'], parameters['rate'], margin
         )
-    verdicts = [*judge_states(seen), *judge_session(seen)]
+    verdicts = [*_judge_states(seen), *_judge_session(seen)]
     if expected is None:
         text = 'no controller runs and no --robot is named: joints and limits are not known'
         verdicts.append(Verdict(Level.FAULT, 'arm', text))
     else:
-        verdicts += judge_stamps(seen.states, expected.rate)
+        verdicts += _judge_stamps(seen.states, expected.rate)
         verdicts += judge_arm(seen, expected)
-    return [*verdicts, *judge_controller(seen), *judge_commands(seen), *judge_twists(seen)]
+    return [*verdicts, *_judge_controller(seen), *_judge_commands(seen), *_judge_twists(seen)]
 
 
 _FEWEST = 10  # states for an estimate of the rate
@@ -53,13 +53,8 @@ _FEW = 0.01  # fraction of stamps that may jitter by more
 _CLOCKS = 1.0  # [s] by which two clocks may differ without a note
 
 
-def judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict]:
-    """Verdicts on the stamps of the states.
-
-    Args:
-        states: In the order in which they came.
-        rate: Cycles a second that are expected [Hz].
-    """
+def _judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdict]:
+    """Whether the states come in order at the expected rate [Hz]."""
     if not states:
         return
     stamps = np.array([state.stamp for state in states]) / 1e9  # [s]
@@ -112,12 +107,12 @@ def _judge_jitter(states: tuple[StateSeen, ...], rate: float) -> Verdict:
     return Verdict(Level.OK, 'jitter', text)
 
 
-NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
+_NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
 
 _CAREFUL = 0.5  # limit_scale above which a note says so
 
 
-def judge_states(seen: GraphSnapshot) -> Iterator[Verdict]:
+def _judge_states(seen: GraphSnapshot) -> Iterator[Verdict]:
     publishers = seen.publishers.get(STATES, ())
     names = ', '.join(publishers)
     if not publishers:
@@ -132,7 +127,7 @@ def judge_states(seen: GraphSnapshot) -> Iterator[Verdict]:
         yield Verdict(Level.OK, 'states', f'from {names}')
 
 
-def judge_session(seen: GraphSnapshot) -> Iterator[Verdict]:
+def _judge_session(seen: GraphSnapshot) -> Iterator[Verdict]:
     reason = seen.words.get(REASON, '')
     session = seen.words.get(SESSION, '')
     if reason:
@@ -143,14 +138,14 @@ def judge_session(seen: GraphSnapshot) -> Iterator[Verdict]:
         yield Verdict(Level.OK, 'session', session)
 
 
-def judge_controller(seen: GraphSnapshot) -> Iterator[Verdict]:
+def _judge_controller(seen: GraphSnapshot) -> Iterator[Verdict]:
     if seen.controllers > 1:
         yield Verdict(Level.FAULT, 'controller', f'there are {seen.controllers} of that name')
     if seen.controller is None:
         yield Verdict(Level.FAULT, 'controller', 'none runs: start redres_controller')
         return
     kept = seen.controller['limits']
-    missing = [name for name in NECESSARY if name not in kept]
+    missing = [name for name in _NECESSARY if name not in kept]
     scale = seen.controller['limit_scale']
     if missing:
         text = f'the limits {", ".join(missing)} are not in force: add them to the parameter limits'
@@ -162,7 +157,7 @@ def judge_controller(seen: GraphSnapshot) -> Iterator[Verdict]:
         yield Verdict(Level.OK, 'controller', f'keeps {", ".join(kept)} at a scale of {scale:g}')
 
 
-def judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
+def _judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
     if seen.controller is None:
         if seen.forward_states or seen.hardware:  # a robot behind ros2_control
             yield from _judge_forwarding(seen)
@@ -220,7 +215,7 @@ def _is_controller(name: str) -> bool:
     return Path(name).name == CONTROLLER
 
 
-def judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
+def _judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
     sources = seen.publishers.get(TWISTS, ())
     names = ', '.join(sources)
     if not sources:

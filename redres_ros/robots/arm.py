@@ -13,7 +13,7 @@ from redres_ros.robots.urdf import Urdf, UrdfJoint, child, source_name
 
 FOLDER = Path(__file__).parent  # of the URDFs of this package
 DYNAMICS = ('identified', 'cylinders')
-DEFAULT_RADIUS = 0.06  # [m] of a body
+_DEFAULT_RADIUS = 0.06  # [m] of a body
 OF_EACH_JOINT = (
     'rotor_inertia',
     'effort_limit',
@@ -180,7 +180,7 @@ class Arm:
             As `description`.
         """
         kinematics = self.kinematics()
-        radius = self.body_radius or (DEFAULT_RADIUS,) * (kinematics.n + 1)
+        radius = self.body_radius or (_DEFAULT_RADIUS,) * (kinematics.n + 1)
         if len(radius) != kinematics.n + 1:
             raise ArrayError(
                 f'body_radius has {len(radius)} values; expected {kinematics.n + 1}, '

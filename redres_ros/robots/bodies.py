@@ -6,7 +6,7 @@ import numpy as np
 
 from redres_ros.robots.kinematics import Kinematics
 
-SHORTEST = 0.02  # [m] between joints that gets a body
+_SHORTEST = 0.02  # [m] between joints that gets a body
 
 
 class Bodies(NamedTuple):
@@ -38,7 +38,7 @@ class Bodies(NamedTuple):
         chosen = [
             index
             for index, offset in enumerate(offsets)
-            if radius[index] > 0.0 and np.linalg.norm(offset) > SHORTEST
+            if radius[index] > 0.0 and np.linalg.norm(offset) > _SHORTEST
         ]
         ends = [_axis(offsets[index], radius[index], index == kinematics.n) for index in chosen]
         return cls(

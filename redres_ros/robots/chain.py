@@ -14,17 +14,8 @@ UNLIMITED_EFFORT = 1e9  # [N m] or [N], for a joint whose URDF gives none
 _OF_MOVING_JOINTS = ('axis', 'limit', 'dynamics', 'mimic', 'safety_controller', 'calibration')
 
 
-def chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
-    """The joints from the root link to the tip, fixed ones included.
-
-    Args:
-        urdf: Where they are; it may list them in any order.
-        tip_frame: Name of a link.
-
-    Raises:
-        UnknownNameError: No link has the tip's name.
-        FileError: The links are no tree.
-    """
+def _chain_to(urdf: Urdf, tip_frame: str) -> tuple[UrdfJoint, ...]:
+    """The joints from the root link to a tip, fixed ones included."""
     urdf.check_link(tip_frame)
     above: dict[str, UrdfJoint] = {}
     for joint in urdf.joints:
@@ -58,9 +49,10 @@ def tree_to(urdf: Urdf, tip_frames: Sequence[str]) -> tuple[UrdfJoint, ...]:
         tip_frames: Names of links.
 
     Raises:
-        UnknownNameError, FileError: As `chain_to`.
+        UnknownNameError: No link has a tip's name.
+        FileError: The links are no tree.
     """
-    chains = [chain_to(urdf, tip_frame) for tip_frame in tip_frames]
+    chains = [_chain_to(urdf, tip_frame) for tip_frame in tip_frames]
     leading = {joint.name: joint for chain in chains for joint in chain}
 
     def beyond(link: str) -> Iterator[UrdfJoint]:
@@ -140,7 +132,7 @@ def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
         joint.element.set('type', 'revolute')
         limit.set('lower', repr(-CONTINUOUS_RANGE))
         limit.set('upper', repr(CONTINUOUS_RANGE))
-    lower, upper = limits_of(urdf, joint)
+    lower, upper = _limits_of(urdf, joint)
     if not lower < upper:
         raise urdf.error(f'{owner} has the range {lower:g} to {upper:g}; expected lower < upper')
     if urdf.number(limit, 'velocity', '0', owner) <= 0.0:
@@ -154,19 +146,8 @@ def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
     return [f'{owner} has no effort limit and counts as unlimited']
 
 
-def limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
-    """The joint's position limits.
-
-    Args:
-        urdf: The file.
-        joint: One of its joints.
-
-    Returns:
-        Lower and upper limit [rad] or [m], 0 where the URDF has none.
-
-    Raises:
-        FileError: They are no numbers.
-    """
+def _limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
+    """The joint's lower and upper position limit [rad] or [m], 0 where the URDF has none."""
     limit = joint.element.find('limit')
     lower = urdf.number(limit, 'lower', '0', f'joint {joint.name}')
     upper = urdf.number(limit, 'upper', '0', f'joint {joint.name}')
@@ -223,7 +204,7 @@ def _held_at(
 def _rest_position(urdf: Urdf, joint: UrdfJoint) -> float:
     if joint.type not in ('revolute', 'prismatic'):
         return 0.0
-    lower, upper = limits_of(urdf, joint)
+    lower, upper = _limits_of(urdf, joint)
     return 0.0 if lower <= 0.0 <= upper else (lower + upper) / 2.0
 
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from redres_ros.robots.urdf import Urdf, UrdfJoint, child
 
-CYLINDER_MASS = 1.0  # [kg]
-CYLINDER_RADIUS = 0.06  # [m]
-CYLINDER_MIN_LENGTH = 0.001  # [m]
+_CYLINDER_MASS = 1.0  # [kg]
+_CYLINDER_RADIUS = 0.06  # [m]
+_CYLINDER_MIN_LENGTH = 0.001  # [m]
 
-STAND_IN_MASS = 0.01  # [kg], of a moving part that has none
-STAND_IN_INERTIA = 1e-5  # [kg m^2], of a moving part that has none
+_STAND_IN_MASS = 0.01  # [kg], of a moving part that has none
+_STAND_IN_INERTIA = 1e-5  # [kg m^2], of a moving part that has none
 _SMALLEST = 1e-14  # [kg m^2], of a principal moment
 _TENSOR = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
@@ -44,12 +44,12 @@ def _offset_along_z(urdf: Urdf, chain: tuple[UrdfJoint, ...], link: str) -> floa
 
 
 def _set_cylinder(urdf: Urdf, link: str, offset: float) -> None:
-    length = max(abs(offset), CYLINDER_MIN_LENGTH)
-    across = CYLINDER_MASS * (3 * CYLINDER_RADIUS**2 + length**2) / 12
-    along = CYLINDER_MASS * CYLINDER_RADIUS**2 / 2
+    length = max(abs(offset), _CYLINDER_MIN_LENGTH)
+    across = _CYLINDER_MASS * (3 * _CYLINDER_RADIUS**2 + length**2) / 12
+    along = _CYLINDER_MASS * _CYLINDER_RADIUS**2 / 2
     inertial = child(urdf.links[link], 'inertial')
     child(inertial, 'origin').attrib.update(xyz=f'0 0 {offset / 2!r}', rpy='0 0 0')
-    child(inertial, 'mass').set('value', repr(CYLINDER_MASS))
+    child(inertial, 'mass').set('value', repr(_CYLINDER_MASS))
     _set_moments(inertial, across, across, along)
 
 
@@ -82,8 +82,8 @@ def fill_in_inertias(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
         filled.append(joint.name)
         inertial = child(urdf.links[joint.child], 'inertial')
         if max(masses) <= 0.0:
-            child(inertial, 'mass').set('value', repr(STAND_IN_MASS))
-        _set_moments(inertial, STAND_IN_INERTIA, STAND_IN_INERTIA, STAND_IN_INERTIA)
+            child(inertial, 'mass').set('value', repr(_STAND_IN_MASS))
+        _set_moments(inertial, _STAND_IN_INERTIA, _STAND_IN_INERTIA, _STAND_IN_INERTIA)
     remarks = []
     if mended:
         remarks.append(

@@ -40,7 +40,7 @@ LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits 
     'minimum_torque': '#56b4e9',
 }
 _OTHERS = ('#8c6d31', '#525252', '#637939', '#843c39')  # of laws that plugins add
-LINE_STYLES = ('-', '--', ':', '-.')  # of several motions under one law
+_LINE_STYLES = ('-', '--', ':', '-.')  # of several motions under one law
 
 
 def law_colour(name: str) -> str:
@@ -50,9 +50,9 @@ def law_colour(name: str) -> str:
         name: In the table LAWS; what follows a comma, such as its damping, makes no difference.
     """
     law = name.partition(',')[0]
-    if law in LAW_COLOURS:
-        return LAW_COLOURS[law]
-    others = [each for each in LAWS if each not in LAW_COLOURS]
+    if law in _LAW_COLOURS:
+        return _LAW_COLOURS[law]
+    others = [each for each in LAWS if each not in _LAW_COLOURS]
     place = others.index(law) if law in others else len(others)
     return _OTHERS[place % len(_OTHERS)]
 
@@ -69,5 +69,5 @@ def line_styles(names: list[str]) -> dict[str, dict[str, Any]]:
         colour = law_colour(name)
         count = counts.get(colour, 0)
         counts[colour] = count + 1
-        styles[name] = {'color': colour, 'ls': LINE_STYLES[count % len(LINE_STYLES)]}
+        styles[name] = {'color': colour, 'ls': _LINE_STYLES[count % len(_LINE_STYLES)]}
     return styles

@@ -22,8 +22,8 @@ from redres_ros.robots import Arm
 
 # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
 BACKENDS = ('egl', 'osmesa')
-TIME_LIMIT = 120.0  # [s] for a film, and besides
-TIME_FOR_EACH = 1.0  # [s] for each picture: without a graphics card one takes half a second
+_TIME_LIMIT = 120.0  # [s] for a film, and besides
+_TIME_FOR_EACH = 1.0  # [s] for each picture: without a graphics card one takes half a second
 # Where the camera looks [deg]: from the base frame's x towards y, and from the horizontal.
 AZIMUTH = 28.0
 ELEVATION = -14.0
@@ -78,7 +78,7 @@ def render(arm: Arm, film: Film) -> np.ndarray:
         RenderError: MuJoCo finds no renderer.
     """
     failures = []
-    limit = TIME_LIMIT + TIME_FOR_EACH * len(film.q)
+    limit = _TIME_LIMIT + _TIME_FOR_EACH * len(film.q)
     with tempfile.TemporaryDirectory() as directory:
         job = Path(directory, 'job.npz')
         pictures = Path(directory, 'pictures.npy')

@@ -15,7 +15,7 @@ from redres_ros.simulation.batch import Result
 from redres_ros.simulation.case import Case
 from redres_ros.simulation.effort import Effort
 
-ENDINGS = ('.csv', '.parquet')
+_ENDINGS = ('.csv', '.parquet')
 
 _CASE = tuple(each.name for each in fields(Case))
 _EFFORT = tuple(each.name for each in fields(Effort))
@@ -23,22 +23,14 @@ _RESULT = tuple(each.name for each in fields(Result) if each.name not in ('case'
 COLUMNS = (*_CASE, *_EFFORT, *_RESULT)
 
 
-def as_row(result: Result) -> dict[str, Any]:
-    """A result as a row of COLUMNS: the case as text and numbers, its figures, the versions.
-
-    Args:
-        result: Of a case.
-    """
+def _as_row(result: Result) -> dict[str, Any]:
+    """A result as a row of COLUMNS: the case as text and numbers, its figures, the versions."""
     figures = {name: getattr(result.effort, name, None) for name in _EFFORT}
     return _case_row(result.case) | figures | {name: getattr(result, name) for name in _RESULT}
 
 
-def as_result(row: Mapping[str, Any]) -> Result:
-    """A result from a row, as `as_row` makes it, or as it was read from a file.
-
-    Args:
-        row: Values or texts by COLUMNS.
-    """
+def _as_result(row: Mapping[str, Any]) -> Result:
+    """A result from a row, as `_as_row` makes it, or as it was read from a file."""
     case = Case(**_values(Case, _CASE, row))
     finished = row['finished'] not in ('', None)  # else there was no effort
     effort = Effort(**_values(Effort, _EFFORT, row)) if finished else None
@@ -83,14 +75,14 @@ class ResultsFile:
         path: Of the file; what is in it already stays.
 
     Raises:
-        UnknownNameError: An ending other than those in ENDINGS.
+        UnknownNameError: An ending other than those in _ENDINGS.
         FileError: A file that cannot be read or written, or that holds something else; pyarrow is
             missing.
     """
 
     def __init__(self, path: Path) -> None:
-        if path.suffix not in ENDINGS:
-            raise UnknownNameError('kind of file', path.suffix, ENDINGS)
+        if path.suffix not in _ENDINGS:
+            raise UnknownNameError('kind of file', path.suffix, _ENDINGS)
         self._path = path
         self._is_csv = path.suffix == '.csv'
         if not self._is_csv:
@@ -114,7 +106,7 @@ class ResultsFile:
 
     def results(self) -> list[Result]:
         """Those that the file held when it was opened."""
-        return [as_result(row) for row in self._before]
+        return [_as_result(row) for row in self._before]
 
     def __contains__(self, case: Case) -> bool:
         """Whether the file has a result of that case."""
@@ -126,7 +118,7 @@ class ResultsFile:
         Args:
             result: Of a case.
         """
-        row = as_row(result)
+        row = _as_row(result)
         if self._file is None:
             self._rows.append(row)
         else:

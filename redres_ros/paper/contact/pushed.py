@@ -31,8 +31,8 @@ COMPLIANCE = Compliance(gain=1.0)
 LASTS = 2.0  # [s]
 ELBOW_PUSH = 10.0  # [N]
 STEP = 10.0  # [N] along y
-STEP_T = 0.002  # [s]
-MASS = 4.0  # [kg]
+_STEP_T = 0.002  # [s]
+_MASS = 4.0  # [kg]
 STIFFNESS = 400.0  # [N/m]
 
 _STEP_DAMPING = 40.0  # [N s/m]
@@ -176,7 +176,7 @@ def stepped(bandwidth: float | None = None, felt: float = 1.0) -> np.ndarray:
         felt: Likewise.
     """
     settings = AdmittanceSettings(
-        enabled=True, mass=(MASS,) * 3, damping=(_STEP_DAMPING,) * 3, stiffness=(STIFFNESS,) * 3
+        enabled=True, mass=(_MASS,) * 3, damping=(_STEP_DAMPING,) * 3, stiffness=(STIFFNESS,) * 3
     )
     push = np.array((0.0, STEP, 0.0))
     moved = by_velocity(
@@ -186,16 +186,16 @@ def stepped(bandwidth: float | None = None, felt: float = 1.0) -> np.ndarray:
         bandwidth,
         elbow_push=0.0,
         felt=felt,
-        T=STEP_T,
+        T=_STEP_T,
     )
     return moved.x[:, 1]
 
 
 def analytic() -> np.ndarray:
     """The motion of mass, damper and spring after the same step, (N,) [m]."""
-    t = STEP_T * np.arange(round(LASTS / STEP_T))
-    sigma = _STEP_DAMPING / (2.0 * MASS)
-    omega = np.sqrt(STIFFNESS / MASS - sigma**2)
+    t = _STEP_T * np.arange(round(LASTS / _STEP_T))
+    sigma = _STEP_DAMPING / (2.0 * _MASS)
+    omega = np.sqrt(STIFFNESS / _MASS - sigma**2)
     decay = np.exp(-sigma * t) * (np.cos(omega * t) + sigma / omega * np.sin(omega * t))
     moved: np.ndarray = STEP / STIFFNESS * (1.0 - decay)
     return moved

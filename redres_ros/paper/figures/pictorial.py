@@ -11,7 +11,7 @@ from redres_ros.resolution import project, resolve
 
 J = np.array([[0.5, 1.0]])
 DX = np.array([1.6])  # a task of one dimension
-DQ_N = np.array([1.9, 1.5])  # the bias [rad/s]
+_DQ_N = np.array([1.9, 1.5])  # the bias [rad/s]
 
 _REACH = 4.0  # [rad/s] half length of the lines
 
@@ -19,18 +19,18 @@ _REACH = 4.0  # [rad/s] half length of the lines
 def figure_2(runs: Runs) -> Figure:
     """Solution (2): the velocity on the task's line that is nearest to dq_N."""
     minimum = resolve(J, DX, np.zeros(2))
-    dq = resolve(J, DX, DQ_N)
-    null = project(J, DQ_N)
+    dq = resolve(J, DX, _DQ_N)
+    null = project(J, _DQ_N)
     figure = Figure(figsize=(8.4, 7.0), layout='constrained')
     ax = figure.add_subplot()
     _line(ax, minimum, r'task: $J\dot q=\dot x$', color='black', lw=1.8)
     _line(ax, np.zeros(2), r'null space: $J\dot q=0$', color='0.6', lw=1.2, ls='--')
-    _circle(ax, DQ_N, float(np.linalg.norm(dq - DQ_N)), r'least $\Vert\dot q-\dot q_N\Vert$')
-    _arrow(ax, DQ_N, r'bias $\dot q_N$', 'tab:green', (0.06, 0.05))
+    _circle(ax, _DQ_N, float(np.linalg.norm(dq - _DQ_N)), r'least $\Vert\dot q-\dot q_N\Vert$')
+    _arrow(ax, _DQ_N, r'bias $\dot q_N$', 'tab:green', (0.06, 0.05))
     _arrow(ax, null, r'its projection $P\,\dot q_N$', 'tab:orange', (0.16, -0.02))
     _arrow(ax, minimum, r'least norm $J^{\#}\dot x$', 'tab:blue', (-0.95, 0.0))
     _arrow(ax, dq, r'solution $\dot q=J^{\#}\dot x+P\,\dot q_N$', 'tab:red', (0.14, 0.06))
-    for start in (DQ_N, null):
+    for start in (_DQ_N, null):
         ax.plot(*np.transpose((start, dq)), ls=':', color='0.4', lw=1.4)
     ax.axhline(0.0, color='0.8', lw=0.8, zorder=0)
     ax.axvline(0.0, color='0.8', lw=0.8, zorder=0)
