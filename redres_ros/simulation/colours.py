@@ -31,7 +31,7 @@ LIMIT_COLOURS = {  # of limits that act, on the pages of `redres watch` and `red
     'collision': '#2ca02c',
 }
 OTHER_LIMIT = '#444444'
-LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits and stops
+_LAW_COLOURS = {  # distinct for colour-blind readers too; red is left to limits and stops
     'minimum_velocity': '#e69f00',
     'minimum_acceleration': '#0072b2',
     'minimum_kinetic_energy': '#009e73',
