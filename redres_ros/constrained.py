@@ -39,7 +39,6 @@ class Constrained(NamedTuple):
     limiting: int = -1  # the limit that resists hardest: joints first, then rows; -1 for none
     side: int = 0  # of that limit: +1 its upper bound, -1 its lower one
     solved: bool = True  # False where a level stopped before its optimum
-    escape: np.ndarray | None = None  # (n,) joint velocity away from that limit, any length
     component_scaling: tuple[float, ...] = ()  # executed of each component
 
 
@@ -69,7 +68,7 @@ def solve_constrained(
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
-    sizes = np.array([len(dx) for _, dx in tasks] or [0], np.int64)
+    sizes = _sizes(*[len(dx) for _, dx in tasks])
     C, low, high, groups = _stacked_rows(rows, n)
     weight, form = as_array(W)
     is_factor = form in (FACTOR, SQUARE)  # a SQUARE is symmetric: W = M'M
@@ -92,6 +91,11 @@ def _stacked_rows(
     low = np.concatenate([low for _, low, _ in rows])
     high = np.concatenate([high for _, _, high in rows])
     return C, low, high, np.array([len(low) for _, low, _ in rows], np.int64)
+
+
+@lru_cache
+def _sizes(*rows: int) -> np.ndarray:
+    return np.array(rows or (0,), np.int64)
 
 
 @lru_cache

@@ -141,14 +141,19 @@ class Policy:
         levels = [level]
         for J, _ in free.levels[1:]:
             levels.append((J, J.dot(free.dq)))
-        solved, active = bounds.nearest(free.dq, free.W, levels, components)
-        return replace(
-            free,
-            dq=solved.dq,
-            s=solved.s,
-            active_limits=active,
+        solved, active, escape = bounds.nearest(free.dq, free.W, levels, components)
+        return Solution(
+            solved.dq,
+            free.J,
+            free.executed,
+            free.unachieved,
+            free.W,
+            free.levels,
+            free.scale,
+            solved.s,
+            active,
             component_scaling=solved.component_scaling,
-            escape=solved.escape,
+            escape=escape,
         )
 
     def with_initial_targets(self, state: RobotState) -> 'Policy':

@@ -28,7 +28,7 @@ from redres_ros.bench.loop import (
 )
 from redres_ros.bench.report import write_json
 from redres_ros.bench.tick import (
-    LIMIT_SCALES,
+    LIMITED,
     SAME,
     TickResult,
     controllers,
@@ -200,6 +200,7 @@ def test_limits_act_in_the_one_and_not_in_the_other(model: RobotModel) -> None:
             commands = [controller.update(q, dx) for q, dx in twice]
             acting[name] = float(np.mean([bool(command.active_limits) for command in commands]))
     assert acting['minimum_velocity, limits idle'] == 0.0
+    assert acting['minimum_velocity, torque limits idle'] == 0.0
     assert acting['minimum_velocity, limits acting'] > 0.5
 
 
@@ -238,7 +239,7 @@ def test_a_short_bench_of_the_tick_has_every_law_and_prints_what_it_writes(
     out = capsys.readouterr().out
     content = json.loads((tmp_path / 'bench.json').read_text())
     assert set(content) == {'machine', 'tick'}
-    limited = {f'minimum_velocity, {name}' for name in (*LIMIT_SCALES, 'two priorities')}
+    limited = {f'minimum_velocity, {name}' for name in (*LIMITED, 'two priorities')}
     assert set(content['tick']['laws']) == {*LAWS, *limited}
     for name, figures in content['tick']['laws'].items():
         rows = [line.strip() for line in out.splitlines()]

@@ -18,7 +18,12 @@ from redres_ros.simulation.report import table
 T = 1.0 / 500.0  # [s]
 TICKS = 1500  # of the recorded stretch, over and over again: from rest to rest, without a jump
 FLOOR = 'computeAllTerms'  # with which the laws are compared
-LIMIT_SCALES = {'limits idle': 1.0, 'limits acting': 0.05}
+_JOINT_LIMITS = ('position', 'velocity', 'acceleration')
+LIMITED = {  # limits, and the fraction of velocities and accelerations that they allow
+    'limits idle': (_JOINT_LIMITS, 1.0),
+    'torque limits idle': ((*_JOINT_LIMITS, 'torque'), 1.0),
+    'limits acting': (_JOINT_LIMITS, 0.05),
+}
 # [rad/s] a peer that is farther from the least velocities has not solved the problem, and does not
 # count
 SAME = 1e-3
@@ -130,7 +135,8 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
         calls['peers', name] = _over(peer, stretch.q, stretch.x_d, stretch.dx)
     # First, because a peer with acceleration limits remembers the last velocity of a round.
     deviations = {name: deviation(peer, model, stretch) for name, peer in others.items()}
-    for name, peer in limited_peers(model.arm, T, LIMIT_SCALES['limits acting']).items():
+    _, scale = LIMITED['limits acting']
+    for name, peer in limited_peers(model.arm, T, scale).items():
         others[name] = peer
         deviations[name] = deviation(peer, model, stretch)
         calls['peers', name] = _over(peer, stretch.q, stretch.x_d, stretch.dx)
@@ -147,13 +153,13 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
 def controllers(model: RobotModel) -> dict[str, Controller]:
     """Every law; and one of them with limits, idle and acting, and with a second task."""
     controllers = {name: Controller(model, make_law(name), T) for name in LAWS}
-    for name, scale in LIMIT_SCALES.items():
+    for name, (limits, scale) in LIMITED.items():
         controllers[f'minimum_velocity, {name}'] = Controller(
             model,
             make_law('minimum_velocity'),
             T,
             integrate_from='measurement',
-            limits=('position', 'velocity', 'acceleration'),
+            limits=limits,
             limit_scale=scale,
         )
     controllers['minimum_velocity, two priorities'] = Controller(

@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import numpy as np
+
 from redres_ros.constrained import Box, Rows
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robot_model import RobotModel, RobotState
@@ -69,3 +71,13 @@ class RowLimit(Limit):
             state: Of the reference at this tick.
             T: Sampling time [s].
         """
+
+    def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        """Whether a velocity keeps it, if that takes less time than its rows; else False.
+
+        Args:
+            dq: (n,) [rad/s].
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """
+        return False

@@ -52,7 +52,7 @@ class Bounds:
         W: Weight,
         levels: Sequence[Level],
         components: Sequence[int] = (),
-    ) -> tuple[Constrained, str]:
+    ) -> tuple[Constrained, str, np.ndarray | None]:
         """The velocity within the bounds that is best for the tasks, and then nearest to dq.
 
         Args:
@@ -63,7 +63,8 @@ class Bounds:
                 factor of its own; empty: one factor for all.
 
         Returns:
-            The solution; and what limits most, as 'joint: limit', or ''.
+            The solution; what limits most, as 'joint: limit', or ''; and a joint velocity away from
+            it, (n,), of any length, or None.
         """
         problem = dq, W, levels, self.box, self.rows, self.limits.active_set
         if components:
@@ -73,14 +74,14 @@ class Bounds:
             solved = solve_constrained(*problem)
         acting = self.acting_limit(solved)
         if acting is None:
-            return solved, ''
+            return solved, '', None
         limit, index = acting
-        solved = solved._replace(escape=-solved.side * self._row(solved.limiting))
         if isinstance(limit, BoxLimit):
             place = limit.model.joint_names[index]
         else:
             place = limit.place(self.state, index, self.T)
-        return solved, f'{place}: {self.limits.names[limit]}'
+        escape = -solved.side * self._row(solved.limiting)
+        return solved, f'{place}: {self.limits.names[limit]}', escape
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
@@ -96,7 +97,9 @@ class Bounds:
         """The row (n,) of a bound: of the joints first, then of the rows."""
         n = len(self.state.q)
         if index < n:
-            return np.eye(n)[index]
+            row = np.zeros(n)
+            row[index] = 1.0
+            return row
         C: np.ndarray = np.concatenate([C for C, _, _ in self.rows])
         return C[index - n]
 
@@ -183,6 +186,8 @@ class Limits:
         """
         kept, is_inside = self._fill_boxes(dq, state, T)
         if is_inside and not self.row_limits:
+            return None
+        if is_inside and all(limit.is_kept(dq, state, T) for limit in self.row_limits):
             return None
         bounds = self._bounds(state, T, kept)
         return None if is_inside and bounds.allow(dq) else bounds

@@ -7,6 +7,7 @@ import numpy as np
 
 from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
+from redres_ros.kernels.boxes import within
 from redres_ros.limits.limit import ReferenceState, RowLimit
 
 
@@ -39,3 +40,8 @@ class TorqueLimit(RowLimit):
         C = state.M / T  # (n, n)
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
         return C, -self.tau_max - rest, self.tau_max - rest
+
+    def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        ddq = (dq - state.dq_prev) / T  # Eq. (13)
+        tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
+        return bool(within(tau, -self.tau_max, self.tau_max))

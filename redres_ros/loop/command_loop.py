@@ -169,7 +169,7 @@ class CommandLoop:
         bounds = limits and limits.at(standing.state, standing.T)
         if not bounds or bounds.allow(standing.dq):
             return ''
-        _, active = bounds.nearest(standing.dq, None, [])
+        _, active, _ = bounds.nearest(standing.dq, None, [])
         return (
             f'held where a limit does not allow it ({active}): a task velocity moves it back '
             'within its limits, or change that limit'
