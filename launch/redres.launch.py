@@ -35,7 +35,7 @@ ARGUMENTS = {
     'namespace': ('', 'puts the robot under this name'),
     'states': ('joint_states', 'topic of the states, as franka/joint_states'),
     'params_file': ('', 'parameters of all nodes; empty: config/redres.yaml of this package'),
-    'use_sim_time': ('false', 'take the time of the nodes from /clock; not with our own sim'),
+    'use_sim_time': ('', 'take the time of the nodes from /clock; not with our own sim'),
     'sim': ('true', 'start the fake arm; false: states, URDF and frames come from a robot'),
     'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
     'composed': ('false', 'controller, planner and, if it is started, fake arm in one process'),
@@ -44,7 +44,7 @@ ARGUMENTS = {
 }
 DEFAULT_ROBOT = 'lwr4_paper'
 TOPIC = 'topic'  # in place of an arm's name
-OF_EVERY_NODE = ('robot', 'rate', 'initial_state')
+OF_EVERY_NODE = ('robot', 'rate', 'initial_state', 'use_sim_time')
 OF_ONE = {
     'controller': ('law', 'limits', 'limit_scale'),
     'planner': ('task', 'autostart'),
@@ -83,8 +83,9 @@ def start_nodes(context: LaunchContext) -> list[Node]:
     # The driver of a robot publishes its frames itself.
     description = ''
     if with_sim:
+        robot = given['robot'] or _found(_file(given), 'robot', DEFAULT_ROBOT)
         with _naming('robot'):
-            description = choose_arm(given['robot'] or _robot_in(_file(given))).description()
+            description = choose_arm(robot).description()
         nodes.append(_state_publisher(given, description))
     if _is_true(given['rviz']):
         nodes.append(_rviz(given, description))
@@ -218,9 +219,9 @@ def _parameters(names: Iterable[str], given: dict[str, str]) -> dict[str, Any]:
     values: dict[str, Any] = {key: given[key] for key in wanted if given[key]}
     for name in values.keys() & set(NUMBERS):
         values[name] = float(values[name])
-    if 'autostart' in values:
-        values['autostart'] = _is_true(values['autostart'])
-    return {**values, 'use_sim_time': _is_true(given['use_sim_time'])}
+    for name in values.keys() & {'autostart', 'use_sim_time'}:
+        values[name] = _is_true(values[name])
+    return values
 
 
 def _state_publisher(given: dict[str, str], description: str) -> Node:
@@ -239,12 +240,7 @@ def _state_publisher(given: dict[str, str], description: str) -> Node:
             *_states(given),
             ('robot_description', 'robot_state_publisher/robot_description'),
         ],
-        parameters=[
-            {
-                'robot_description': description,
-                'use_sim_time': _is_true(given['use_sim_time']),
-            }
-        ],
+        parameters=[{'robot_description': description}],
     )
 
 
@@ -255,13 +251,19 @@ def _own_frames(given: dict[str, str]) -> list[tuple[str, str]]:
     return [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
 
-def _robot_in(file: str) -> str:
-    """The arm that a file of parameters names for all nodes, or for the fake arm."""
+def _found(file: str, parameter: str, default: Any) -> Any:
+    """A parameter that a file has for all nodes, or for the fake arm.
+
+    Args:
+        file: Of parameters.
+        parameter: Its name.
+        default: If the file has none.
+    """
     sections = read_yaml(Path(file))
-    robot = DEFAULT_ROBOT
+    value = default
     for key in ('/**', 'sim', '/**/sim'):
-        robot = sections.get(key, {}).get('ros__parameters', {}).get('robot', robot)
-    return robot
+        value = sections.get(key, {}).get('ros__parameters', {}).get(parameter, value)
+    return value
 
 
 def _rviz(given: dict[str, str], description: str) -> Node:
@@ -273,6 +275,7 @@ def _rviz(given: dict[str, str], description: str) -> Node:
     """
     arguments = ['-d', str(share_path('config/redres.rviz'))]
     frames: list[tuple[str, str]] = []
+    by_clock = given['use_sim_time'] or str(_found(_file(given), 'use_sim_time', False))
     if description:
         frames = _own_frames(given)
         urdf = Urdf.read(description)
@@ -284,7 +287,7 @@ def _rviz(given: dict[str, str], description: str) -> Node:
         namespace=given['namespace'],
         remappings=frames,
         arguments=arguments,
-        parameters=[{'use_sim_time': _is_true(given['use_sim_time'])}],
+        parameters=[{'use_sim_time': _is_true(by_clock)}],
     )
 
 

@@ -145,7 +145,8 @@ class Habits:
         velocities: Whether the hardware measures them; else they are NaN.
         one_turn: Whether it measures angles between -pi and pi only.
         servo: Time constant with which the arm follows its commands [s]; 0: at once.
-        simulated: Whether its clock begins at zero, as that of a simulation.
+        simulated: Speed of its clock beside the computer's, that of a simulation, which begins at
+            zero; 0: it is the computer's.
     """
 
     others: Sequence[str] = ()
@@ -154,7 +155,7 @@ class Habits:
     velocities: bool = True
     one_turn: bool = False
     servo: float = 0.0
-    simulated: bool = False
+    simulated: float = 0.0
 
 
 class Cycle(NamedTuple):
@@ -208,6 +209,7 @@ class StandIn:
         self._random = random.Random(0)
         self._habits = habits or Habits()
         self._epoch = graph.clock.time_ns() if self._habits.simulated else 0  # [ns]
+        self._pace = self._habits.simulated or 1.0
         self._joints = limits.joint_names
         self._names = sorted((*limits.joint_names, *self._habits.others))
         self._reference: np.ndarray | None = None  # the controller's newest; None: NaN
@@ -219,7 +221,7 @@ class StandIn:
         self._held_up_until = 0.0
         graph.services[PARAMETERS] = (GetParameters, self._on_get_parameters)
         graph.listen(COMMANDS, 'robot', self._on_command)
-        graph.clock.repeat(self._period, self._on_cycle)
+        graph.clock.repeat(self._period / self._pace, self._on_cycle)
 
     def activate(self) -> None:
         """Activate the forward_position_controller; commands of before are discarded."""
@@ -308,7 +310,7 @@ class StandIn:
         velocities = np.full(len(values), 0.0 if habits.velocities else np.nan)
         delay = self._random.uniform(-habits.jitter, habits.jitter) * self._period
         # The stamp is of the update's beginning; in a burst one comes right after the other.
-        now = self._graph.clock.time_ns() - self._epoch
+        now = round(self._pace * (self._graph.clock.time_ns() - self._epoch))
         stamp = max(now + round(1e9 * delay), self._stamp + 1000)
         self._stamp = stamp
         state: JointState = to_joint_state(stamp, self._names, values, velocities)

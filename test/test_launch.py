@@ -90,7 +90,7 @@ def test_by_default_the_fake_arm_its_controller_the_planner_and_the_frames_are_s
     for name in OURS:
         file, values = nodes[name].parameters
         assert file == str(share_path('config/redres.yaml'))
-        assert values == {'use_sim_time': False}  # what the file says is not hidden
+        assert values == {}  # what the file says is not hidden
 
 
 def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
@@ -103,7 +103,7 @@ def test_arguments_become_parameters_of_the_nodes_that_have_them(launch_file):
         rate='250',
         namespace='left',
     )
-    shared = {'robot': 'fr3', 'rate': 250.0, 'use_sim_time': False}
+    shared = {'robot': 'fr3', 'rate': 250.0}
     assert nodes['sim'].parameters[1] == shared
     assert nodes['planner'].parameters[1] == shared
     own = {'law': 'minimum_velocity', 'limits': 'none', 'limit_scale': 0.2}
@@ -181,7 +181,7 @@ def test_task_start_life_cycle_and_log_level_go_to_the_nodes_that_have_them(laun
     nodes = started(
         launch_file, task='table', autostart='true', initial_state='inactive', log_level='debug'
     )
-    shared = {'initial_state': 'inactive', 'use_sim_time': False}
+    shared = {'initial_state': 'inactive'}
     assert nodes['planner'].parameters[1] == {**shared, 'task': 'table', 'autostart': True}
     assert nodes['controller'].parameters[1] == shared
     assert all(nodes[name].ros_arguments == ['--log-level', 'debug'] for name in OURS)
@@ -192,7 +192,7 @@ def test_composed_is_one_process_whose_nodes_keep_their_names(launch_file):
     assert nodes.keys() == {'composed', 'robot_state_publisher'}
     composed = nodes['composed']
     assert composed.name is None
-    values = {'law': 'minimum_velocity', 'task': 'table', 'use_sim_time': False}
+    values = {'law': 'minimum_velocity', 'task': 'table'}
     assert composed.parameters[1] == values
     assert not composed.arguments
 
@@ -206,6 +206,16 @@ def test_beside_a_robot_composed_has_no_fake_arm(launch_file):
 def test_only_the_fake_arm_publishes_the_description(launch_file):
     remappings = dict(started(launch_file)['robot_state_publisher'].remappings)
     assert remappings['robot_description'] != 'robot_description'
+
+
+def test_all_take_their_time_from_clock_if_the_file_or_the_argument_says_so(launch_file):
+    file = str(share_path('config/robots/mujoco_ros2_control.yaml'))
+    nodes = started(launch_file, sim='false', params_file=file, rviz='true')
+    assert nodes['controller'].parameters == [file, {}]
+    assert nodes['rviz2'].parameters == [{'use_sim_time': True}]
+    nodes = started(launch_file, sim='false', params_file=file, use_sim_time='false', rviz='true')
+    assert nodes['controller'].parameters[1] == {'use_sim_time': False}
+    assert nodes['rviz2'].parameters == [{'use_sim_time': False}]
 
 
 def test_states_of_another_topic_reach_all_that_listen_to_them(launch_file):

@@ -86,6 +86,7 @@ ROBOTS = {
     ),
 }
 UP = np.array((0.0, 0.0, 0.02))  # [m]
+SPEED_OF_SIMULATION = 0.5  # of the computer's clock
 EVERY = pytest.mark.parametrize('name', ROBOTS)
 
 
@@ -121,7 +122,8 @@ def stand_in(name: str, graph: Graph) -> StandIn:
     limits = JointLimits.of(robot.arm)
     judge = robot.judge(limits, 1.0 / rate)
     start = np.array(robot.arm.start)
-    habits = Habits(others=robot.others, simulated='use_sim_time' in parameters_of(name))
+    speed = SPEED_OF_SIMULATION if 'use_sim_time' in parameters_of(name) else 0.0
+    habits = Habits(others=robot.others, simulated=speed)
     return StandIn(graph, limits, start, rate, judge, habits)
 
 

@@ -16,6 +16,7 @@ _EARLIEST = -1.5  # periods; states that come earlier than this come at another 
 _NEW_CLOCK = NANOSECONDS  # [ns] a larger step of the stamps is a robot that was started again
 _SILENCE = 0.5  # [s] for which a robot says nothing when it is started again
 _DRIFT = 0.01  # [s/s] by which the robot's clock may drift against this computer's
+_SLOWER = NANOSECONDS // 4  # [ns] of late states after which that clock is slower: a simulation's
 _REMEMBERED = 512  # states whose cycle is known by their very stamp
 _INTERVALS = 15  # between states, by which the robot's rate is judged
 _SHORT = 3  # of these are one cycle, also where every other state gets lost
@@ -62,6 +63,7 @@ class CycleCounter:
         self._behind = 0  # stamp of a state that came out of order [ns]
         self._apart = 0  # stamp of a state that may be of a new clock [ns]
         self._least_delay = 0.0  # [s] from a stamp to the arrival, on two clocks
+        self._in_time = 0  # stamp of the newest state with about that delay [ns]
         self._numbers: dict[int, int] = {}
         self._stamps: deque[int] = deque()
         self._recent: deque[int] = deque(maxlen=_INTERVALS + 1)  # stamps, believed or not [ns]
@@ -94,6 +96,8 @@ class CycleCounter:
         if cycles == 0:
             return self._begin(stamp, arrived, 1)
         self._least_delay = min(self._least_delay + _DRIFT * elapsed / NANOSECONDS, delay)
+        if delay - self._least_delay < 2 * self.period / NANOSECONDS:
+            self._in_time = stamp
         return self._go_on(stamp, arrived, cycles)
 
     def _judge_rate(self, stamp: int) -> None:
@@ -129,7 +133,11 @@ class CycleCounter:
 
     @property
     def earliest_arrival(self) -> float:
-        """Time at which the newest state would have come with the least delay that was seen [s]."""
+        """Time at which the newest state would have come with the least delay that was seen; when
+        it came, if the robot's clock is slower than this computer's [s].
+        """
+        if self.newest - self._in_time > _SLOWER:
+            return self._arrived
         return self.newest / NANOSECONDS + self._least_delay
 
     def cycle(self, stamp: int) -> int:
@@ -211,6 +219,7 @@ class CycleCounter:
         self._rate = 0.0
         self._counted = 0
         self._least_delay = arrived - stamp / NANOSECONDS
+        self._in_time = stamp
         self._numbers.clear()
         self._stamps.clear()
         self._go_on(stamp, arrived, max(cycles, 1))
