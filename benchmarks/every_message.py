@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 from redres_ros.bench.loop import PARAMETERS
 from redres_ros.demo.processes import NodeProcess
-from redres_ros.demo.recorded import ALL
 from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.discovery import own_domain
@@ -84,7 +83,7 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
     """
     stopped = threading.Event()
     with (
-        graph(out, rate, wanted or (ALL,)),
+        graph(out, rate, wanted),
         McapFile(out / 'run.mcap') as file,
         spun(lambda: GraphRecorder(file, wanted)) as recorder,
     ):

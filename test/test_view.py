@@ -44,10 +44,10 @@ from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
-from redres_ros.view import origin_check, words
+from redres_ros.view import origin_check, panel
 from redres_ros.view.arm_shapes import FIXED, shapes_of
 from redres_ros.view.controls import Bindings
-from redres_ros.view.plots import Plots, RingBuffer
+from redres_ros.view.panel import Plots, RingBuffer
 from redres_ros.view.saved import write_page
 
 T = 0.002  # [s]
@@ -146,15 +146,15 @@ def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch
 
 def test_words_of_the_graph_cannot_become_part_of_the_page() -> None:
     evil = '<img src=x onerror=alert(1)>'
-    shown = words.state_text(dict.fromkeys(WORDS, evil), {'sim': evil}, 0.0)
-    shown += words.joint_bars([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
+    shown = panel.state_text(dict.fromkeys(WORDS, evil), {'sim': evil}, 0.0)
+    shown += panel.joint_bars([evil], np.array([0.5]), {evil: [evil], f'{evil}2': [evil]})
     assert '<img' not in shown and shown.count('&lt;img') == len(WORDS) + 5
 
 
 def test_the_progress_of_a_goal_is_shown_while_it_is_under_way() -> None:
     newest = dict.fromkeys(WORDS, '')
-    assert '43%' in words.state_text({**newest, TASK_STATE: 'homing'}, {}, 0.43)
-    assert '100%' not in words.state_text({**newest, TASK_STATE: 'finished'}, {}, 1.0)
+    assert '43%' in panel.state_text({**newest, TASK_STATE: 'homing'}, {}, 0.43)
+    assert '100%' not in panel.state_text({**newest, TASK_STATE: 'finished'}, {}, 1.0)
 
 
 @pytest.mark.parametrize('name', ARMS)

@@ -12,7 +12,6 @@ from typing import Any
 
 from redres_ros.demo.log import JUDGED
 from redres_ros.demo.options import DemoOptions
-from redres_ros.demo.recorded import ALL
 from redres_ros.errors import RedresError
 from redres_ros.files.modules import module_command, module_environment
 from redres_ros.files.signals import handled
@@ -43,7 +42,7 @@ class NodeProcess:
         log: File for what it prints.
         parameters: Of the node.
         recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
-        topics: Those that are recorded; ALL among them: all.
+        topics: Those that are recorded; none: all.
     """
 
     def __init__(
@@ -150,7 +149,7 @@ class NodeGroup:
         controller would be a fault of its connection.
         """
         self.remove_recordings()  # those of a run that was killed
-        topics = (ALL,) if self._options.mcap else JUDGED
+        topics = () if self._options.mcap else JUDGED
         try:
             for name, own in self._processes().items():
                 log = self._out / f'{name}.log'

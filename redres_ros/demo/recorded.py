@@ -1,9 +1,8 @@
-"""The nodes as they are, with a file of the messages that they publish and the commands that they
-receive.
+"""The nodes as they are, with a file of what they publish and of the commands that they receive.
 
 `python -m redres_ros.demo.recorded NODE FILE.mcap TOPICS --ros-args ...` runs the executable NODE;
-TOPICS are names with commas between them, or `all`. A listener in another process would be a load
-itself, and does not know when a command reached the robot.
+TOPICS are names with commas between them, none for all. A listener in another process would be a
+load itself, and does not know when a command reached the robot.
 
 Only the node that is run is loaded: the others would take a second of each process.
 """
@@ -20,8 +19,6 @@ from rclpy.serialization import serialize_message
 
 from redres_ros.graph.mcap_file import McapFile
 from redres_ros.nodes.runtime import run_nodes
-
-ALL = 'all'  # topics of a recording
 
 _NODES = {
     'sim': ('nodes.sim', 'SimNode'),
@@ -61,7 +58,7 @@ class _Recorded(Node):
         return super().create_subscription(kind, topic, record_and_call, *rest, **options)
 
     def _is_wanted(self, topic: str) -> bool:
-        return ALL in self.wanted or topic in self.wanted
+        return not self.wanted or topic in self.wanted
 
 
 class _RecordedPublisher:
@@ -102,7 +99,7 @@ def main() -> int:
     name, path, wanted, *rest = sys.argv[1:]
     sys.argv = [name, *rest]  # what a node takes for its own command line
     with McapFile(Path(path), in_chunks=False) as file:
-        attributes = {'file': file, 'wanted': wanted.split(',')}
+        attributes = {'file': file, 'wanted': wanted.split(',') if wanted else ()}
         return _run(name, lambda cls: type(cls.__name__, (cls, _Recorded), attributes))
 
 

@@ -11,7 +11,6 @@ import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
 
 import numpy as np
 from rclpy.node import Node
@@ -23,29 +22,8 @@ from redres_ros.graph.operator_topics import TOPIC, TwistPublisher
 from redres_ros.loop.limit_report import LimitReport, read
 from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST
 
-
-class Way(NamedTuple):
-    """A row of the task velocity, 0 to 5, and the sign along it."""
-
-    row: int
-    sign: float
-
-
-# The left hand moves, the right hand turns.
-WAYS = {
-    'w': Way(0, 1.0),
-    's': Way(0, -1.0),
-    'a': Way(1, 1.0),
-    'd': Way(1, -1.0),
-    'r': Way(2, 1.0),
-    'f': Way(2, -1.0),
-    'l': Way(3, 1.0),
-    'j': Way(3, -1.0),
-    'i': Way(4, 1.0),
-    'k': Way(4, -1.0),
-    'u': Way(5, 1.0),
-    'o': Way(5, -1.0),
-}
+# Row of the task velocity and sign along it, by key. The left hand moves, the right hand turns.
+WAYS = {key: (place // 2, 1.0 - 2.0 * (place % 2)) for place, key in enumerate('wsadrfljikuo')}
 HELP = """\
 w s  forward, back (x)      l j  turn about x
 a d  left, right (y)        i k  turn about y
@@ -89,10 +67,10 @@ class KeyMap:
             key: A single character.
             now: When it came [s].
         """
-        way = WAYS.get(key.lower())
-        if way:
-            self._signs[way.row] = way.sign
-            self._until[way.row] = now + _HELD
+        if key.lower() in WAYS:
+            row, sign = WAYS[key.lower()]
+            self._signs[row] = sign
+            self._until[row] = now + _HELD
         elif key in '+-':
             gain = _GAIN if key == '+' else 1.0 / _GAIN
             self.speed = min(max(self.speed * gain, _SPEEDS[0]), _SPEEDS[1])

@@ -40,19 +40,16 @@ class JointMapper:
     def __init__(self, names: Sequence[str], report: Callable[[str], object] | None = None) -> None:
         self.names = tuple(names)
         self._report = report
-        self._seen: list[str] = list(names)
-        self._order: np.ndarray | None = None  # of the names seen last; None: as ours
+        # Of names that came the places of ours among them; None: as ours.
         self._orders: dict[tuple[str, ...], np.ndarray | None] = {self.names: None}
         self._foreign: set[tuple[str, ...]] = set()  # sets of names without any of ours
 
     def concerns(self, message: JointState | JointSample) -> bool:
         """Whether a message names any of the arm's joints; one of another device need not."""
-        if message.name == self._seen:
-            return True
         names = tuple(message.name)
         if names in self._foreign:
             return False
-        if not names or set(names) & set(self.names):
+        if names in self._orders or not names or set(names) & set(self.names):
             return True
         if len(self._foreign) < _REMEMBERED:
             self._foreign.add(names)
@@ -60,17 +57,11 @@ class JointMapper:
         return False
 
     def positions(self, message: JointState | JointSample) -> np.ndarray:
-        """q (n,) [rad] in our order.
-
-        Raises:
-            JointNamesError: A joint of the arm is missing, or named twice.
-            LengthError: There is not one position for each name.
-            ArrayError: A position of the arm is NaN or infinite.
-        """
+        """q (n,) [rad] in our order; raises as in_order() does."""
         return self.in_order(message.name, message.position, 'positions')
 
     def velocities(self, message: JointState) -> np.ndarray:
-        """dq (n,) [rad/s] in our order; raises as positions() does."""
+        """dq (n,) [rad/s] in our order; raises as in_order() does."""
         return self.in_order(message.name, message.velocity, 'velocities')
 
     def in_order(
@@ -88,33 +79,29 @@ class JointMapper:
             LengthError: There is not one value for each name.
             ArrayError: A value of the arm is NaN or infinite.
         """
-        if names != self._seen:
-            self._learn(names)
+        key = tuple(names)
+        order = self._orders[key] if key in self._orders else self._learn(key)
         if len(given) != len(names):
             raise LengthError(
                 f'{len(given)} {what} for {len(names)} joints; expected one value per joint'
             )
         values = given if isinstance(given, np.ndarray) else np.array(given)
-        if self._order is not None:
-            values = values[self._order]
+        if order is not None:
+            values = values[order]
         # the first is quicker
         if not math.isfinite(sum(values.tolist())) and not np.isfinite(values).all():
             raise ArrayError(f'{what} {values.tolist()}; every value must be finite')
         return values
 
-    def _learn(self, names: Sequence[str]) -> None:
-        key = tuple(names)
-        self._order = self._orders[key] if key in self._orders else self._find(key)
-        if len(self._orders) < _REMEMBERED:
-            self._orders[key] = self._order
-        self._seen = list(names)
-
-    def _find(self, names: tuple[str, ...]) -> np.ndarray:
+    def _learn(self, names: tuple[str, ...]) -> np.ndarray:
         """The places of our joints among the names, (n,)."""
         if any(names.count(name) != 1 for name in self.names):
             raise JointNamesError(names, self.names)
         self._report_foreign([name for name in names if name not in self.names])
-        return np.array([names.index(name) for name in self.names])
+        order = np.array([names.index(name) for name in self.names])
+        if len(self._orders) < _REMEMBERED:
+            self._orders[names] = order
+        return order
 
     def _report_foreign(self, others: Sequence[str]) -> None:
         if others and self._report:

@@ -40,9 +40,8 @@ from redres_ros.nodes.parameters import (
 )
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
-from redres_ros.nodes.session_topics import SessionTopics
-from redres_ros.nodes.telemetry import Telemetry
-from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH
+from redres_ros.nodes.telemetry import LatchedWords, Telemetry
+from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, QUALITY, REASON, SESSION
 from redres_ros.nodes.wire import (
     EncodingError,
     JointStateReader,
@@ -164,7 +163,8 @@ class SimNode(ManagedNode):
             self, {}, {'wrench': WrenchStamped, 'external_torques': JointState}
         )
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
-        self._session_topics = SessionTopics(self)
+        # The reason comes first: a subscriber that receives the end of a session knows why.
+        self._words = LatchedWords(self, REASON, SESSION, QUALITY)
         self._publish_session()
         description = self.create_publisher(String, 'robot_description', LATCHED)
         description.publish(String(data=arm.description()))
@@ -214,6 +214,15 @@ class SimNode(ManagedNode):
         """Publish the final figures."""
         self._diagnostics.publish()
 
+    def _publish_session(self) -> None:
+        """Publish what has changed since the last call; a stop gets a line in the log, too."""
+        session = self._session
+        if session.reason and session.reason != self._words.get(REASON):
+            self.get_logger().error(session.reason)
+        state = session.state.value
+        words = {REASON: session.reason, SESSION: state, QUALITY: session.quality.name}
+        self._words.publish(words)
+
     def _publish_state(self) -> None:
         tick = self._robot.tick
         stamp = self._robot_clock.send(tick)
@@ -227,10 +236,6 @@ class SimNode(ManagedNode):
             for arriving in self._states.receive(tick):
                 self._state_publisher.publish(arriving)
                 self._newest = max(self._newest, arriving, key=stamp_of)
-
-    def _publish_session(self) -> None:
-        session = self._session
-        self._session_topics.publish(session.reason, session.state.value, session.quality.name)
 
     def _arriving_wrench(self, stamp: int, tick: int) -> WrenchStamped | None:
         message = WrenchStamped()
@@ -290,7 +295,7 @@ class SimNode(ManagedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         reason = self._session.reason
         self._reset_wanted = True
-        self._session_topics.repeat()
+        self._words.repeat()
         response.success = True
         response.message = (
             f'cleared: {reason}' if reason else 'nothing to clear; monitoring starts again'

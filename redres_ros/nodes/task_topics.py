@@ -6,15 +6,15 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
-from std_msgs.msg import Float64, Int32, String
+from std_msgs.msg import Float64, Int32
 
 from redres_ros.nodes.conversions import to_pose
-from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.nodes.telemetry import LatchedWords, Telemetry
 from redres_ros.nodes.topics import LATCHED, TASK_BEGUN, TASK_STATE
 from redres_ros.nodes.wire import to_time
 
 if TYPE_CHECKING:  # who watches the topics needs no planner
-    from redres_ros.planning.task_executor import Step, TaskExecutor, TaskState
+    from redres_ros.planning.task_executor import Step, TaskExecutor
 
 
 class TaskTopics:
@@ -29,11 +29,10 @@ class TaskTopics:
     def __init__(self, node: Node, frame: str, run: 'TaskExecutor') -> None:
         self._frame = frame
         self._run = run
-        self._state_publisher = node.create_publisher(String, TASK_STATE, LATCHED)
+        self._words = LatchedWords(node, TASK_STATE)
         self._begun_publisher = node.create_publisher(Time, TASK_BEGUN, LATCHED)
         figures = {'task_error': Float64, 'segment': Int32, 'progress': Float64}
         self._telemetry = Telemetry(node, {'desired_pose': PoseStamped, **figures})
-        self._published_state: TaskState | None = None
         self._published_start = 0
         self.publish()
 
@@ -42,9 +41,7 @@ class TaskTopics:
         if self._run.start_stamp != self._published_start:
             self._published_start = self._run.start_stamp
             self._begun_publisher.publish(to_time(self._published_start))
-        if self._run.state is not self._published_state:
-            self._published_state = self._run.state
-            self._state_publisher.publish(String(data=self._published_state.value))
+        self._words.publish({TASK_STATE: self._run.state.value})
 
     def show(self, step: 'Step', R: np.ndarray) -> None:
         """Publish the reference of the task.

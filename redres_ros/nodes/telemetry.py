@@ -1,4 +1,4 @@
-"""Telemetry: nothing is computed or sent for a topic without subscribers."""
+"""Telemetry: nothing is computed or sent for a topic without subscribers. And latched words."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,7 +7,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64, Int32, String
 
 from redres_ros.nodes.clocks import create_steady_timer
-from redres_ros.nodes.topics import PUBLISH
+from redres_ros.nodes.topics import LATCHED, PUBLISH
 
 # [s] between counts of subscribers; counting in every cycle would cost more than the rest
 LOOK_PERIOD = 0.2
@@ -70,3 +70,33 @@ def _looks_of(node: Node) -> list[Callable[[], None]]:
 def _to_message(value: Any) -> Any:
     kinds = {float: Float64, int: Int32, str: String}
     return kinds[type(value)](data=value) if type(value) in kinds else value
+
+
+class LatchedWords:
+    """Publishes words on latched topics, each when it changes.
+
+    Args:
+        node: Publishes.
+        *topics: In the order in which they are published.
+    """
+
+    def __init__(self, node: Node, *topics: str) -> None:
+        self._publishers = {
+            topic: node.create_publisher(String, topic, LATCHED) for topic in topics
+        }
+        self._published: dict[str, str] = {}
+
+    def get(self, topic: str) -> str:
+        """What was published last on a topic; empty before anything was."""
+        return self._published.get(topic, '')
+
+    def publish(self, words: Mapping[str, str]) -> None:
+        """Publish the words that have changed, by their topics."""
+        for topic, publisher in self._publishers.items():
+            if self._published.get(topic) != words[topic]:
+                self._published[topic] = words[topic]
+                publisher.publish(String(data=words[topic]))
+
+    def repeat(self) -> None:
+        """Have all published again: a message may have been lost."""
+        self._published.clear()

@@ -21,10 +21,9 @@ from redres_ros.parameter import param
 from redres_ros.view.controls import Bindings, add_controls, add_faults
 from redres_ros.view.dead_man import TeleopChannel
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server
-from redres_ros.view.plots import Plots, RingBuffer
+from redres_ros.view.panel import Plots, RingBuffer, joint_bars, limits_text, state_text
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.teleoperation import Teleoperation
-from redres_ros.view.words import joint_bars, limits_text, state_text
 
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
