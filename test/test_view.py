@@ -88,7 +88,7 @@ def test_everybody_else_is_refused(hosts: list[str], origins: list[str], steers:
 
 @pytest.fixture(scope='module')
 def server() -> Iterator[Any]:
-    server = origin_check.open_server(origin_check.free_port(18080), 'test')
+    server = origin_check.open_server(0, 'test')
     yield server
     origin_check.close_server(server)
 
@@ -138,7 +138,7 @@ def test_nobody_at_the_page_can_open_a_way_in_from_outside(server: Any) -> None:
 def test_a_server_that_lets_strangers_in_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(origin_check, '_judging', lambda respond: respond)
     with pytest.raises(origin_check.OriginError, match='strangers'):
-        origin_check.open_server(origin_check.free_port(18180), 'test')
+        origin_check.open_server(0, 'test')
 
 
 # --- what it shows --------------------------------------------------------------------------------
@@ -400,7 +400,7 @@ def test_what_is_clicked_at_the_page_is_done_by_the_nodes(chromium: Any, tmp_pat
         for name in ('controller', 'planner'):
             start(name, tmp_path / f'{name}.log')
         log = tmp_path / 'view.log'
-        start('view.serve', log, port=origin_check.free_port(18280), patience=100.0)
+        start('view.serve', log, port=18280, patience=100.0)
         await_that(lambda: node.word(SESSION) == 'CMD', 'command mode')
         await_that(lambda: 'page: ' in log.read_text(), 'the page', patience=BROWSER_PATIENCE)
         address = log.read_text().partition('page: ')[2].strip()

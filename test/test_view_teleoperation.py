@@ -127,7 +127,7 @@ def channel() -> TeleopChannel:
 
 @pytest.fixture(scope='module')
 def server(channel: TeleopChannel) -> Iterator[Any]:
-    server = origin_check.open_server(origin_check.free_port(18380), 'test', channel)
+    server = origin_check.open_server(0, 'test', channel)
     yield server
     origin_check.close_server(server)
 
@@ -259,7 +259,7 @@ class Operator:
 
 @pytest.fixture
 def operator() -> Iterator[Operator]:
-    server = origin_check.open_server(origin_check.free_port(18480), 'test')
+    server = origin_check.open_server(0, 'test')
     with graph(lambda: Node('page')) as (node, _):
         yield Operator(node, server)
     origin_check.close_server(server)

@@ -156,25 +156,19 @@ def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
     """The laws to compare, by their labels. Raises OptionError where one is named twice."""
     contenders: dict[str, _Contender] = {}
     for text in options.laws.split(','):
-        contender = _contender(options, text)
-        label = contender.label
-        if label in contenders:
-            raise OptionError(f'--law {options.laws}; {label} is named twice')
-        contenders[label] = contender
+        name, at, own = text.strip().partition('@')
+        try:
+            contender = _Contender(options, name, float(own) if at else None)
+        except ValueError:
+            raise OptionError(
+                f'--law {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
+            ) from None
+        if at and not contender.law.has_memory:
+            raise OptionError(f'--law {text}; {name} has no memory, and so no damping')
+        if contender.label in contenders:
+            raise OptionError(f'--law {options.laws}; {contender.label} is named twice')
+        contenders[contender.label] = contender
     return contenders
-
-
-def _contender(options: argparse.Namespace, text: str) -> _Contender:
-    name, at, own = text.strip().partition('@')
-    try:
-        contender = _Contender(options, name, float(own) if at else None)
-    except ValueError:
-        raise OptionError(
-            f'--law {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
-        ) from None
-    if at and not contender.law.has_memory:
-        raise OptionError(f'--law {text}; {name} has no memory, and so no damping')
-    return contender
 
 
 def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Recording', 'Effort']:

@@ -120,7 +120,9 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.demo.options import DemoOptions
 
     check_duration(options.duration)
-    _check_teleop(options)
+    for name in ('task', 'lockstep', 'composed'):  # of no use to an operator
+        if options.teleop and getattr(options, name):
+            raise OptionError(f'--teleop and --{name}; expected one of them')
     repeats = options.duration and not options.teleop
     motion = find_motion(options, 'side_to_side' if repeats else 'rectangle')
     switches = tuple(map(_switch, options.switch or ()))
@@ -146,32 +148,21 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     return demo
 
 
-def _check_teleop(options: argparse.Namespace) -> None:
-    """Refuse options that an operator has no use for. Raises OptionError."""
-    if not options.teleop:
-        return
-    for name in ('task', 'lockstep', 'composed'):
-        if getattr(options, name):
-            raise OptionError(f'--teleop and --{name}; expected one of them')
-
-
 def _rate(period: float) -> float:
     """Cycles a second [Hz] of a sampling time [s]. Raises RangeError for one that no node takes."""
     from redres_ros.loop.cycle_counter import RATES
 
-    shortest = 1.0 / RATES[1]
-    longest = 1.0 / RATES[0]
-    if not shortest <= period <= longest:
-        raise RangeError('--period', period, shortest, longest, 's')
+    slowest, fastest = RATES
+    if not 1.0 / fastest <= period <= 1.0 / slowest:
+        raise RangeError('--period', period, 1.0 / fastest, 1.0 / slowest, 's')
     return 1.0 / period
 
 
 def _page_parameters(options: argparse.Namespace) -> dict[str, Any]:
     """Parameters of the node that serves the page."""
     from redres_ros.demo.demo import START_PATIENCE
-    from redres_ros.view.origin_check import free_port
 
-    parameters: dict[str, Any] = {'port': free_port(), 'patience': START_PATIENCE}
+    parameters: dict[str, Any] = {'patience': START_PATIENCE}
     if options.plugin:
         parameters['plugins'] = tuple(map(os.path.abspath, options.plugin))
     return parameters

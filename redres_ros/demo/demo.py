@@ -46,7 +46,7 @@ _LOOK = 0.02  # [s] between looks at the state
 _RESPONSE = 30.0  # [s] for the response of a node that is there, and may stall
 
 
-class DemoMonitor(GraphMonitor):
+class _DemoMonitor(GraphMonitor):
     """Observes a demo's nodes: what they report, and how far the robot's clock is.
 
     Attributes:
@@ -142,7 +142,7 @@ class Demo:
         endurance = None
         last = math.inf
         try:
-            with spun(DemoMonitor) as monitor, self._node_group.running():
+            with spun(_DemoMonitor) as monitor, self._node_group.running():
                 self._await_robot(monitor)
                 if self.options.mcap:
                     self._node_parameters = {
@@ -162,7 +162,7 @@ class Demo:
             raise
         return Ending(endurance, interrupted, last)
 
-    def _await_robot(self, monitor: DemoMonitor) -> None:
+    def _await_robot(self, monitor: _DemoMonitor) -> None:
         until = time.monotonic() + START_PATIENCE
         while not self._ready(monitor):
             self._check(monitor)
@@ -172,7 +172,7 @@ class Demo:
                 )
             time.sleep(_LOOK)
 
-    def _ready(self, monitor: DemoMonitor) -> bool:
+    def _ready(self, monitor: _DemoMonitor) -> bool:
         """Whether the planner is there and the robot takes commands, or waits in lock-step."""
         if not monitor.count_services('planner/start'):
             return False
@@ -181,7 +181,7 @@ class Demo:
             return bool(monitor.newest) and all(map(monitor.count_publishers, topics))
         return monitor.word(SESSION) in COMMANDING
 
-    def _run_task(self, monitor: DemoMonitor, progress: Callable[[float], None]) -> None:
+    def _run_task(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> None:
         """Run the task until it is finished, the robot is stopped, or a time limit."""
         called = time.monotonic()
         self._start_task(monitor)
@@ -204,7 +204,7 @@ class Demo:
             reasons = [f'{node}: {text}' for node, text in monitor.health().items()]
             self._report('; '.join(('the task was not finished', *reasons)))
 
-    def _start_task(self, monitor: DemoMonitor) -> None:
+    def _start_task(self, monitor: _DemoMonitor) -> None:
         """Wait until the task begins, or the robot is stopped; the planner may refuse at first."""
         before = monitor.began
         until = time.monotonic() + START_PATIENCE
@@ -225,7 +225,7 @@ class Demo:
                     raise
                 time.sleep(_ASK_AGAIN)
 
-    def _repeat(self, monitor: DemoMonitor, progress: Callable[[float], None]) -> Endurance:
+    def _repeat(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""
         before = {node.name: node.memory for node in self._node_group.nodes}
         duration = self.options.duration
@@ -241,7 +241,7 @@ class Demo:
         memory = {node.name: (before[node.name], node.memory) for node in self._node_group.nodes}
         return Endurance(rounds, seconds(), memory)
 
-    def _stay(self, monitor: DemoMonitor) -> None:
+    def _stay(self, monitor: _DemoMonitor) -> None:
         """Keep the nodes until Ctrl-C, an ordinary end here, or until the page ends."""
         try:
             # Loads what draws, so that nobody waits for that after Ctrl-C.
@@ -252,7 +252,7 @@ class Demo:
         except KeyboardInterrupt:
             return
 
-    def _check(self, monitor: DemoMonitor) -> None:
+    def _check(self, monitor: _DemoMonitor) -> None:
         self._node_group.check()
         monitor.look()
         if not self._page:

@@ -21,7 +21,7 @@ _NOW = 0  # a stamp that means: as soon as it comes
 
 
 @dataclass(frozen=True)
-class OperatorParameters:
+class _OperatorParameters:
     """Parameters of the node beside those of a planner."""
 
     duration: float = param(60.0, 'how long the operator steers [s]', 1.0, 1e6)
@@ -87,7 +87,7 @@ class OperatorNode(LonePlannerNode):
 
     def __init__(self) -> None:
         super().__init__()
-        self._operator = declare(self, OperatorParameters())
+        self._operator = declare(self, _OperatorParameters())
 
     def _task_goal(self) -> Goal:
         """The joints to the start, then the operator."""

@@ -90,7 +90,7 @@ def _check(name: str, value: float, allowed: tuple[float, float], unit: str) -> 
         raise RangeError(name, value, *allowed, unit)
 
 
-class TerminalError(RedresError):
+class _TerminalError(RedresError):
     """There is no terminal to read keys from."""
 
 
@@ -121,9 +121,9 @@ class Teleop(Node):
 
 
 def check_terminal() -> None:
-    """Raise TerminalError if standard input is no terminal."""
+    """Raise _TerminalError if standard input is no terminal."""
     if sys.stdin is None or not sys.stdin.isatty():
-        raise TerminalError('standard input is no terminal; keys cannot be read')
+        raise _TerminalError('standard input is no terminal; keys cannot be read')
 
 
 @contextmanager

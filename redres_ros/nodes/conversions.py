@@ -21,11 +21,11 @@ from redres_ros.rotation import from_quaternion, to_quaternion
 _REMEMBERED = 100  # sets of joint names: of as many devices as may share a topic
 
 
-class FrameError(RedresError):
+class _FrameError(RedresError):
     """A message in an unknown frame."""
 
 
-class LengthError(ArrayError):
+class _LengthError(ArrayError):
     """The number of values is not the number of joints."""
 
 
@@ -76,13 +76,13 @@ class JointMapper:
 
         Raises:
             JointNamesError: A joint of the arm is missing, or named twice.
-            LengthError: There is not one value for each name.
+            _LengthError: There is not one value for each name.
             ArrayError: A value of the arm is NaN or infinite.
         """
         key = tuple(names)
         order = self._orders[key] if key in self._orders else self._learn(key)
         if len(given) != len(names):
-            raise LengthError(
+            raise _LengthError(
                 f'{len(given)} {what} for {len(names)} joints; expected one value per joint'
             )
         values = given if isinstance(given, np.ndarray) else np.array(given)
@@ -148,14 +148,14 @@ class TwistTransformer:
             q: Joint positions, (n,) [rad].
 
         Raises:
-            FrameError: The arm has no such link.
+            _FrameError: The arm has no such link.
         """
         if frame in self._base_frames:
             return dx
         try:
             _, R = self._model.pose(q, frame)
         except UnknownNameError as error:
-            raise FrameError(f'cartesian_velocity: {error}') from None
+            raise _FrameError(f'cartesian_velocity: {error}') from None
         return np.concatenate((R.dot(dx[:3]), R.dot(dx[3:])))
 
 
@@ -167,12 +167,12 @@ def from_pose(message: PoseStamped, frames: Collection[str]) -> tuple[np.ndarray
         frames: Those that it may be in.
 
     Raises:
-        FrameError: Another frame.
+        _FrameError: Another frame.
         ArrayError: NaN, infinity, or a quaternion of length 0.
     """
     if message.header.frame_id not in frames:
         allowed = ', '.join(map(repr, frames))
-        raise FrameError(f'target_pose is in {message.header.frame_id!r}; allowed: {allowed}')
+        raise _FrameError(f'target_pose is in {message.header.frame_id!r}; allowed: {allowed}')
     position = message.pose.position
     turn = message.pose.orientation
     x = np.array((position.x, position.y, position.z))

@@ -8,7 +8,6 @@ foreign name was made to point to this computer.
 import asyncio
 import contextlib
 import io
-import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http import HTTPStatus
@@ -25,12 +24,10 @@ from redres_ros.errors import RedresError
 from redres_ros.view.dead_man import PATH, TeleopChannel
 
 ADDRESS = '127.0.0.1'
-PORT = 8080
 
 _NAMES = (ADDRESS, 'localhost')
 _FOREIGN = 'elsewhere.example'
 _PAGE = ('/', '/index.html')
-_PORTS = 100  # that are tried
 _TIMEOUT = 5.0  # [s] for the page to respond to itself
 # What the browser itself may do with a page: load nothing from elsewhere, and call nobody else.
 CONTENT = (
@@ -50,7 +47,7 @@ _Responder = Callable[[Any, Any], Any]
 
 
 class OriginError(RedresError):
-    """A page that cannot be opened, or is not protected."""
+    """A page that is not protected."""
 
 
 class LoopEvent(asyncio.Event):
@@ -95,24 +92,11 @@ def refusal(hosts: list[str], origins: list[str], port: int, *, steers: bool) ->
     return ''
 
 
-def free_port(first: int = PORT) -> int:
-    """The first port from there on that nobody uses at present. Raises OriginError."""
-    for port in range(first, first + _PORTS):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((ADDRESS, port))
-            except OSError:
-                continue
-            return port
-    raise OriginError(f'the ports {first} to {first + _PORTS - 1} of this computer are in use')
-
-
 def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> viser.ViserServer:
     """A viser server with the origin check.
 
     Args:
-        port: Wanted; the next free one is taken.
+        port: Wanted; the next free one is taken; 0: any.
         label: The title of its controls.
         channel: Of the page's own script; None: the page has no script of ours.
 

@@ -8,7 +8,7 @@ from redres_ros.files.text import writing
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
-from redres_ros.view.origin_check import CONTENT, close_server, free_port, open_server
+from redres_ros.view.origin_check import CONTENT, close_server, open_server
 from redres_ros.view.scene import ArmScene
 
 _RATE = 20.0  # pictures a second
@@ -32,7 +32,7 @@ def write_page(
     Raises:
         FileError: The file cannot be written.
     """
-    server = open_server(free_port(), 'redres')
+    server = open_server(0, 'redres')
     try:
         scene = ArmScene(server, model, task.waypoints)
         server.scene.add_label('/title', title, position=model.reach * _LABEL)

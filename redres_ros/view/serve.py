@@ -91,7 +91,8 @@ class Page:
         number = 0
         while not stopped.wait(_PERIOD):
             if not self._server.get_clients():
-                self._forget()  # nobody looks
+                for trail in (self._figures, *self._paths.values()):
+                    trail.clear()  # nobody looks; no line is to bridge the gap
                 continue
             self._look()
             number += 1
@@ -121,11 +122,6 @@ class Page:
         if figures:
             for name, place in self._scene.traced(self._arm.q).items():
                 self._paths[name].add(figures[-1].time, place)
-
-    def _forget(self) -> None:
-        """Clear plots and traces, so that no line bridges the gap."""
-        for trail in (self._figures, *self._paths.values()):
-            trail.clear()
 
     def _show_arm(self) -> None:
         if not np.array_equal(self._arm.q, self._shown):
@@ -164,7 +160,7 @@ class Page:
 
 
 @dataclass(frozen=True)
-class ViewParameters:
+class _ViewParameters:
     """Parameters of the node."""
 
     port: int = param(8080, 'of the page; the next free one is taken', 1024, 65535)
@@ -174,12 +170,12 @@ class ViewParameters:
     patience: float = param(10.0, 'how long a graph may take to appear [s]', 0.0, 600.0)
 
 
-class ViewNode(GraphMonitor):
+class _ViewNode(GraphMonitor):
     """Serves a page of the graph in its domain and namespace."""
 
     def __init__(self) -> None:
         super().__init__('view')
-        self._settings = declare(self, ViewParameters())
+        self._settings = declare(self, _ViewParameters())
         # Those of this node's own starter: what a graph names is not executed here.
         load_plugins(named(self._settings.plugins))
 
@@ -209,7 +205,7 @@ class ViewNode(GraphMonitor):
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
     os.nice(NICENESS)
-    return run_nodes(ViewNode, arguments=arguments)
+    return run_nodes(_ViewNode, arguments=arguments)
 
 
 if __name__ == '__main__':
