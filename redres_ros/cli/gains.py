@@ -89,11 +89,7 @@ def find_tables(*, limits: bool) -> dict[str, Mapping[str, type]]:
     from redres_ros.preferences import PREFERENCES
     from redres_ros.tasks import TASKS
 
-    tables: dict[str, Mapping[str, type]] = {
-        'law': LAWS,
-        'preference': PREFERENCES,
-        'task': TASKS,
-    }
+    tables: dict[str, Mapping[str, type]] = {'law': LAWS, 'preference': PREFERENCES, 'task': TASKS}
     if limits:
         from redres_ros.limits import LIMITS
 

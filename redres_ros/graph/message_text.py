@@ -10,12 +10,7 @@ from typing import Any
 from redres_ros.errors import RedresError
 
 _RULE = 80 * '='
-_WORDS = {
-    'boolean': 'bool',
-    'octet': 'byte',
-    'float': 'float32',
-    'double': 'float64',
-}
+_WORDS = {'boolean': 'bool', 'octet': 'byte', 'float': 'float32', 'double': 'float64'}
 
 
 class TypeTextError(RedresError):

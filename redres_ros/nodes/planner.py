@@ -67,8 +67,7 @@ class _PlannerParameters(ListenerParameters):
         0.5,
     )
     greedy: bool = param(
-        False,
-        'ask for the full speed of the path in every cycle, also after limits have slowed it',
+        False, 'ask for the full speed of the path in every cycle, also after limits have slowed it'
     )
     lockstep: bool = param(
         False, 'begin with the first state: the controller waits for each cartesian_velocity'

@@ -102,16 +102,11 @@ class Bindings:
         """
         known = {name: self.values[node][name] for name in values if name in self.values[node]}
         self.order(
-            event,
-            lambda: self.client.set_parameters(node, values),
-            lambda: self.show(node, known),
+            event, lambda: self.client.set_parameters(node, values), lambda: self.show(node, known)
         )
 
     def order(
-        self,
-        event: Any,
-        order: Callable[[], str | None],
-        undo: Callable[[], None] = lambda: None,
+        self, event: Any, order: Callable[[], str | None], undo: Callable[[], None] = lambda: None
     ) -> None:
         """Carry out an order at the page; the response is shown to its browser alone.
 
