@@ -93,6 +93,7 @@ setup(
         'parquet': ['pyarrow>=15'],  # results of a batch in that form
         'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
             'embodik>=0.23',
+            'roboplan-oink>=0.7',
             'pin-pink>=4.4',
             'mink>=1.3',
             'qpsolvers>=4.13',

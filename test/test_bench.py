@@ -204,7 +204,7 @@ def test_limits_act_in_the_one_and_not_in_the_other(model: RobotModel) -> None:
     assert acting['minimum_velocity, limits acting'] > 0.5
 
 
-@pytest.mark.parametrize('name', ['embodik', 'pink', 'mink'])
+@pytest.mark.parametrize('name', ['embodik', 'roboplan', 'pink', 'mink'])
 def test_a_peer_gives_the_velocities_of_the_least_velocity_law(
     name: str, model: RobotModel
 ) -> None:

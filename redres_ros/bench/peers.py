@@ -1,4 +1,5 @@
-"""Other libraries for the same joint velocity: embodik, pink and mink; and Pinocchio's bare calls.
+"""Other libraries for the same joint velocity: embodik, roboplan's OInK, pink and mink; and
+Pinocchio's bare calls.
 
 Beside robot_model.py and the fake robot the one place that calls pinocchio and mujoco: what a peer
 costs must not depend on our own wrappers. Peers are imported when asked for, since they are no
@@ -21,9 +22,13 @@ from redres_ros.robots.joint_limits import JointLimits
 _SOLVERS = ('quadprog', 'daqp', 'proxqp')
 # in pink's and mink's cost: small enough for the least velocity, large enough for a definite matrix
 DAMPING = 1e-6
+# OInK's, for its displacements within a tick, so that its velocities are the least ones
+_OINK_DAMPING = 1e-4
+_OINK_ACCURACY = 1e-9  # [rad]
 
 _PACKAGES = {
     'embodik': 'embodik',
+    'roboplan': 'roboplan',
     'pink': 'pink',
     'mink': 'mink',
     'quadprog': 'quadprog',
@@ -49,7 +54,7 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
     """Every installed peer, pink and mink with every installed solver, each in the fastest way that
     it documents, twice: once with the limits that it has by default, once without, as a law of the
     paper is. By default mink keeps positions, pink and embodik velocities too; embodik gets
-    acceleration limits as well.
+    acceleration limits as well, and OInK all three.
 
     Args:
         arm: That all of them get.
@@ -60,6 +65,9 @@ def peers(arm: Arm, T: float) -> dict[str, Peer]:
     if 'embodik' not in missing:
         made['embodik'] = _embodik(arm, T, 1.0)
         made['embodik, no limits'] = _embodik(arm, T, None)
+    if 'roboplan' not in missing:
+        made['roboplan OInK'] = _oink(arm, T, 1.0)
+        made['roboplan OInK, no limits'] = _oink(arm, T, None)
     for library, make in {'pink': _pink, 'mink': _mink}.items():
         for solver in _SOLVERS:
             if not {library, solver} & set(missing):
@@ -76,9 +84,13 @@ def limited_peers(arm: Arm, T: float, limit_scale: float) -> dict[str, Peer]:
         T: Length of a tick [s].
         limit_scale: The fraction of its velocities and accelerations that is allowed.
     """
-    if 'embodik' in missing_peers():
-        return {}
-    return {'embodik, limits acting': _embodik(arm, T, limit_scale)}
+    missing = missing_peers()
+    made: dict[str, Peer] = {}
+    if 'embodik' not in missing:
+        made['embodik, limits acting'] = _embodik(arm, T, limit_scale)
+    if 'roboplan' not in missing:
+        made['roboplan OInK, limits acting'] = _oink(arm, T, limit_scale)
+    return made
 
 
 def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
@@ -115,6 +127,46 @@ def _embodik_solver(arm: Arm, T: float, limit_scale: float | None) -> Any:
         for joint, largest in enumerate(limits.velocity):
             solver.set_joint_velocity_limit(joint, limit_scale * float(largest))
     return solver
+
+
+def _oink(arm: Arm, T: float, limit_scale: float | None) -> Peer:
+    """limit_scale: on velocities and accelerations; None: without limits."""
+    from roboplan.core import CartesianConfiguration, Scene, loadUrdfSceneDescriptionFromXml
+    from roboplan.optimal_ik import (
+        AccelerationLimit,
+        FrameTask,
+        FrameTaskOptions,
+        Oink,
+        OinkSettings,
+        PositionLimit,
+        VelocityLimit,
+    )
+
+    limits = JointLimits.of(arm)
+    scene = Scene(arm.tip_frame, loadUrdfSceneDescriptionFromXml(arm.description()))
+    settings = OinkSettings()
+    settings.eps_abs = _OINK_ACCURACY
+    solver = Oink(scene, settings)
+    target = np.eye(4, order='F')
+    tip = CartesianConfiguration('', arm.tip_frame, target)
+    task = FrameTask(solver, scene, tip, FrameTaskOptions(orientation_cost=0.0))
+    kept: list[Any] = []
+    acceleration: Any = None
+    if limit_scale is not None:
+        acceleration = AccelerationLimit(solver, T, limit_scale * limits.acceleration)
+        velocity_limit = VelocityLimit(solver, T, limit_scale * limits.velocity)
+        kept = [PositionLimit(solver), velocity_limit, acceleration]
+    step = np.zeros(solver.num_variables)
+
+    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        target[:3, 3] = x_d
+        task.setTargetFrameTransform(target)
+        if acceleration is not None:
+            acceleration.setLastVelocity(step / T)
+        solver.solveIk(q, [task], kept, [], step, _OINK_DAMPING)
+        return step / T
+
+    return velocity
 
 
 def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:

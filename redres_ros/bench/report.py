@@ -19,6 +19,7 @@ _PACKAGES = (
     'mujoco',
     'ros-jazzy-rclpy',
     'embodik',
+    'roboplan-oink',
     'pin-pink',
     'mink',
     'qpsolvers',

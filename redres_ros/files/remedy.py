@@ -16,6 +16,7 @@ _ON_PYPI = {  # where the name of the package is not that of its module or solve
     'imageio_ffmpeg': 'imageio-ffmpeg',
     'pink': 'pin-pink',
     'proxqp': 'proxsuite',
+    'roboplan': 'roboplan-oink',
 }
 
 
