@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from redres_ros.command import Command
+from redres_ros.crossfade import Crossfade, advanced
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
-from redres_ros.policy import SPEED_LIMIT, Crossfade, Motion, Policy, advanced, make_policy
+from redres_ros.policy import SPEED_LIMIT, Motion, Policy, make_policy
 from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
@@ -28,12 +29,13 @@ INTEGRATE_FROM = ('command', 'measurement')
 # What a robot does in a cycle without a command: go on as before, or stay at the last command.
 BRIDGING = ('extrapolate', 'hold')
 DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
-MOST_MISSED = 1_000_000  # cycles, which nobody bridges
+_MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 _BRIDGING = Parameter('what a robot does without a command', choices=BRIDGING)
-TURN = 2.0 * np.pi  # [rad]
+_TURN = 2.0 * np.pi  # [rad]
+_NO_REFERENCE = 'the arm stands nowhere yet; expected an update() or a place() first'
 
 
 class Controller:
@@ -102,7 +104,7 @@ class Controller:
         self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
         self.longest_gap = 1  # the same, once on the way to the end of a range
         self.moving = True  # whether the policy is followed, or being faded in; not after hold()
-        self._multi_turn = np.flatnonzero(model.q_max - model.q_min > TURN)  # joints
+        self._multi_turn = np.flatnonzero(model.q_max - model.q_min > _TURN)  # joints
         policy = make_policy(
             model,
             law,
@@ -115,7 +117,7 @@ class Controller:
             scaling=scaling,
             gains=limit_gains,
         )
-        self._policy = policy
+        self.policy = policy  # the requested one: a crossfade towards it may be under way
         self._motion: Motion = policy.stop
         self._targeted = policy  # with all targets
         self._follows_joints = False
@@ -123,24 +125,9 @@ class Controller:
         self.set_policy(policy)
 
     @property
-    def policy(self) -> Policy:
-        """The requested policy; a crossfade towards it may be under way."""
-        return self._policy
-
-    @property
     def law(self) -> Law:
         """The requested law."""
-        return self._policy.law
-
-    @property
-    def preferences(self) -> tuple[Preference, ...]:
-        """The requested preferences."""
-        return self._policy.preferences
-
-    @property
-    def secondary_tasks(self) -> tuple[Task, ...]:
-        """The requested secondary tasks."""
-        return self._policy.secondary_tasks
+        return self.policy.law
 
     @property
     def at_rest(self) -> bool:
@@ -151,7 +138,7 @@ class Controller:
     def reference(self) -> np.ndarray:
         """The last position reference, (n,) [rad]. Raises RedresError before the first."""
         if self._q_ref is None:
-            raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
+            raise RedresError(_NO_REFERENCE)
         return self._q_ref
 
     def set_policy(self, policy: Policy) -> None:
@@ -162,9 +149,9 @@ class Controller:
         policy.check(self.model, self.T)
         kept = {}  # what has its targets keeps them
         for name in ('preferences', 'secondary_tasks'):
-            if getattr(policy, name) == getattr(self._policy, name):
+            if getattr(policy, name) == getattr(self.policy, name):
                 kept[name] = getattr(self._targeted, name)
-        self._policy = policy
+        self.policy = policy
         self._targeted = replace(policy, **kept)
         self._has_open_targets = True
         self.follow_joints(self._follows_joints)
@@ -172,7 +159,7 @@ class Controller:
     def follow_joints(self, follows: bool) -> None:
         """Whether dx is the velocity of all joints, (n,) [rad/s], instead of that of the task."""
         self._follows_joints = follows
-        self.m = self.model.n if follows else self._policy.task.rows(self.model)
+        self.m = self.model.n if follows else self.policy.task.rows(self.model)
         self._all_achieved = np.zeros(self.m)
         self._all_achieved.flags.writeable = False  # every command shares it
 
@@ -182,23 +169,21 @@ class Controller:
         Raises UnknownNameError, and RangeError for a damping outside [0, 1/T]; the law in force
         then stays.
         """
-        self._replace(law=make_policy(self.model, law).law)
+        self._replace('law', law=law)
 
     def set_preferences(self, preferences: Iterable[str | Preference]) -> None:
         """Switch to other preferences; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
-        made = make_policy(self.model, self.law, preferences=preferences)
-        self._replace(preferences=made.preferences)
+        self._replace('preferences', preferences=preferences)
 
     def set_secondary_tasks(self, tasks: Iterable[str | Task]) -> None:
         """Switch to other secondary tasks; names or objects, as at construction.
 
         Raises RedresError for one that does not fit the arm; those in force then stay.
         """
-        made = make_policy(self.model, self.law, secondary_tasks=tasks)
-        self._replace(secondary_tasks=made.secondary_tasks)
+        self._replace('secondary_tasks', secondary_tasks=tasks)
 
     def set_limits(
         self,
@@ -208,7 +193,7 @@ class Controller:
         torque_scale: float = 1.0,
         limit_gains: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
-        """Switch to other limits.
+        """Switch to other limits; arguments as at construction.
 
         With a limit on the acceleration they act at once, because nothing can jump under it. Others
         are faded in.
@@ -217,25 +202,18 @@ class Controller:
             limits: Names in LIMITS, or limits; none: no limits.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
-            limit_gains: Gains of limits given by name, such as {'position.margin': 0.02}.
+            limit_gains: Gains of limits given by name.
 
         Raises:
             RedresError: A limit, a scale or a gain that cannot be used. Those in force then stay.
         """
-        made = make_policy(
-            self.model,
-            self.law,
-            limits=limits,
-            limit_scale=limit_scale,
-            torque_scale=torque_scale,
-            gains=limit_gains,
-        )
-        self._replace(limits=made.limits)
+        scales = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
+        self._replace('limits', limits=limits, gains=limit_gains, **scales)
 
     def set_scaling(self, scaling: str) -> None:
         """Have limits scale the 'task' velocity as a whole, or its 'components'."""
-        if scaling != self._policy.scaling:
-            self._replace(scaling=scaling)
+        if scaling != self.policy.scaling:
+            self._replace('scaling', scaling=scaling)
 
     def hold(self) -> None:
         """Decelerate to rest, from now on; the task is dropped."""
@@ -251,7 +229,7 @@ class Controller:
         With a limit on the acceleration an arm in motion brakes first, and begins anew where its
         reference is by then, without velocity history: nothing steps.
         """
-        limits = self._policy.limits
+        limits = self.policy.limits
         self._begins_anew = bool(limits and limits.bounds_acceleration and not self.at_rest)
         if not self._begins_anew:
             self.restart()
@@ -281,19 +259,15 @@ class Controller:
         self._dq_prev = dq
         self.dq = dq
 
-    def rollback(self) -> None:
-        """Have the next update start where the last one did: that reference came too late to be
-        executed in a cycle of its own.
-        """
-        self._q_ref, self.dq = self.before
-        self._dq_prev = self.dq
-        self._ddq_prev = np.zeros(self.model.n)
-
     def bridged(self, missed: int) -> tuple[np.ndarray, np.ndarray]:
         """Position (n,) [rad] and velocity (n,) [rad/s] of a robot that has got the last reference,
         after so many cycles without one. One that extrapolates stops at the ends of its range.
+
+        Raises RedresError before the first.
         """
-        q_ref = self.reference
+        q_ref = self._q_ref
+        if q_ref is None:
+            raise RedresError(_NO_REFERENCE)
         if not missed:
             return q_ref, self.dq
         if self.bridging == 'hold':
@@ -313,8 +287,8 @@ class Controller:
         if self._q_ref is None:
             return q
         turns = np.zeros(len(q))
-        turns[self._multi_turn] = np.round((self._q_ref - q)[self._multi_turn] / TURN)
-        return q + TURN * turns
+        turns[self._multi_turn] = np.round((self._q_ref - q)[self._multi_turn] / _TURN)
+        return q + _TURN * turns
 
     def update(
         self,
@@ -340,20 +314,20 @@ class Controller:
                 anew.
         """
         q, dx = self._checked(q, dx, missed)
-        before = (q if self._q_ref is None else self._q_ref, self.dq)
-        if missed and self._q_ref is not None:
-            before = self.bridged(missed)
+        # Where the robot is by now, and with which velocity.
+        before = (q, self.dq) if self._q_ref is None else self.bridged(missed)
         start, dq_prev = before
         if self._integrate_from == 'measurement':
             start = q
             dq_prev = self._dq_prev
         ddq_prev = np.zeros(self.model.n) if missed else self._ddq_prev
-        at = q if self._policy.limits is None else start
+        at = q if self.policy.limits is None else start
         state = RobotState(self.model, at, dq_prev, ddq_prev)
         state.gap = self.gap
         state.longest_gap = self.longest_gap
         state.measurements = self.measurements
         state.correction = correction
+
         motion = self._motion_at(state, (missed + 1) * self.T)
         solution = motion.solve(state, dx, self.T)
         dq = solution.dq
@@ -361,6 +335,8 @@ class Controller:
         ddq = np.empty(self.model.n)
         if not integrate(start, self.T, dq, dq_prev, q_ref, ddq) <= SPEED_LIMIT:
             self._refuse(dq, dx, motion, state)
+
+        # From here the next tick goes on.
         self.before = before
         self._q_ref = q_ref
         self._dq_prev = dq
@@ -394,7 +370,7 @@ class Controller:
         q_ref = self.reference
         zeros = np.zeros(self.model.n)
         state = RobotState(self.model, q_ref, zeros)
-        policy = self._policy.for_joints if self._follows_joints else self._policy
+        policy = self.policy.for_joints if self._follows_joints else self.policy
         J = policy.task.jacobian(state)
         return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, '', self._all_achieved)
 
@@ -413,15 +389,15 @@ class Controller:
         self.dq = np.zeros(self.model.n)  # the velocity of the last reference, (n,) [rad/s]
         self._dq_prev = self.dq  # the last command, which is another one from a measurement
         self._ddq_prev = np.zeros(self.model.n)  # its acceleration, (n,) [rad/s^2]
-        self._motion = self._policy.stop
-        self._targeted = self._policy
+        self._motion = self.policy.stop
+        self._targeted = self.policy
         self._has_open_targets = True
         self._begins_anew = False  # once the arm has come to rest
 
     def _checked(self, q: np.ndarray, dx: np.ndarray, missed: int) -> tuple[np.ndarray, np.ndarray]:
         """q (n,) [rad], of the nearest turn, and dx (m,); raises as update() says."""
-        if missed and not (isinstance(missed, Integral) and 0 < missed <= MOST_MISSED):
-            raise RangeError('missed', missed, 0, MOST_MISSED, 'a whole number of cycles')
+        if missed and not (isinstance(missed, Integral) and 0 < missed <= _MOST_MISSED):
+            raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
         q = as_vector(q, self.model.n, 'q').copy()  # the command's state keeps it
         dx = as_vector(dx, self.m, 'dx')
         if not are_usable(q, dx, DX_LIMIT):
@@ -430,10 +406,16 @@ class Controller:
             raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
         return self.nearest_turn(q) if self._multi_turn.size else q, dx
 
-    def _replace(self, **changes: Any) -> None:
-        """Go over to the policy with other building blocks, unless they are in force."""
-        policy = replace(self._policy, **changes)
-        if policy != self._policy:
+    def _replace(self, field: str, **given: Any) -> None:
+        """Go over to the policy with another building block, unless it is in force.
+
+        Args:
+            field: Of the policy.
+            **given: As of make_policy().
+        """
+        made = make_policy(self.model, **{'law': self.law, **given})
+        policy = replace(self.policy, **{field: getattr(made, field)})
+        if policy != self.policy:
             self.set_policy(policy)
 
     def _refuse(

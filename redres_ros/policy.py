@@ -1,6 +1,4 @@
-"""The policy of a tick: law, tasks, preferences and limits; and the crossfade from one policy to
-another, without a jump.
-"""
+"""The policy of a tick: law, tasks, preferences and limits; and the stop for which it is left."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from redres_ros.errors import RedresError
-from redres_ros.interpolation import quintic
 from redres_ros.laws import LAWS, Law
 from redres_ros.parameter import (
     Parameter,
@@ -288,7 +284,8 @@ class Hold:
             dx: Ignored, (m,).
             T: Sampling time [s].
         """
-        return _moving_on(self.task, state, np.zeros(len(state.q)))
+        zeros = np.zeros(len(state.q))
+        return Solution(zeros, self.task.jacobian(state), np.zeros(len(dx)))
 
     def constrained(self, free: Solution, state: RobotState, T: float) -> Solution:
         """Braking: no joint gets faster, none turns round, each keeps its box.
@@ -304,91 +301,6 @@ class Hold:
         if self.limits is None:
             return free
         return Solution(self.limits.braked(free.dq, state, T), free.J, free.executed)
-
-
-@dataclass(frozen=True, eq=False)
-class Crossfade:
-    """Any change of motion: law, preferences, tasks, limits, a start, a stop.
-
-    old: None: the joints go on with dq_old. dq_old: (n,) [rad/s], the last velocity that the *old*
-    motion would have commanded. It must not see the mixed velocity, or its null-space motion would
-    shrink every cycle; it keeps to its own limits. The new motion sees the mixed velocity, which it
-    takes over. share: of the switch time that is over.
-    """
-
-    old: Motion | None
-    new: 'Policy | Hold'
-    dq_old: np.ndarray
-    share: float = 0.0
-
-    def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
-        """dq = (1 - c) dq_old + c dq_new, within the limits of the new motion.
-
-        If both execute the task, J dq = dx, so does every mixture. An old motion that has no
-        solution, or has diverged, is dropped.
-        """
-        old = self._old_solution(state, dx, T)
-        if old is None:
-            return self.new.solve(state, dx, T)
-        limits = self.new.limits
-        # Limits on the acceleration act at once, on the mixture: nothing can jump under them.
-        at_once = limits is not None and limits.bounds_acceleration
-        new = (self.new.unconstrained if at_once else self.new.solve)(state, dx, T)
-        c, _ = quintic(self.share)
-        mixed = replace(
-            new,
-            dq=(1.0 - c) * old.dq + c * new.dq,
-            executed=(1.0 - c) * old.executed + c * new.executed,
-            unachieved=_mixed(old.unachieved, new.unachieved, c),
-            s=(1.0 - c) * old.s + c * new.s,
-            active_limits=new.active_limits or old.active_limits,
-        )
-        if at_once:
-            mixed = self.new.constrained(mixed, state, T)
-        mixed.dq_old = old.dq
-        return mixed
-
-    def after(self, solution: Solution) -> Motion:
-        """The motion once its solution has been commanded: it keeps its old motion's velocity."""
-        if solution.dq_old is None:
-            return self.new
-        return replace(self, dq_old=solution.dq_old)
-
-    def _old_solution(self, state: RobotState, dx: np.ndarray, T: float) -> Solution | None:
-        if self.old is None:
-            return _moving_on(self.new.task, state, self.dq_old)
-        try:
-            old = self.old.solve(state.with_velocity(self.dq_old), dx, T)
-        except RedresError:
-            return None
-        return old if float(np.abs(old.dq).max()) <= SPEED_LIMIT else None
-
-
-def advanced(
-    motion: Motion, desired: Policy | Hold, dq_prev: np.ndarray, T: float, switch_time: float
-) -> Motion:
-    """One cycle on, from the motion in force towards the desired one.
-
-    A stop, a start and another first task begin at once, from the present velocity. Any other
-    change waits for the end of the crossfade under way.
-
-    Args:
-        motion: The one in force, which may be a crossfade.
-        desired: Where to go.
-        dq_prev: (n,) [rad/s] the last command.
-        T: Time since the last tick [s].
-        switch_time: Duration of a crossfade [s].
-    """
-    if motion == desired:
-        return desired
-    fade = motion if isinstance(motion, Crossfade) else Crossfade(motion, desired, dq_prev)
-    before = fade.new if fade is motion else fade.old
-    if desired is not before and _is_sudden(before, desired):
-        fade = Crossfade(None, desired, dq_prev)
-    step = T / switch_time if switch_time > 0.0 else 1.0
-    if fade.share + step >= 1.0:
-        return fade.new
-    return replace(fade, share=fade.share + step)
 
 
 def make_policy(
@@ -477,20 +389,9 @@ def _gain_keys(table: Mapping[str, type]) -> set[str]:
     return {gain_key(name, field.name) for name in table for field in parameters(table[name])}
 
 
-def _moving_on(task: Task, state: RobotState, dq: np.ndarray) -> Solution:
-    """The joint velocity dq (n,) [rad/s], whatever the task."""
-    J = task.jacobian(state)
-    return Solution(dq, J, J.dot(dq))
-
-
 def _asked(dx: np.ndarray, state: RobotState) -> np.ndarray:
     """dx (m,) without what only holds a component that nobody asks to move."""
     return dx if state.correction is None else np.where(state.correction, 0.0, dx)
-
-
-def _is_sudden(old: Motion | None, new: Policy | Hold) -> bool:
-    """Whether a change must not wait, or the old motion knows nothing of the new task."""
-    return not isinstance(old, Policy) or isinstance(new, Hold) or old.task != new.task
 
 
 def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:
@@ -503,10 +404,3 @@ def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.
         scale = np.full(len(dx), 1.0 / state.model.reach)
     z = escape_direction(scale[:, None] * J, scale[:, None] * dJ, scale * dx, state.dq_prev)
     return 0.0 if z is None else z
-
-
-def _mixed(old: np.ndarray | None, new: np.ndarray | None, c: float) -> np.ndarray | None:
-    """(1 - c) old + c new; None stands for zero."""
-    if old is None:
-        return None if new is None else c * new
-    return (1.0 - c) * old + (0.0 if new is None else c * new)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from redres_ros import RobotModel
+from redres_ros import Controller, RobotModel
 from redres_ros.kernels.closed_form import is_far
 from redres_ros.limits.boundary_braking import end_of_reach
 from redres_ros.robots import ARMS
@@ -63,3 +63,19 @@ def test_inward_sideways_and_far_off_there_is_no_end():
     assert end_of_reach(J, dJ, sideways, LIMIT, NEAR) is None
     J, dJ, outward = bent(1.0)
     assert end_of_reach(J, dJ, outward, LIMIT, NEAR) is None
+
+
+def test_an_arm_that_swings_at_the_end_without_the_gain_rests_once_nothing_leads_it_outwards():
+    T = 0.004
+    limits = ('position', 'velocity', 'acceleration')
+    controller = Controller(MODEL, 'minimum_acceleration', T, limits=limits)
+    q = np.array(MODEL.arm.start)
+    outward = 0.3 * MODEL.tip(q)[0]
+    speeds = []
+    for k in range(round(6.0 / T)):
+        command = controller.update(q, outward if k * T < 3.5 else np.zeros(3))
+        q = command.q_ref
+        speeds.append(float(np.abs(command.dq).max()))
+    before, after = np.split(np.array(speeds), (round(3.5 / T),))
+    assert before[-round(0.5 / T) :].max() > 0.5
+    assert after[-1] < 1e-3

@@ -520,9 +520,9 @@ def test_measurements_stamped_by_this_computer_are_judged_by_their_arrival(behin
     too_old = pytest.raises(MeasurementAgeError, match="the robot's clock; allowed")
     for late, refused in ((1_000_000, contextlib.nullcontext()), (200_000_000, too_old)):
         with refused:
-            loop.enter_wrench(now - late, np.zeros(6), '', now)
+            loop.measurements.enter_wrench(now - late, np.zeros(6), '', now)
         with refused:
-            loop.enter_measurement('external_torques', now - late, np.zeros(4), now)
+            loop.measurements.enter('external_torques', now - late, np.zeros(4), now)
 
 
 def test_a_task_velocity_of_a_robot_without_a_state_yet_is_passed_over_without_a_word() -> None:

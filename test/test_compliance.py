@@ -87,7 +87,7 @@ class TorqueLoop:
         for _ in range(round(seconds / T)):
             self.tick += 1
             if torques is not None:
-                self.loop.enter_measurement('external_torques', 0, torques)
+                self.loop.measurements.enter('external_torques', 0, torques)
             stamp = EPOCH + round(self.tick * T * 1e9)
             response = self.loop.enter_state(stamp, self.q, self.tick * T)
             assert response is not None

@@ -23,6 +23,7 @@ LAYERS = (
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},
+    {'crossfade'},
     {'controller', 'contact', 'fake_robot'},
     {'loop'},
     {'planning'},

@@ -300,7 +300,7 @@ def test_preferences_are_changed_without_a_jump(model, task):
     changed = [controller.update(q, DX) for _ in range(250)]
     assert np.linalg.norm(changed[0].ddq) < 0.5  # at once it would be 11 rad/s^2
     assert np.linalg.norm(changed[-1].null) > 0.1
-    assert controller.preferences == (JointCentering(gain=1000.0),)
+    assert controller.policy.preferences == (JointCentering(gain=1000.0),)
 
 
 def test_an_unknown_preference_is_refused_with_those_that_exist(model):

@@ -78,10 +78,10 @@ class ContactWorld(World):
             measured[int(chance.integers(6))] = chance.choice((np.nan, np.inf))
         torques = 30.0 * chance.normal(size=self.model.n) if self._has('torques') else None
         with suppress(RedresError):
-            self.loop.enter_wrench(0, measured, frame)
+            self.loop.measurements.enter_wrench(0, measured, frame)
         if torques is not None:
             with suppress(RedresError):
-                self.loop.enter_measurement('external_torques', 0, torques)
+                self.loop.measurements.enter('external_torques', 0, torques)
 
     # --- what happens ---
 

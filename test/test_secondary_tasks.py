@@ -291,7 +291,7 @@ def test_tasks_are_changed_without_a_jump(model, task):
     first = controller.update(q, DX)
     assert np.linalg.norm(first.ddq) < 0.5
     follow(controller, first.q_ref, 1.0)
-    assert controller.secondary_tasks == (Orientation(),)
+    assert controller.policy.secondary_tasks == (Orientation(),)
 
 
 def test_a_task_added_on_the_way_holds_what_it_finds(model, task):

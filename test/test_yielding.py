@@ -193,7 +193,7 @@ def test_a_wrench_in_a_frame_that_does_not_exist_is_refused_and_moves_nothing() 
     arm = PushedArm(FREE)
     arm.run(0.1, NOTHING)
     with pytest.raises(UnknownNameError, match="unknown frame 'nose'"):
-        arm.loop.enter_wrench(0, np.ones(6), 'nose')
+        arm.loop.measurements.enter_wrench(0, np.ones(6), 'nose')
     before = arm.q
     assert (arm.run(0.2, NOTHING) == before).all()
 

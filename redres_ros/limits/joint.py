@@ -91,7 +91,8 @@ class AccelerationLimit(AccelerationFigures, JointLimit):
     reach: float = param(
         0.0,
         'fraction of the largest singular value below which the tip brakes before the end of its '
-        'reach and goes on along it; 0: nowhere; nodes begin with 0.02',
+        'reach and goes on along it; 0: nowhere, and joints swing there while the tip is led '
+        'outwards; nodes begin with 0.02',
         0.0,
         0.1,
         live=True,

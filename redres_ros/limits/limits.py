@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import methodcaller
 
 import numpy as np
 
@@ -226,7 +227,7 @@ class Limits:
 
     def _bounds(self, state: ReferenceState, T: float, kept: bool) -> Bounds:
         boxes = self._boxes.copy()
-        rows = [limit.rows(state, T) for limit in self.row_limits]
+        rows = list(map(methodcaller('rows', state, T), self.row_limits))
         return Bounds(self, state, T, boxes, (boxes[-1, 0], boxes[-1, 1]), rows, kept)
 
     def _fill_boxes(self, dq: np.ndarray, state: ReferenceState, T: float) -> tuple[bool, bool]:

@@ -24,29 +24,20 @@ class Approach:
     """
 
     def __init__(self, controller: Controller, target: np.ndarray) -> None:
-        self._T = controller.T
+        self._controller = controller
         self._V = _SPEED * controller.model.dq_max  # (n,) [rad/s]
         self._target = target
         controller.follow_joints(True)
 
-    def is_over(self, q_ref: np.ndarray, q: np.ndarray) -> bool:
-        """Whether other motion may begin.
+    def is_over(self, q: np.ndarray) -> bool:
+        """Whether other motion may begin, with the arm at q (n,) [rad]."""
+        return float(np.abs(self._target - self._controller.reference).max()) <= _ARRIVED
 
-        Args:
-            q_ref: The last reference, (n,) [rad].
-            q: Measured, (n,) [rad].
-        """
-        return float(np.abs(self._target - q_ref).max()) <= _ARRIVED
-
-    def velocity(self, q_ref: np.ndarray) -> np.ndarray:
-        """The velocity from which all joints can stop at their targets, (n,) [rad/s].
-
-        Args:
-            q_ref: The last reference, (n,) [rad].
-        """
-        rest = self._target - q_ref
+    def velocity(self) -> np.ndarray:
+        """The velocity from which all joints can stop at their targets, (n,) [rad/s]."""
+        rest = self._target - self._controller.reference
         allowed = [
-            min(stopping_speed(abs(d), _ACCELERATION, self._T), V)
+            min(stopping_speed(abs(d), _ACCELERATION, self._controller.T), V)
             for d, V in zip(rest.tolist(), self._V.tolist(), strict=True)
         ]
         return rest * float(np.min(allowed / np.maximum(np.abs(rest), _ARRIVED)))
@@ -69,8 +60,8 @@ class Probe(Approach):
         self._step = np.abs(step)
         self._left = _RESPONSE  # [s]
 
-    def is_over(self, q_ref: np.ndarray, q: np.ndarray) -> bool:
-        self._left -= self._T
+    def is_over(self, q: np.ndarray) -> bool:
+        self._left -= self._controller.T
         return bool((np.abs(q - self._q) > _SEEN * self._step).any())
 
     @property

@@ -12,16 +12,15 @@ from redres_ros.contact.force_sensor import TareError
 from redres_ros.contact.settings import AdmittanceSettings
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.loop.approach import Approach, Probe
+from redres_ros.loop.approach import Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
-from redres_ros.loop.gate import Gate
 from redres_ros.loop.measurements import Measurements
 from redres_ros.loop.missed_cycles import MissedCycles
 from redres_ros.loop.modes import Conditions, Mode, next_mode
-from redres_ros.loop.pose_hold import PoseHold
+from redres_ros.loop.published_reference import PublishedReference
 from redres_ros.loop.session import RobotSession
-from redres_ros.loop.settings import AUTO, LoopSettings
+from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 from redres_ros.loop.velocity_input import VelocityInput
 
@@ -81,38 +80,42 @@ class CommandLoop:
         contact: ContactControl | None = None,
     ) -> None:
         settings = settings or LoopSettings()
+        twists = twists or TwistBufferSettings()
         contact = contact or ContactControl(AdmittanceSettings.of_rows(3), controller.T)
-        self.measurements = Measurements(controller, contact)
-        self.responses = 0  # to states
-        self.skipped = 0  # cycles whose state did not come
-        self.input = VelocityInput(controller, settings, twists or TwistBufferSettings())
         controller.bridging = settings.bridging
         controller.longest_gap = settings.longest_gap
-        self._pose_hold = PoseHold(controller.T, twists or TwistBufferSettings())
-        self.mode = Mode.HOLDING
-        self.gate = Gate(controller)
-        self.faults = FaultMonitor(controller.model, controller.T)
-        self.silence = ''  # after which the arm started again from the last state
-        self._active = True
-        self._held = False  # by request
-        self._blocked = False  # something is against any motion
-        self._yields = False  # moves because a measurement asked for it, not a task velocity
         self._controller = controller
         self._cycles = CycleCounter(round(NANOSECONDS * controller.T))
         self._missed = MissedCycles(controller)
         self._session = RobotSession(settings.lockstep)
-        self._approach: Approach | None = None
-        self._expecting = settings.lockstep  # that velocities go on to come
-        self._waiting: _State | None = None
-        self.q: np.ndarray | None = None  # of the newest state, (n,) [rad]
-        self._published = False  # a reference: the next one has to follow from it
+        self.input = VelocityInput(controller, self._cycles, settings, twists)
+        self.measurements = Measurements(controller, contact, self._cycles)
+        self.faults = FaultMonitor(controller, settings.following_tolerance)
+        self._reference = PublishedReference(
+            controller, self.faults, self.input, self.measurements, twists
+        )
+        self.gate = self._reference.gate
+        self.mode = Mode.HOLDING
+        self.silence = ''  # after which the arm started again from the last state
+        self.responses = 0  # to states
+        self.skipped = 0  # cycles whose state did not come
         self.newest_response: Response | None = None
         self._response_cycle = 0  # of the newest state with a response
-        self._state_cycle = 0  # of the newest state that was believed
-        self._state_arrived = 0.0  # when that came [s]
+        self._newest: _State | None = None  # that was believed
+        self._waiting: _State | None = None
+        self._expecting = settings.lockstep  # that velocities go on to come
+        self._active = True
+        self._held = False  # by request
+        self._blocked = False  # something is against any motion
+        self._yields = False  # moves because a measurement asked for it, not a task velocity
         self._slow_since = 0  # cycle from which on limits have all but stopped the task; 0: none
 
     # --- what others ask for ----------------------------------------------------------------------
+
+    @property
+    def q(self) -> np.ndarray | None:
+        """Measured positions of the newest state, (n,) [rad]; None before the first."""
+        return self._newest.q if self._newest else None
 
     @property
     def commanding(self) -> bool:
@@ -144,7 +147,11 @@ class CommandLoop:
             return (
                 f'{self.faults.reason}; controller/hold with false, or a new motion, lets it go on'
             )
-        return self._cycles.rate_error or self._position_error()
+        if self._cycles.rate_error:
+            return self._cycles.rate_error
+        if self.mode is not Mode.HOLDING or not self._reference.exists or self._newest is None:
+            return ''
+        return self._reference.problem(self._newest.q)
 
     @property
     def warning(self) -> str:
@@ -152,28 +159,6 @@ class CommandLoop:
         if self.gate.reason:
             return f'the gate acts: {self.gate.reason}'
         return self.silence or self.measurements.problem
-
-    def _position_error(self) -> str:
-        """Why the arm cannot stay at its held position."""
-        if self.mode is not Mode.HOLDING or not self._published or self.q is None:
-            return ''
-        standing = self._controller.standing()
-        lag, joint = self.faults.lag(self.q, standing.q_ref)
-        if lag > self.settings.following_tolerance:
-            name = self._controller.model.joint_names[joint]
-            return (
-                f'held, and {name} is measured {lag:.3g} rad from its reference: the next motion '
-                'begins with an approach to where the arm is'
-            )
-        limits = self._controller.policy.limits
-        bounds = limits and limits.at(standing.state, standing.T)
-        if not bounds or bounds.allow(standing.dq):
-            return ''
-        _, active, _ = bounds.nearest(standing.dq, None, [])
-        return (
-            f'held where a limit does not allow it ({active}): a task velocity moves it back '
-            'within its limits, or change that limit'
-        )
 
     def hold(self, held: bool) -> None:
         """Decelerate to rest and hold, or resume, which clears a fault."""
@@ -185,7 +170,7 @@ class CommandLoop:
         """Publish from the next state on; clears a fault."""
         self._active = True
         if self.mode is Mode.INACTIVE:
-            self.q = None  # meanwhile the arm may have been moved by others
+            self._newest = None  # meanwhile the arm may have been moved by others
         self.faults.clear()
 
     def deactivate(self) -> None:
@@ -193,15 +178,15 @@ class CommandLoop:
         self._active = False
         if self.mode not in (Mode.MOVING, Mode.STOPPING):
             self.mode = Mode.INACTIVE
-            self._published = False
+            self._reference.exists = False
 
     def forget(self) -> None:
         """Reset all but the settings."""
         self._waiting = None
         self.newest_response = None
-        self.q = None
+        self._newest = None
         self._held = False
-        self._cycles = CycleCounter(round(NANOSECONDS * self._controller.T))
+        self._cycles.restart()
         self._begin_anew()
 
     def enter_session(self, word: str) -> None:
@@ -236,27 +221,24 @@ class CommandLoop:
         self.input.note_input(now)
         if stamp and stamp == self._cycles.newest:
             return self._same_again(q, now)
-        before = self._cycles.newest
+        stamp_before = self._cycles.newest
+        clock_step = (stamp - stamp_before) / NANOSECONDS - now + self._cycles.arrived
         cycles = self._cycles.enter(stamp, now)
         q = self._controller.nearest_turn(q)
         if cycles == 0:
-            if before:
+            if stamp_before:
                 self._session.begin(stamp)
-            clock_step = (stamp - before) / NANOSECONDS - now + self._state_arrived
-            stays = self._has_stayed(q, clock_step)
-            q_ref = self._controller.reference if stays else None
+            q_ref = self._controller.reference if self._has_stayed(q, clock_step) else None
             self._begin_anew()
             if q_ref is not None:
-                self._stand_at(q_ref)
-        elif self.q is not None and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
-            seconds = (self._cycles.number - self._state_cycle) * self._controller.T
-            self.faults.check_leap(q, self.q, seconds, self.input.settings.following_tolerance)
+                self._reference.place(q_ref)
+        elif self._newest and self.mode not in (Mode.HOLDING, Mode.INACTIVE):
+            seconds = (self._cycles.number - self._newest.cycle) * self._controller.T
+            self.faults.check_leap(q, self._newest.q, seconds)
         if self._waiting:
             self._expecting = False  # the robot did not wait, so nothing else need
-        self.q = q
-        self._state_cycle = self._cycles.number
-        self._state_arrived = now
-        self._waiting = _State(stamp, self._cycles.number, q, now)
+        self._newest = _State(stamp, self._cycles.number, q, now)
+        self._waiting = self._newest
         return self.respond_if_due(now)
 
     def _has_stayed(self, q: np.ndarray, clock_step: float) -> bool:
@@ -266,11 +248,10 @@ class CommandLoop:
             q: Measured, (n,) [rad].
             clock_step: Of the robot's clock against this computer's; large for another robot [s].
         """
-        holds = self.mode is Mode.HOLDING or self.input.settings.bridging == 'hold'
-        if not holds or not self._published or self.mode is Mode.MIRRORING:
+        holds = self.mode is Mode.HOLDING or self.settings.bridging == 'hold'
+        if not holds or not self._reference.exists or self.mode is Mode.MIRRORING:
             return False
-        lag, _ = self.faults.lag(q, self._controller.reference)
-        return abs(clock_step) < _CLOCK_STEP and lag <= self.input.settings.following_tolerance
+        return abs(clock_step) < _CLOCK_STEP and not self.faults.is_away(q)
 
     def note_sent(self, now: float) -> None:
         """The newest response is on its way at this time [s]."""
@@ -315,69 +296,26 @@ class CommandLoop:
     def _enter(
         self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, now: float, time_of_day: int
     ) -> Response | None:
-        self.input.note_input(now)
-        if not self._cycles.newest:
-            return None  # no state has come that it could belong to
-        timeout = self.settings.command_timeout
-        stamp = self._cycles.robot_stamp(stamp, time_of_day, timeout)
-        if not self.input.check_age(stamp, self._cycles, self._state_arrived):
-            return None
-        if buffer is not self.input.buffer:
-            self._approach = None
-        of_a_state = self.input.put(buffer, stamp, dx, self._cycles)
+        kind = self.input.buffer
+        of_a_state = self.input.enter(buffer, stamp, dx, now, time_of_day)
+        if self.input.buffer is not kind:
+            self._reference.approach = None
         self._expecting = self._expecting or of_a_state
         return self.respond_if_due(now)
-
-    def enter_wrench(
-        self, stamp: int, wrench: np.ndarray, frame: str, time_of_day: int = 0
-    ) -> None:
-        """Take in a measured wrench.
-
-        Args:
-            stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
-            wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
-            frame: The link along whose axes and about whose origin they are; '' is the tip, 'base'
-                the base.
-            time_of_day: As of enter_twist().
-
-        Raises:
-            MeasurementAgeError: It is too old, or stamped too far ahead.
-            UnknownNameError: The arm has no such link.
-        """
-        self.measurements.check_age('wrench', stamp, self._cycles, time_of_day)
-        self.measurements.enter_wrench(wrench, frame)
-
-    def enter_measurement(
-        self, name: str, stamp: int, value: np.ndarray, time_of_day: int = 0
-    ) -> None:
-        """Take in what a preference uses.
-
-        Args:
-            name: As the preference calls it.
-            stamp: As of enter_wrench().
-            value: Finite.
-            time_of_day: As of enter_twist().
-
-        Raises:
-            MeasurementAgeError: It is too old, or stamped too far ahead.
-            ArrayError: It is not finite.
-        """
-        self.measurements.check_age(name, stamp, self._cycles, time_of_day)
-        self.measurements.enter(name, value)
 
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.
 
         Raises TareError while the arm moves or yields, or for a wrench that cannot be used.
         """
-        if self.q is None or self.mode in (Mode.MOVING, Mode.STOPPING):
+        if self._newest is None or self.mode in (Mode.MOVING, Mode.STOPPING):
             raise TareError(f'the arm is {self.mode.value}; expected one at rest: hold it first')
         if self.measurements.contact.is_on and not self._held:
             raise TareError(
                 'the arm yields to the force that a tare would change at once: hold it, or set '
                 'admittance.enabled to false first'
             )
-        self.measurements.tare(self.q)
+        self.measurements.tare(self._newest.q)
 
     def respond_if_due(self, now: float) -> Response | None:
         """The response to the state that waits, once it need not wait any longer."""
@@ -397,10 +335,11 @@ class CommandLoop:
 
     def _same_again(self, q: np.ndarray, now: float) -> Response | None:
         """A robot that waits for its command asks again, and gets the same one."""
-        if self.q is None:  # activated while the robot waits
-            self.q = self._controller.nearest_turn(q)
-            self._waiting = _State(self._cycles.newest, self._cycles.number, self.q, now)
-        elif not np.array_equal(q, self.q):
+        if self._newest is None:  # activated while the robot waits
+            q = self._controller.nearest_turn(q)
+            self._newest = _State(self._cycles.newest, self._cycles.number, q, now)
+            self._waiting = self._newest
+        elif not np.array_equal(q, self._newest.q):
             raise ClockError(
                 'stamped as the last one, but with other positions; expected a later stamp'
             )
@@ -408,14 +347,15 @@ class CommandLoop:
 
     def _must_wait(self, state: _State, now: float) -> bool:
         """Whether a task velocity that is not there may yet come in time."""
-        if self.input.settings.lockstep:
+        if self.settings.lockstep:
             return True
-        patience = self.input.settings.twist_patience
+        patience = self.settings.twist_patience
         return self._expecting and not self._held and now - state.arrived < patience
 
     # --- a tick -----------------------------------------------------------------------------------
 
     def _respond(self, state: _State, now: float) -> Response | None:
+        """What was missed, what is asked for, the mode that follows, and its command."""
         missed = self._bridge(state)
         self._blocked = bool(not self._active or self._held or self._cycles.rate_error)
         commandable = self._session.commanding_at(state.stamp)
@@ -427,10 +367,11 @@ class CommandLoop:
         if self.mode is Mode.INACTIVE:
             return None
         if stale and (self.mode is Mode.HOLDING or self._yields):
-            self.input.clear()
+            self.input.buffer.clear()
             dx = np.zeros(len(dx))
         command = self._command(state, dx, missed)
-        follows = commandable and self._approach is None and self._is_motion_allowed(stale)
+        follows = commandable and self._reference.approach is None
+        follows = follows and self._is_motion_allowed(stale)
         if not follows or command.s >= _LITTLE:
             self._slow_since = 0
         elif not self._slow_since:
@@ -439,40 +380,35 @@ class CommandLoop:
 
     def _bridge(self, state: _State) -> int:
         """The cycles without a command that count; after a long silence the arm is at rest."""
-        controller = self._controller
         self.silence = ''
         missed = max(state.cycle - self._response_cycle - 1, 0) if self._response_cycle else 0
         self.skipped += missed
         moves = self.mode in (Mode.MOVING, Mode.STOPPING)
-        holds = self.input.settings.bridging == 'hold'
-        if holds and moves:
+        if moves:
             self._missed.rollback_if_late(min(state.arrived, self._cycles.earliest_arrival))
-        allowed = self.input.settings.restart_after
+        allowed = self.settings.restart_after
         if missed <= allowed:
-            if not holds:
-                self._missed.count(missed, state.cycle)
+            self._missed.count(missed, state.cycle)
             return missed
-        if not self._published:
+        last = self.newest_response
+        if last is None or not self._reference.exists:
             return missed
-        if (
-            not holds
-            and self.newest_response
-            and self._missed.explain(state.q - self.newest_response.q, missed)
-        ):
+        if self._missed.explain(state.q - last.q, missed):
             return missed
         if moves:
+            holds = self._controller.bridging == 'hold'
             place = 'the last reference' if holds else 'the measured position'
             self.silence = (
                 f'no state came in {missed} cycles, allowed {allowed}: the arm goes on from '
                 f'{place}, at rest'
             )
-            self._stand_at(controller.reference if holds else state.q)
+            self._reference.place(self._controller.reference if holds else state.q)
             self.mode = Mode.HOLDING
         return 0
 
     def _measure(self, state: _State, missed: int) -> None:
         """See what is measured beside positions, unless something is against any motion."""
-        if self._blocked or self.faults.reason or self._approach is not None:
+        if self._blocked or self.faults.reason or self._reference.approach is not None:
             self.measurements.restart()
         try:
             self.measurements.update(state.q, missed, self.mode is not Mode.MOVING)
@@ -482,16 +418,15 @@ class CommandLoop:
 
     def _watch(self, state: _State, dx: np.ndarray, stale: bool, missed: int) -> None:
         """Notice faults, and that one is over."""
-        controller = self._controller
         asks = not stale and float(np.abs(dx).max()) > _NO_TASK
         asks = asks or (self._yields and self.measurements.asks)
-        self.faults.note_request(asks, stale, (missed + 1) * controller.T)
-        if isinstance(self._approach, Probe):
-            if self._approach.has_failed:
+        self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
+        approach = self._reference.approach
+        if isinstance(approach, Probe):
+            if approach.has_failed:
                 self.faults.set_not_executing()
         elif self.mode in (Mode.MOVING, Mode.STOPPING) and not self.faults.reason:
-            allowed = self.input.settings.following_tolerance
-            self.faults.watch(state.q, controller.reference, controller.dq, missed + 1, allowed)
+            self.faults.watch(state.q, missed + 1)
 
     def _is_motion_allowed(self, stale: bool) -> bool:
         """Whether motion is allowed; a fault does not count once its motion was given up."""
@@ -531,86 +466,43 @@ class CommandLoop:
             self._begin_mode(state)
 
     def _begin_mode(self, state: _State) -> None:
-        controller = self._controller
+        """What the mode of this state begins with."""
+        reference = self._reference
         self.faults.begin()
-        self._pose_hold.clear()
         if self.mode is Mode.MOVING:
-            if not self._published:
-                self._stand_at(state.q)
-            lag, _ = self.faults.lag(state.q, controller.reference)
-            if self.faults.is_probing:
-                self._approach = Probe(controller, state.q)
-            elif lag > self.input.settings.following_tolerance:
-                self._approach = Approach(controller, state.q)
-            controller.resume()
+            reference.begin_motion(state.q)
             return
-        self._end_approach()
+        reference.end_approach()
         if self.mode is not Mode.HOLDING:
             self.measurements.restart()
         if self.mode is Mode.INACTIVE:
-            self._published = False
+            reference.exists = False
         elif self.mode is Mode.STOPPING:
-            controller.hold()
+            self._controller.hold()
         elif self.mode is Mode.HOLDING:
-            self._stand_at(controller.reference if self._published else state.q)
+            reference.rest(state.q)
 
     def _command(self, state: _State, dx: np.ndarray, missed: int) -> Command:
         """The command of the mode in force."""
-        controller = self._controller
-        self.gate.reason = ''
-        if self.mode is Mode.MIRRORING or not self._published:
-            self._stand_at(state.q)
+        reference = self._reference
+        if self.mode is Mode.MIRRORING or not reference.exists:
+            reference.place(state.q)
         if self.mode in (Mode.MIRRORING, Mode.HOLDING):
-            return controller.standing()
-        published = controller.reference, controller.dq
-        correction = None
-        if self._approach is not None:
-            dx = self._approach.velocity(published[0])
-        elif not self.input.is_of_joints:
-            # what yields is not held
-            is_open_loop = self.input.is_open_loop and not self.measurements.yields
-            dx, correction = self._pose_hold.hold(controller, dx, published[0], is_open_loop)
-        is_of_task = self._approach is None and not self.input.is_of_joints
-        yields = is_of_task and self.mode is Mode.MOVING
-        scaling = self.input.settings.scaling
-        if scaling == AUTO:
-            scaling = 'components' if self.input.is_open_loop else 'task'
-        controller.set_scaling(scaling)
+            return reference.standing()
         try:
-            velocity = self.measurements.velocity(dx, state.q, missed) if yields else dx
-            command = controller.update(state.q, velocity, missed, correction)
+            return reference.moving(state.q, dx, missed, yields=self.mode is Mode.MOVING)
         except RedresError as error:
             self.faults.set(str(error))
-            self.mode = Mode.STOPPING
-            self.measurements.restart()
-            controller.correct(*published)
-            controller.hold()
-            command = controller.update(state.q, np.zeros(controller.m), missed=missed)
-        command = self.gate.admit(command)
-        if yields:
-            self.measurements.record(command)
-        if self._approach is not None and self._approach.is_over(command.q_ref, state.q):
-            self._end_approach()
-            self.faults.is_probing = False
-        return command
-
-    def _end_approach(self) -> None:
-        """Follow the input velocity again."""
-        if self._approach is not None:
-            self._approach = None
-            self._controller.follow_joints(self.input.is_of_joints)
-
-    def _stand_at(self, q: np.ndarray) -> None:
-        """Be at rest with the reference q (n,) [rad]."""
-        self._controller.place(q)
-        self._published = True
+        self.mode = Mode.STOPPING
+        self.measurements.restart()
+        return reference.braking(state.q, missed)
 
     def _begin_anew(self) -> None:
         """Reset the published references: the robot is another one, or was restarted."""
         self.faults.clear()
-        self.input.clear()
+        self.input.buffer.clear()
         self.faults.begin()
-        self._published = False
+        self._reference.exists = False
         self._controller.restart()
         self._response_cycle = 0
         if self.mode is not Mode.INACTIVE:

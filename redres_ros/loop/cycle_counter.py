@@ -54,12 +54,16 @@ class CycleCounter:
 
     def __init__(self, period: int) -> None:
         self.period = period
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all states."""
         self.number = 0  # of the newest state's cycle; never goes back
         self.newest = 0  # stamp of the newest state [ns]; 0 before the first
+        self.arrived = 0.0  # when that came [s]
         self._late = 0.0  # [ns] by which the newest stamp is later than expected
         self._counted = 0  # states since the clock was set
         self._rate = 0.0  # [ns] by which a cycle of the stamps is longer than a period
-        self._arrived = 0.0  # when the newest state came [s]
         self._behind = 0  # stamp of a state that came out of order [ns]
         self._apart = 0  # stamp of a state that may be of a new clock [ns]
         self._least_delay = 0.0  # [s] from a stamp to the arrival, on two clocks
@@ -137,7 +141,7 @@ class CycleCounter:
         it came, if the robot's clock is slower than this computer's [s].
         """
         if self.newest - self._in_time > _SLOWER:
-            return self._arrived
+            return self.arrived
         return self.newest / NANOSECONDS + self._least_delay
 
     def cycle(self, stamp: int) -> int:
@@ -150,6 +154,19 @@ class CycleCounter:
     def age(self, stamp: int) -> float:
         """How far a stamp [ns] is behind the newest state, in whole cycles [s]."""
         return (self.number - self.cycle(stamp)) * self.period / NANOSECONDS
+
+    def age_problem(self, stamp: int, allowed: float) -> str:
+        """Why a stamp is too far from the robot's clock; '' if it is not.
+
+        Args:
+            stamp: On the robot's clock [ns].
+            allowed: How far it may be [s].
+        """
+        age = self.age(stamp)
+        if abs(age) <= allowed:
+            return ''
+        side = 'behind' if age > 0.0 else 'ahead of'
+        return f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {allowed:g}"
 
     def robot_stamp(self, stamp: int, time_of_day: int, tolerance: float) -> int:
         """A stamp by the robot's clock [ns]; 0, for now, in place of one by another clock.
@@ -195,7 +212,7 @@ class CycleCounter:
         A single state with such a stamp, as from a recording that is played, is none.
         """
         since = stamp - self._apart
-        if arrived - self._arrived > _SILENCE or 0 <= since < 2 * self.period:
+        if arrived - self.arrived > _SILENCE or 0 <= since < 2 * self.period:
             return self._begin(stamp, arrived, 0)
         self._apart = stamp
         apart = (stamp - self.newest) / NANOSECONDS
@@ -229,7 +246,7 @@ class CycleCounter:
         self.number += cycles
         self._counted += 1
         self.newest = stamp
-        self._arrived = arrived
+        self.arrived = arrived
         self._behind = 0
         self._apart = 0
         self._numbers[stamp] = self.number

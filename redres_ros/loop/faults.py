@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
+from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.robot_model import RobotModel
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
@@ -33,23 +33,24 @@ class FaultMonitor:
     """Notices faults. The first one stays until a new motion is commanded, or it is cleared.
 
     Args:
-        model: The arm.
-        T: The robot's cycle [s].
+        controller: Knows the arm and its reference.
+        allowed: Distance of a joint from its reference [rad].
     """
 
-    def __init__(self, model: RobotModel, T: float) -> None:
+    def __init__(self, controller: Controller, allowed: float) -> None:
         self.reason = ''  # of the fault
         self.executes = True  # False for an arm that does not move at all
         self.released = False  # the motion that was stopped is no longer commanded
         self.is_probing = False  # motion begins with a probe of whether the arm moves
         self._until_probe = 0.0  # [s]
-        self._model = model
-        self._T = T
+        self._controller = controller
+        self._model = controller.model
+        self._allowed = allowed
         self._leaps = 0.0
         self._pause = 0.0  # [s] for which no motion was asked for
         self._settling = 0.0  # [s] for which the arm has moved without a task
-        self._fast = np.zeros(model.n)  # recent speed of the reference, (n,) [rad/s]
-        self._references: deque[np.ndarray] = deque(maxlen=max(round(_DELAY / T), 1))
+        delay = max(round(_DELAY / controller.T), 1)  # cycles
+        self._references: deque[np.ndarray] = deque(maxlen=delay)
         self.begin()
 
     def begin(self) -> None:
@@ -60,7 +61,7 @@ class FaultMonitor:
         self._upper = -self._lower
         self._elapsed = 0.0  # [s] of these
         self._settling = 0.0
-        self._fast = np.zeros(self._model.n)
+        self._fast = np.zeros(self._model.n)  # recent speed of the reference, (n,) [rad/s]
 
     def set(self, reason: str) -> None:
         """There is a fault; of several the first one counts."""
@@ -103,7 +104,7 @@ class FaultMonitor:
         self._pause = 0.0 if asks else self._pause + seconds
         self._settling = 0.0 if asks else self._settling + seconds
 
-    def check_leap(self, q: np.ndarray, before: np.ndarray, seconds: float, allowed: float) -> None:
+    def check_leap(self, q: np.ndarray, before: np.ndarray, seconds: float) -> None:
         """Refuse a state in which a joint has moved further than it can.
 
         An encoder that fails for a moment is passed over. Several such states are a fault: they may
@@ -113,61 +114,60 @@ class FaultMonitor:
             q: Measured, (n,) [rad].
             before: The same, of the last state that was believed.
             seconds: Between these.
-            allowed: Distance beyond what the joints' speed explains [rad].
 
         Raises:
             LeapError: It is refused.
         """
         leap = float((np.abs(q - before) - seconds * self._model.dq_max).max())
-        if leap <= allowed:
+        if leap <= self._allowed:
             self._leaps = max(self._leaps - _LEAP_DECAY, 0.0)
             return
         self._leaps += 1.0
-        what = f'a joint has moved {leap:.3g} rad further than it can; allowed: {allowed:g}'
+        what = f'a joint has moved {leap:.3g} rad further than it can; allowed: {self._allowed:g}'
         if self._leaps < _LEAPS:
             raise LeapError(f'{what} (parameter following_tolerance)')
         self.set(f'{what}; does another robot publish joint_states, too?')
 
-    def lag(self, q: np.ndarray, q_ref: np.ndarray) -> tuple[float, int]:
+    def lag(self, q: np.ndarray) -> tuple[float, int]:
         """How far the joint furthest behind is from its reference [rad], and which one it is.
 
         What a servo may be behind a moving reference does not count.
 
         Args:
             q: Measured, (n,) [rad].
-            q_ref: Published last, (n,) [rad].
         """
-        behind = np.abs(q_ref - q) - _LAG_TIME * self._fast
+        behind = np.abs(self._controller.reference - q) - _LAG_TIME * self._fast
         joint = int(behind.argmax())
         return float(behind[joint]), joint
 
-    def watch(
-        self, q: np.ndarray, q_ref: np.ndarray, dq: np.ndarray, cycles: int, allowed: float
-    ) -> None:
+    def is_away(self, q: np.ndarray) -> bool:
+        """Whether an arm measured at q (n,) [rad] is not where its reference is."""
+        return self.lag(q)[0] > self._allowed
+
+    def watch(self, q: np.ndarray, cycles: int) -> None:
         """Compare what was measured of a moving arm with what was commanded.
 
         Args:
             q: Measured, (n,) [rad].
-            q_ref: Published last, (n,) [rad].
-            dq: Velocity of that, (n,) [rad/s].
             cycles: Since the state before.
-            allowed: Distance of a joint from its reference [rad].
         """
-        moves = self._moves(q, q_ref, dq, cycles * self._T)
-        lag, joint = self.lag(q, q_ref)
-        if lag > allowed:
+        speed = np.abs(self._controller.dq)
+        moves = self._moves(q, speed, cycles * self._controller.T)
+        lag, joint = self.lag(q)
+        if lag > self._allowed:
             self.set(
                 f'the arm does not follow: {self._model.joint_names[joint]} is {lag:.3g} rad from '
-                f'its reference, allowed {allowed:g}'
+                f'its reference, allowed {self._allowed:g}'
             )
         if not moves:
             self.set_not_executing()
-        if self._settling > _SETTLING_TIME and float(np.abs(dq).max()) > _SETTLED:
+        if self._settling > _SETTLING_TIME and float(speed.max()) > _SETTLED:
             self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
 
-    def _moves(self, q: np.ndarray, q_ref: np.ndarray, dq: np.ndarray, seconds: float) -> bool:
+    def _moves(self, q: np.ndarray, speed: np.ndarray, seconds: float) -> bool:
         """Whether any joint moves, as far as they are commanded to, and were shortly before."""
-        self._fast = np.maximum(np.abs(dq), self._fast * max(1.0 - seconds / _DECAY_TIME, 0.0))
+        q_ref = self._controller.reference
+        self._fast = np.maximum(speed, self._fast * max(1.0 - seconds / _DECAY_TIME, 0.0))
         delayed = self._references[0] if self._references else q_ref
         self._references.append(q_ref)
         self._elapsed += seconds

@@ -33,7 +33,7 @@ class Gate:
         controller = self._controller
         model = controller.model
         p, v = controller.before
-        V, A = _allowed(controller)
+        V, A = self._allowed()
         q_ref = np.empty(model.n)
         dq = np.empty(model.n)
         joint = admit(command.q_ref, p, v, controller.T, V, A, model.q_min, model.q_max, q_ref, dq)
@@ -41,40 +41,39 @@ class Gate:
         if joint < 0:
             return command
         self.count += 1
-        self.reason = _reason(controller, joint, float(command.q_ref[joint]))
+        self.reason = self._reason(joint, float(command.q_ref[joint]))
         controller.correct(q_ref, dq)
         return command._replace(q_ref=q_ref.copy(), dq=dq.copy())
 
+    def _allowed(self) -> tuple[np.ndarray, np.ndarray]:
+        """V (n,) [rad/s] and A (n,) [rad/s^2]; infinite for a controller without limits."""
+        model = self._controller.model
+        limits = self._controller.policy.limits
+        unlimited = (np.inf,) * model.n
+        if limits is None:
+            return np.array(unlimited), np.array(unlimited)
+        if limits.acceleration is not None:
+            return model.dq_max, limits.acceleration
+        return model.dq_max, np.array(model.arm.acceleration_limit or unlimited)
 
-def _allowed(controller: Controller) -> tuple[np.ndarray, np.ndarray]:
-    """V (n,) [rad/s] and A (n,) [rad/s^2]; infinite for a controller without limits."""
-    model = controller.model
-    limits = controller.policy.limits
-    if limits is None:
-        unlimited = np.full(model.n, np.inf)
-        return unlimited, unlimited
-    if limits.acceleration is not None:
-        return model.dq_max, limits.acceleration
-    return model.dq_max, np.array(model.arm.acceleration_limit or (np.inf,) * model.n)
-
-
-def _reason(controller: Controller, joint: int, value: float) -> str:
-    """The violation of a joint's reference [rad], as text."""
-    model = controller.model
-    p, v = controller.before
-    V, A = _allowed(controller)
-    name = model.joint_names[joint]
-    if not np.isfinite(value):
-        return f'{name}: the reference is {value}; expected a finite one'
-    if not model.q_min[joint] <= value <= model.q_max[joint]:
-        return (
-            f'{name}: the reference {value:.4g} rad is outside the range '
-            f'{model.q_min[joint]:.4g} to {model.q_max[joint]:.4g}'
-        )
-    dq = (value - float(p[joint])) / controller.T
-    if abs(dq) > V[joint]:
-        return f'{name}: {abs(dq):.4g} rad/s; allowed: {V[joint]:.4g}'
-    ddq = abs(dq - float(v[joint])) / controller.T
-    if ddq > A[joint]:
-        return f'{name}: {ddq:.4g} rad/s^2; allowed: {A[joint]:.4g}'
-    return f'{name}: {abs(dq):.4g} rad/s is too fast to stop at the end of its range'
+    def _reason(self, joint: int, value: float) -> str:
+        """The violation of a joint's reference [rad], as text."""
+        controller = self._controller
+        model = controller.model
+        p, v = controller.before
+        V, A = self._allowed()
+        name = model.joint_names[joint]
+        if not np.isfinite(value):
+            return f'{name}: the reference is {value}; expected a finite one'
+        if not model.q_min[joint] <= value <= model.q_max[joint]:
+            return (
+                f'{name}: the reference {value:.4g} rad is outside the range '
+                f'{model.q_min[joint]:.4g} to {model.q_max[joint]:.4g}'
+            )
+        dq = (value - float(p[joint])) / controller.T
+        if abs(dq) > V[joint]:
+            return f'{name}: {abs(dq):.4g} rad/s; allowed: {V[joint]:.4g}'
+        ddq = abs(dq - float(v[joint])) / controller.T
+        if ddq > A[joint]:
+            return f'{name}: {ddq:.4g} rad/s^2; allowed: {A[joint]:.4g}'
+        return f'{name}: {abs(dq):.4g} rad/s is too fast to stop at the end of its range'

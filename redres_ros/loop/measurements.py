@@ -34,13 +34,17 @@ class Measurements:
     Args:
         controller: Gets the measurements for its preferences.
         contact: Gets the wrenches.
+        cycles: The robot's clock.
     """
 
-    def __init__(self, controller: Controller, contact: ContactControl) -> None:
+    def __init__(
+        self, controller: Controller, contact: ContactControl, cycles: CycleCounter
+    ) -> None:
         self.contact = contact
         self.asks = False  # for motion, now or shortly before
         self.yields = False  # contact may change the task velocity
         self._controller = controller
+        self._cycles = cycles
         self._values: dict[str, _Measurement] = {}
         self._links = {'': '', BASE: controller.model.base_frame}  # by the name of a frame
         self._time = 0.0  # [s] of the loop
@@ -55,59 +59,61 @@ class Measurements:
             return self.contact.warning
         return self.contact.sensor.problem
 
-    def check_age(self, what: str, stamp: int, cycles: CycleCounter, time_of_day: int) -> None:
-        """Raise MeasurementAgeError for a stamp too far from the robot's clock.
-
-        Args:
-            what: The name of the measurement.
-            stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
-            cycles: The robot's clock.
-            time_of_day: At the arrival, by this computer's clock [ns]; 0: not known.
-        """
-        timeout = self.contact.settings.wrench_timeout
-        if not cycles.newest or not cycles.robot_stamp(stamp, time_of_day, timeout):
-            return
-        age = cycles.age(stamp)
-        if abs(age) > timeout:
-            side = 'behind' if age > 0.0 else 'ahead of'
-            raise MeasurementAgeError(
-                f"{what}: stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
-                '(admittance.wrench_timeout; a zero stamp means now)'
-            )
-
     def tare(self, q: np.ndarray) -> None:
         """Take the measured wrench for the sensor's bias, at q (n,) [rad]. Raises TareError."""
         self.contact.sensor.tare(self._state(q))
 
-    def enter_wrench(self, wrench: np.ndarray, frame: str) -> None:
+    def enter_wrench(
+        self, stamp: int, wrench: np.ndarray, frame: str, time_of_day: int = 0
+    ) -> None:
         """Take in a measured wrench.
 
         Args:
-            wrench: As of ForceSensor.enter().
-            frame: The link; '' is the tip, 'base' the base.
+            stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
+            wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
+            frame: The link along whose axes and about whose origin they are; '' is the tip, 'base'
+                the base.
+            time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
 
         Raises:
+            MeasurementAgeError: It is too old, or stamped too far ahead.
             UnknownNameError: The arm has no such link.
         """
+        self._check_age('wrench', stamp, time_of_day)
         if frame not in self._links:
             model = self._controller.model
             model.position(np.zeros(model.n), frame)
             self._links[frame] = '' if frame == model.arm.tip_frame else frame
         self.contact.sensor.enter(wrench, self._links[frame])
 
-    def enter(self, name: str, value: np.ndarray) -> None:
+    def enter(self, name: str, stamp: int, value: np.ndarray, time_of_day: int = 0) -> None:
         """Take in a measurement that a preference uses.
 
         Args:
             name: As the preference calls it.
+            stamp: As of enter_wrench().
             value: Any finite vector.
+            time_of_day: As of enter_wrench().
 
         Raises:
+            MeasurementAgeError: It is too old, or stamped too far ahead.
             ArrayError: It is not finite.
         """
+        self._check_age(name, stamp, time_of_day)
         if not np.isfinite(value).all():
             raise ArrayError(f'{name} is {value.tolist()}; every value must be finite')
         self._values[name] = _Measurement(value, self._time)
+
+    def _check_age(self, name: str, stamp: int, time_of_day: int) -> None:
+        """Raise MeasurementAgeError for a stamp too far from the robot's clock."""
+        cycles = self._cycles
+        allowed = self.contact.settings.wrench_timeout
+        if not cycles.newest or not cycles.robot_stamp(stamp, time_of_day, allowed):
+            return
+        if problem := cycles.age_problem(stamp, allowed):
+            raise MeasurementAgeError(
+                f'{name}: {problem} (admittance.wrench_timeout; a zero stamp means now)'
+            )
 
     def update(self, q: np.ndarray, missed: int, at_rest: bool) -> None:
         """Drop what is too old, and see whether the rest asks for motion; once a tick.
@@ -132,7 +138,7 @@ class Measurements:
         }
         state = self._state(q)
         asks = self.contact.asks(state, missed) if at_rest else self.contact.moves
-        asks = asks or any(p.asks(state) for p in self._controller.preferences)
+        asks = asks or any(p.asks(state) for p in self._controller.policy.preferences)
         if asks:
             self._asked = self._time
         self.asks = self._time - self._asked <= _PAUSE

@@ -27,13 +27,16 @@ class MissedCycles:
         self._gap_cycle = 0  # when that was
 
     def count(self, missed: int, cycle: int) -> None:
-        """Have joints stop in time also if the next states get lost as the last ones did.
+        """Have joints stop in time also if the next states get lost as the last ones did, unless
+        the robot holds meanwhile.
 
         Args:
             missed: Cycles without a command before this one.
             cycle: The present one.
         """
         controller = self._controller
+        if controller.bridging == 'hold':
+            return
         if missed + 1 >= self._gap:
             self._gap = missed + 1
             self._gap_cycle = cycle
@@ -49,6 +52,8 @@ class MissedCycles:
             moved: Since the last response, (n,) [rad]; a servo's lag is in both positions.
             missed: Cycles without a command.
         """
+        if self._controller.bridging == 'hold':
+            return False
         p, _ = self._controller.bridged(missed)
         expected = p - self._controller.reference
         return float(np.abs(moved - expected).max()) <= 0.5 * float(np.abs(expected).max())
@@ -60,5 +65,6 @@ class MissedCycles:
         Args:
             published: When the robot published the state after that one [s].
         """
-        if published - self.sent < self._together:
-            self._controller.rollback()
+        holds = self._controller.bridging == 'hold'
+        if holds and published - self.sent < self._together:
+            self._controller.correct(*self._controller.before)

@@ -25,14 +25,15 @@ class PoseHold:
     """Adds to a twist what holds the component that it does not ask for.
 
     Args:
-        T: Sampling time [s].
+        controller: Knows the task and the last reference.
         settings: The accelerations with which that comes and goes.
     """
 
-    def __init__(self, T: float, settings: TwistBufferSettings) -> None:
+    def __init__(self, controller: Controller, settings: TwistBufferSettings) -> None:
+        self._controller = controller
         self._steps = {
-            'translation': settings.max_linear_acceleration * T,
-            'rotation': settings.max_angular_acceleration * T,
+            'translation': settings.max_linear_acceleration * controller.T,
+            'rotation': settings.max_angular_acceleration * controller.T,
         }
         self.clear()
 
@@ -41,22 +42,19 @@ class PoseHold:
         self._targets: dict[str, Pose] = {}  # by component
         self._added = np.zeros(6)
 
-    def hold(
-        self, controller: Controller, dx: np.ndarray, q_ref: np.ndarray, is_open_loop: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
+    def hold(self, dx: np.ndarray, is_open_loop: bool) -> tuple[np.ndarray, np.ndarray | None]:
         """The twist (6,), and the part of it that only holds; that is None if nothing is held.
 
         Args:
-            controller: Knows the task.
             dx: The velocity of the task, (m,) [m/s] and [rad/s].
-            q_ref: The last reference, (n,) [rad].
             is_open_loop: Whether dx is an operator's.
         """
-        task = controller.policy.task
+        task = self._controller.policy.task
         if not isinstance(task, Pose) or not (is_open_loop or self._added.any()):
             self.clear()
             return dx, None
-        state = RobotState(controller.model, q_ref, np.zeros(len(q_ref)))
+        q_ref = self._controller.reference
+        state = RobotState(self._controller.model, q_ref, np.zeros(len(q_ref)))
         correction = np.zeros(6)
         for component, rows in _COMPONENTS.items():
             velocity = np.zeros(3)

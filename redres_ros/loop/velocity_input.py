@@ -30,12 +30,17 @@ class VelocityInput:
 
     Args:
         controller: Goes over to the kind that is in use.
+        cycles: The robot's clock.
         settings: Ages and speeds that are allowed; they can be replaced at any time.
         twists: How velocities are buffered; in lock-step without lag.
     """
 
     def __init__(
-        self, controller: Controller, settings: LoopSettings, twists: TwistBufferSettings
+        self,
+        controller: Controller,
+        cycles: CycleCounter,
+        settings: LoopSettings,
+        twists: TwistBufferSettings,
     ) -> None:
         if settings.lockstep:
             twists = replace(twists, twist_lag=0)
@@ -49,14 +54,11 @@ class VelocityInput:
         # The newest one is of the task and was not computed from a state: teleoperation.
         self.is_open_loop = False
         self._controller = controller
+        self._cycles = cycles
         self._cycle = 0  # in which the newest velocity came
         self._time = math.inf  # when that was [s]; infinite if its stamp is that of a state
         self._last_input = 0.0  # when any input came last [s]
         self._woke = -math.inf  # when input came again after a gap [s]
-
-    def clear(self) -> None:
-        """Clear all velocities: the next one is approached from rest."""
-        self.buffer.clear()
 
     def note_input(self, now: float) -> None:
         """Note the monotonic time [s] of any input; after a gap of all input the process
@@ -91,7 +93,9 @@ class VelocityInput:
                 f'allowed: {model.dq_max[joint]:.6g}'
             )
 
-    def put(self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, cycles: CycleCounter) -> bool:
+    def enter(
+        self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, now: float, time_of_day: int
+    ) -> bool:
         """Take in a velocity; whether it is of the very state that its stamp names.
 
         Args:
@@ -99,8 +103,19 @@ class VelocityInput:
             stamp: Of the state that it belongs to, or another time on the robot's clock [ns]; 0 for
                 now.
             dx: A velocity that was checked.
-            cycles: The robot's clock.
+            now: Its arrival [s].
+            time_of_day: The same by the computer's clock [ns]; 0: not known.
+
+        Raises:
+            TwistAgeError: It is too old, or stamped too far ahead.
         """
+        cycles = self._cycles
+        self.note_input(now)
+        if not cycles.newest:
+            return False  # no state has come that it could belong to
+        stamp = cycles.robot_stamp(stamp, time_of_day, self.settings.command_timeout)
+        if not self._is_of_this_robot(stamp):
+            return False
         if buffer is not self.buffer:
             buffer.clear()
             self.buffer = buffer
@@ -108,19 +123,17 @@ class VelocityInput:
             self._controller.follow_joints(self.is_of_joints)
         of_a_state = stamp > 0 and cycles.is_of_a_state(stamp)
         self._cycle = cycles.number
-        self._time = math.inf if of_a_state else self._last_input
+        self._time = math.inf if of_a_state else now
         self.is_open_loop = not (self.is_of_joints or of_a_state)
         buffer.put(cycles.cycle(stamp) if stamp else cycles.number, dx)
         return of_a_state
 
-    def check_age(self, stamp: int, cycles: CycleCounter, state_arrived: float) -> bool:
+    def _is_of_this_robot(self, stamp: int) -> bool:
         """Whether a velocity can be judged by the robot's clock: after a silence another robot may
         have begun, and its planner was the first to know.
 
         Args:
             stamp: Of the velocity [ns]; 0 for now.
-            cycles: The robot's clock.
-            state_arrived: When the newest state came [s].
 
         Raises:
             TwistAgeError: It is too old or stamped too far ahead while states come.
@@ -132,16 +145,15 @@ class VelocityInput:
                     'been sent long before'
                 )
             return True
-        age = cycles.age(stamp)
         timeout = self.settings.command_timeout
-        if abs(age) <= timeout:
+        problem = self._cycles.age_problem(stamp, timeout)
+        if not problem:
             return True
-        if self._last_input - state_arrived > timeout:
+        if self._last_input - self._cycles.arrived > timeout:
             return False
-        side = 'behind' if age > 0.0 else 'ahead of'
         raise TwistAgeError(
-            f"stamped {abs(age):.3g} s {side} the robot's clock; allowed: {timeout:g} "
-            '(parameter command_timeout); stamp it as the newest joint_states, or 0 for now'
+            f'{problem} (parameter command_timeout); stamp it as the newest joint_states, or 0 for '
+            'now'
         )
 
     def is_stale(self, cycle: int, now: float) -> bool:

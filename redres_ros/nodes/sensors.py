@@ -129,7 +129,7 @@ class Sensors:
             if isinstance(message, bytes):
                 message = deserialised(message, JointState)
             efforts = self._joints.in_order(message.name, message.effort, 'efforts')
-            self._loop.enter_measurement(_TORQUES, 0, response.command.tau - efforts)
+            self._loop.measurements.enter(_TORQUES, 0, response.command.tau - efforts)
 
     def _subscribe(self, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
         if topic not in self._subscribed:
@@ -142,18 +142,20 @@ class Sensors:
         wrench = np.array((force.x, force.y, force.z, torque.x, torque.y, torque.z))
         with self._judged('wrench'):
             stamp = to_nanoseconds(message.header.stamp)
-            self._loop.enter_wrench(stamp, wrench, message.header.frame_id, time.time_ns())
+            self._loop.measurements.enter_wrench(
+                stamp, wrench, message.header.frame_id, time.time_ns()
+            )
 
     def _on_torques(self, message: JointState) -> None:
         with self._judged(_TORQUES):
             torques = self._joints.in_order(message.name, message.effort, 'efforts')
             stamp = to_nanoseconds(message.header.stamp)
-            self._loop.enter_measurement(_TORQUES, stamp, torques, time.time_ns())
+            self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
         """Take in what a preference uses, of any length, under the name that it has for it."""
         with self._judged(name):
-            self._loop.enter_measurement(name, 0, np.array(message.data))
+            self._loop.measurements.enter(name, 0, np.array(message.data))
 
     @contextmanager
     def _judged(self, name: str) -> Iterator[None]:
