@@ -42,10 +42,11 @@ from redres_ros.nodes.controller_telemetry import (
 from redres_ros.nodes.topics import SESSION, TASK_STATE
 from redres_ros.planning.task_executor import TaskState
 from redres_ros.robots import ARMS
+from redres_ros.robots.kinematics import BASE
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.view import origin_check, panel
-from redres_ros.view.arm_shapes import FIXED, shapes_of
+from redres_ros.view.arm_shapes import shapes_of
 from redres_ros.view.controls import Bindings
 from redres_ros.view.panel import Plots, RingBuffer
 from redres_ros.view.saved import write_page
@@ -165,7 +166,7 @@ def test_every_shape_of_an_arm_stands_where_its_link_is(name: str) -> None:
     shapes = shapes_of(model.arm)
     assert {shape.joint for shape in shapes} >= set(range(model.n - 1))
     for shape in shapes:
-        if shape.joint != FIXED:
+        if shape.joint != BASE:
             position, R = model.pose(q, kinematics.joints[shape.joint].link)
             place = position + R @ shape.pose[:3, 3]
             assert np.linalg.norm(place) < 2.0 * model.reach

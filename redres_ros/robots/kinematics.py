@@ -95,6 +95,12 @@ class Kinematics:
         return indices[::-1]
 
     @property
+    def links(self) -> dict[str, tuple[int, np.ndarray]]:
+        """Of each link the joint that moves it, or BASE, and its pose in that frame, (4, 4)."""
+        links = [frame for frame in self._model.frames if frame.type == pin.BODY]
+        return {link.name: (link.parentJoint - 1, link.placement.homogeneous) for link in links}
+
+    @property
     def offsets(self) -> np.ndarray:
         """From each joint that leads to the tip to the next, the last to the tip, (k, 3) [m]."""
         to_the_next = [self.joints[index].before[:3, 3] for index in self.leading[1:]]

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from redres_ros.robots import Arm
 from redres_ros.robots.urdf import Urdf
-
-FIXED = -1  # in place of a joint, for what no joint moves
 
 _GREY = (0.6, 0.62, 0.65)
 
@@ -18,8 +17,8 @@ class Shape:
     """A shape of a link.
 
     Args:
-        joint: The index of the moving joint that carries it; FIXED for none.
-        pose: In the frame of the link which that joint moves, or in the base's, (4, 4).
+        joint: Index of the moving joint that carries it, or BASE.
+        pose: In the frame that this joint moves, or in the base's, (4, 4).
         kind: 'cylinder', 'sphere' or 'box'.
         size: Of a cylinder radius and length, of a sphere its radius, of a box three edges [m].
         colour: Red, green and blue, 0 to 1.
@@ -37,7 +36,7 @@ def shapes_of(arm: Arm) -> list[Shape]:
     urdf = Urdf.read(arm.description())
     colours = _colours(urdf)
     shapes = []
-    for link, (joint, pose) in _carriers(urdf, arm).items():
+    for link, (joint, pose) in arm.kinematics().links.items():
         for visual in urdf.links[link].findall('visual'):
             at = pose @ urdf.placement(visual, f'link {link}')
             colour: tuple[float, ...] = _GREY
@@ -47,27 +46,6 @@ def shapes_of(arm: Arm) -> list[Shape]:
             for kind, size in _sizes(urdf, visual.find('geometry'), link):
                 shapes.append(Shape(joint, at, kind, size, colour))
     return shapes
-
-
-def _carriers(urdf: Urdf, arm: Arm) -> dict[str, tuple[int, np.ndarray]]:
-    """Each link's moving joint, and the link's pose (4, 4) in the frame that this joint moves."""
-    moving = {joint.link: index for index, joint in enumerate(arm.kinematics().joints)}
-    children = {joint.child for joint in urdf.joints}
-    carriers = {link: (FIXED, np.eye(4)) for link in urdf.links if link not in children}
-    waiting = list(carriers)
-    while waiting:
-        parent = waiting.pop()
-        carrier, pose = carriers[parent]
-        for joint in urdf.joints:
-            if joint.parent != parent:
-                continue
-            if joint.child in moving:
-                carriers[joint.child] = (moving[joint.child], np.eye(4))
-            else:
-                placement = urdf.placement(joint.element, f'joint {joint.name}')
-                carriers[joint.child] = (carrier, pose @ placement)
-            waiting.append(joint.child)
-    return carriers
 
 
 def _colours(urdf: Urdf) -> dict[str, tuple[float, ...]]:
@@ -81,10 +59,12 @@ def _colours(urdf: Urdf) -> dict[str, tuple[float, ...]]:
     return colours
 
 
-def _sizes(urdf: Urdf, geometry: object, link: str) -> Iterator[tuple[str, tuple[float, ...]]]:
+def _sizes(
+    urdf: Urdf, geometry: Element | None, link: str
+) -> Iterator[tuple[str, tuple[float, ...]]]:
     """Kind and size of what stands in a geometry element."""
     owner = f'a shape of link {link}'
-    for element in geometry if geometry is not None else ():  # type: ignore[attr-defined]
+    for element in geometry if geometry is not None else ():
         if element.tag == 'cylinder':
             radius = urdf.number(element, 'radius', '0', owner)
             yield 'cylinder', (radius, urdf.number(element, 'length', '0', owner))

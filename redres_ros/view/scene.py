@@ -11,7 +11,7 @@ from redres_ros.robot_model import RobotModel
 from redres_ros.robots.kinematics import BASE, MovingJoint
 from redres_ros.robots.urdf import motion_of
 from redres_ros.rotation import to_quaternion
-from redres_ros.view.arm_shapes import FIXED, Shape, shapes_of
+from redres_ros.view.arm_shapes import Shape, shapes_of
 
 _BLACK = (30, 30, 34)
 _BLUE = (31, 119, 180)
@@ -146,18 +146,18 @@ class ArmScene:
 
     def _add_shape(self, shape: Shape, number: int) -> None:
         parent = '/base'
-        if shape.joint != FIXED:
+        if shape.joint != BASE:
             parent = self._links[shape.joint].name
         mesh = _mesh(shape.kind, shape.size)
         drawn = self._scene.add_mesh_simple(
             f'{parent}/shape_{number}',
             mesh.vertices,
             mesh.faces,
-            color=_colour(shape.colour),
+            color=np.array(shape.colour),
             wxyz=_wxyz(shape.pose),
             position=shape.pose[:3, 3],
         )
-        if shape.joint != FIXED:
+        if shape.joint != BASE:
             self.meshes.append((self._kinematics.joints[shape.joint].link, drawn))
 
     def _add_tool(self) -> None:
@@ -194,11 +194,6 @@ def _mesh(kind: str, size: tuple[float, ...]) -> trimesh.Trimesh:
     if kind == 'sphere':
         return trimesh.creation.icosphere(_FINENESS, size[0])
     return trimesh.creation.box(size)
-
-
-def _colour(colour: tuple[float, ...]) -> tuple[int, int, int]:
-    red, green, blue = (round(255 * fraction) for fraction in colour)
-    return red, green, blue
 
 
 def _wxyz(pose: np.ndarray) -> np.ndarray:
