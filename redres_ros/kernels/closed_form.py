@@ -197,15 +197,14 @@ def are_regular(R: np.ndarray, first: int, size: float) -> bool:
         size: The singular values of the first task are judged against this, or against the largest
             one if that is larger.
     """
-    begin = 0 * first  # for a literal 0 numba would compile is_regular once more
-    end = first
-    while begin < len(R):
+    for begin in range(0, first + 1, first):  # 0 and first; numba compiles a literal 0 apart
+        if begin == len(R):
+            break
+        end = first if begin == 0 else len(R)
         if not is_regular(R, begin, end, size):
             return False
-        begin = end
-        end = len(R)
         square = 0.0  # of all elements: at least that of the largest singular value
-        for k in range(begin, end):
+        for k in range(end, len(R)):
             for j in range(k + 1):
                 square += R[k, j] * R[k, j]
         size = np.sqrt(square)
