@@ -40,6 +40,7 @@ def path(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.nightly
 def test_one_command_moves_the_arm_of_a_file(path: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     options = ['--robot', path.name, '--tip', 'tip', '--lockstep', '--period', '0.01', '--composed']

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from doubles import random_motion
+from nightly import by_day
 from reference_model import ReferenceModel
 
 from redres_ros import (
@@ -227,7 +228,8 @@ def test_the_start_is_away_from_singularities(name):
 
 POSITION_TASKS = [(name, arm.task) for name, arm in ARMS.items()]
 POSE_TASKS = [(name, arm.pose_task) for name, arm in ARMS.items() if arm.pose_task]
-EVERY_TASK = pytest.mark.parametrize(('name', 'task'), POSITION_TASKS + POSE_TASKS)
+TASKS = POSITION_TASKS + POSE_TASKS
+EVERY_TASK = pytest.mark.parametrize(('name', 'task'), TASKS)
 
 
 @EVERY_TASK
@@ -259,12 +261,14 @@ def motion(name: str, task: str, law: str) -> tuple[WaypointTask, Recording]:
     return points, run(controller, points)
 
 
-TWO_LAWS = pytest.mark.parametrize('law', ['minimum_velocity', 'minimum_acceleration'])
+TWO_LAWS = ('minimum_velocity', 'minimum_acceleration')
+MOTIONS = pytest.mark.parametrize(
+    ('name', 'task', 'law'), by_day(8, [(*each, law) for each in TASKS for law in TWO_LAWS])
+)
 
 
 @pytest.mark.slow
-@EVERY_TASK
-@TWO_LAWS
+@MOTIONS
 def test_a_default_task_is_finished_in_its_time(name, task, law):
     points, recording = motion(name, task, law)
     assert recording.finished, recording.ending
@@ -272,8 +276,7 @@ def test_a_default_task_is_finished_in_its_time(name, task, law):
 
 
 @pytest.mark.slow
-@EVERY_TASK
-@TWO_LAWS
+@MOTIONS
 def test_a_default_task_keeps_the_limits(name, task, law):
     if task == 'rectangle':
         pytest.skip('the paper lets its arm reach its limits')

@@ -175,6 +175,7 @@ def test_lists_are_combined_and_a_list_of_names_is_one_value():
         grid({'laws': ['minimum_velocity']})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', RANDOM_TASKS)
 def test_a_random_task_is_the_same_every_time_and_starts_at_its_first_point(kind):
     model = RobotModel.named('fr3')

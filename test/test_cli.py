@@ -183,31 +183,9 @@ def test_where_the_tip_is_at_the_start_is_printed(tmp_path, capsys):
     assert 'when the task starts, at [0.5, 0.0, 0.5]; allowed: 10 mm' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    'words', [('check', '--states', 'a b'), ('record', 'x.mcap', '--topics', 'joint_states,')]
-)
-def test_what_is_no_name_of_a_topic_is_refused(words, capsys):
-    with pytest.raises(SystemExit, match='2'):
-        main(list(words))
-    assert 'expected a topic, as joint_states' in capsys.readouterr().err
-
-
-def test_a_name_that_is_too_long_for_the_graph_is_refused(capsys):
-    with pytest.raises(SystemExit, match='2'):
-        main(['watch', '--namespace', 'x' * 121])
-    assert 'got 121 characters; expected at most 120' in capsys.readouterr().err
-
-
 def test_a_kind_of_tasks_without_their_number_is_refused(capsys):
     assert main(['compare', '--kind', 'long']) == 1
     assert 'expected --tasks N beside it' in capsys.readouterr().err
-
-
-def test_an_empty_value_is_blamed_on_its_own_option(capsys):
-    with pytest.raises(SystemExit, match='2'):
-        main(['simulate', '--law', ''])
-    said = 'redres simulate: argument --law: got nothing; expected a name'
-    assert capsys.readouterr().err.startswith(said)
 
 
 def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
@@ -255,36 +233,34 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
 
 
 @pytest.mark.parametrize(
-    'line',
+    ('line', 'words'),
     [
-        'dance',
-        'simulate --damp 1',
-        'simulate --damping much',
-        'simulate --delay 0.5',
-        'simulate --x',
-        'simulate --robot=',
-        'simulate --task=',
-        'compare --out=',
-        'demo --limits=',
-        'demo --period fast',
-        'watch --domain 1.5',
+        ('dance', 'dance'),
+        ('simulate --damp 1', '--damp'),
+        ('simulate --damping much', 'much'),
+        ('simulate --delay 0.5', '0.5'),
+        ('simulate --view page', 'unknown: --view page; see redres simulate --help'),
+        ('simulate --law=', 'argument --law: got nothing; expected a name'),
+        ('simulate --robot=', '--robot'),
+        ('simulate --task=', '--task'),
+        ('compare --out=', '--out'),
+        ('demo --limits=', '--limits'),
+        ('demo --period fast', 'fast'),
+        ('watch --domain 1.5', '1.5'),
+        (f'watch --namespace {"x" * 121}', 'got 121 characters; expected at most 120'),
+        ('check --states 1a', 'expected a topic, as joint_states'),
+        ('record x.mcap --topics joint_states,', 'expected a topic, as joint_states'),
     ],
 )
-def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, capsys):
+def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, words, capsys):
     with pytest.raises(SystemExit) as caught:
         main(line.split())
     assert caught.value.code == 2
     said = capsys.readouterr().err
     assert said.startswith('redres')
+    assert words in said
     assert said.endswith('--help\n')
     assert said.count('\n') == 1
-
-
-def test_an_option_of_another_command_is_refused_with_the_help_that_lists_the_right_ones(capsys):
-    with pytest.raises(SystemExit):
-        main(['simulate', '--view', 'page'])
-    expected = 'redres simulate: unknown: --view page; see redres simulate --help\n'
-    assert capsys.readouterr().err == expected
 
 
 @pytest.mark.slow
@@ -488,6 +464,14 @@ def test_a_robot_may_be_a_file(tmp_path, capsys):
         (('--switch', 'minimum_velocity@nan'), 'the time of --switch minimum_velocity@nan is nan'),
         (('--switch', 'minimum_velocity@-1'), 'the time of --switch minimum_velocity@-1 is -1.0'),
         (('--switch', 'minimum_velocity'), '--switch minimum_velocity; expected LAW@SECONDS'),
+        (('--switch', 'foo@1'), "unknown law 'foo'; allowed: "),
+        (('--law', 'foo'), "unknown law 'foo'; allowed: "),
+        (('--damping', '501'), 'damping is 501.0; allowed: 0 to 500'),
+        (('--period', '0'), '--period is 0.0; allowed: 0.0005'),
+        (('--period', 'nan'), '--period is nan; allowed: 0.0005'),
+        (('--task', 'foo'), "unknown task 'foo'; allowed: "),
+        (('--out', '/dev/null/here'), 'cannot make the directory /dev/null/here'),
+        (('--domain', '500'), 'ROS domain is 500; allowed: 0 to 232'),
     ],
 )
 def test_what_the_nodes_could_not_do_is_refused_before_they_start(
@@ -495,7 +479,9 @@ def test_what_the_nodes_could_not_do_is_refused_before_they_start(
 ):
     pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
     assert main(['demo', '--out', str(tmp_path), *options]) == 1
-    assert capsys.readouterr().err.startswith(f'redres demo: {message}')
+    said = capsys.readouterr().err
+    assert said.startswith(f'redres demo: {message}')
+    assert said.count('\n') == 1
 
 
 @pytest.mark.parametrize('robot', ['iiwa7', str(ARMS['iiwa7'].urdf)])

@@ -128,7 +128,7 @@ def ask(kernels: Path, **environment: str) -> tuple[str, str]:
     return done.stdout.strip(), done.stderr.strip()
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_change_of_what_a_kernel_calls_compiles_it_anew_and_nothing_else_does(kernels):
     result, logged = ask(kernels)
     assert result == '12.0 1'

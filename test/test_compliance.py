@@ -10,10 +10,11 @@ from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 from redres_ros.paper.contact.scenes import PUSH, elbow_direction, elbow_pushed
 
+pytestmark = pytest.mark.slow
+
 T = 0.002  # [s]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     'arm',
     ['fr3', *(pytest.param(arm, marks=pytest.mark.nightly) for arm in ('iiwa7', 'lwr4', 'gen3'))],
@@ -96,7 +97,6 @@ class TorqueLoop:
         return np.array(references)
 
 
-@pytest.mark.slow
 def test_an_arm_at_rest_yields_to_torques_comes_back_and_holds() -> None:
     arm = TorqueLoop()
     start = arm.q
@@ -127,7 +127,6 @@ def test_torques_of_another_length_stop_the_arm_and_every_state_gets_a_command()
     assert arm.loop.gate.count == 0
 
 
-@pytest.mark.slow
 def test_torques_that_are_no_longer_measured_move_nothing() -> None:
     arm = TorqueLoop()
     arm.run(0.1, np.full(7, 5.0))

@@ -65,6 +65,7 @@ class Problem:
         return np.array(ratios)
 
 
+@pytest.mark.slow
 def test_no_exact_direction_would_execute_more_of_every_component():
     """Above the largest common factor s, by linear programming."""
     more = 0
@@ -119,6 +120,7 @@ def pyramids(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return np.array(rows), np.concatenate(across)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('held', [None, 0, 1])
 def test_no_other_velocity_within_the_cones_goes_further_along(held):
     """At the least of a convex function its gradient's linear programme has its optimum.

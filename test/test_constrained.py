@@ -209,6 +209,7 @@ def off_zero(seed: int) -> Problem:
     return problem
 
 
+@pytest.mark.slow
 def test_where_no_share_will_do_the_error_is_least_and_then_the_share_largest():
     relaxed = 0
     for seed in range(MANY):
@@ -305,6 +306,7 @@ def test_rows_have_the_least_excess_that_the_box_allows():
     assert exceeded > MANY / 10
 
 
+@pytest.mark.slow
 def test_beside_rows_that_can_be_kept_the_share_is_the_largest():
     kept = 0
     for seed in range(MANY):

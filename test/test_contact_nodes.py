@@ -17,6 +17,8 @@ from redres_ros import RobotModel
 from redres_ros.loop.modes import Mode
 from redres_ros.nodes.conversions import to_twist
 
+pytestmark = pytest.mark.slow
+
 MODEL = RobotModel.named('fr3')
 X0, R0 = MODEL.tip(np.array(MODEL.arm.start))
 FORCE = 20.0  # [N]
@@ -60,7 +62,6 @@ def force(run: VirtualRun, seconds: float) -> np.ndarray:
     return np.linalg.norm([(each.x, each.y, each.z) for each in wrenches], axis=1)
 
 
-@pytest.mark.slow
 def test_pressing_and_sliding_at_500_Hz_keeps_the_force() -> None:
     with table_below(500.0) as run:
         assert run.set('controller', **ON)
@@ -150,7 +151,6 @@ def thousandfold(message: Any, now: float) -> list[tuple[float, Any]]:
 NIGHTLY = pytest.mark.nightly
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ('fault', 'words'),
     [

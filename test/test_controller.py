@@ -8,6 +8,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 from doubles import FloatingArm
+from nightly import by_day
 
 from redres_ros import (
     LAWS,
@@ -27,7 +28,7 @@ T = 0.002  # [s]
 SWITCH_TIME = 0.5  # [s]
 DX = np.array((0.0, -0.1, 0.0))  # [m/s]
 ROUNDING = 1e-12  # of joint positions and velocities of order 1
-PAIRS = pytest.mark.parametrize(('old', 'new'), list(permutations(LAWS, 2)))
+PAIRS = pytest.mark.parametrize(('old', 'new'), by_day(10, permutations(LAWS, 2)))
 
 
 def controller_of(

@@ -13,6 +13,7 @@ from redres_ros.simulation.dampings import GOOD, Trials, damping_table, sweep
 from redres_ros.simulation.random_tasks import random_task
 
 
+@pytest.mark.slow
 def test_random_tasks_begin_within_the_ranges_and_are_the_same_every_time() -> None:
     model = RobotModel.named('fr3')
     limits = JointLimits.of(model.arm)

@@ -3,9 +3,11 @@ equivalence.
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 from redres_ros import RobotModel, WaypointTask
 from redres_ros.errors import RangeError, UnknownNameError
@@ -22,7 +24,7 @@ from redres_ros.paper.second_order import SCHEMES, MinimumAccelerationScheme, ma
 
 pytestmark = pytest.mark.slow
 
-EVERY_SCHEME = pytest.mark.parametrize('name', SCHEMES)
+EVERY_SCHEME = pytest.mark.parametrize('name', by_day(2, SCHEMES))
 PERIODS = (0.008, 0.004, 0.002)  # [s]
 
 
@@ -54,8 +56,9 @@ def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T,
     assert found.t[-1] == pytest.approx(9.0 - T)
 
 
-@pytest.mark.parametrize('name', ['minimum_velocity', *SCHEMES])
-@pytest.mark.parametrize('damping', [10.0, 500.0])
+@pytest.mark.parametrize(
+    ('name', 'damping'), by_day(4, product(['minimum_velocity', *SCHEMES], [10.0, 500.0]))
+)
 def test_on_an_arm_that_a_law_keeps_stable_law_and_scheme_differ_by_rounding(
     name, damping, side, heavy
 ):
@@ -149,6 +152,7 @@ def test_the_continuous_motion_executes_the_task(name, task, heavy):
     )  # which Eq. (37) makes good
 
 
+@pytest.mark.nightly
 @EVERY_SCHEME
 def test_the_continuous_velocity_is_the_derivative_of_the_continuous_position(name, task, heavy):
     middle = np.array((0.4, 2.0, 4.0))
@@ -160,6 +164,7 @@ def test_the_continuous_velocity_is_the_derivative_of_the_continuous_position(na
     )  # h^2 times a jerk below 100 rad/s^3
 
 
+@pytest.mark.nightly
 def test_the_continuous_motion_does_not_depend_on_when_it_is_looked_at(task, model):
     often = integrate(make_scheme('minimum_acceleration'), model, task, np.linspace(0.0, 9.0, 19))
     seldom = integrate(make_scheme('minimum_acceleration'), model, task, np.array((0.0, 3.0, 5.0)))

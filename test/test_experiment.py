@@ -15,6 +15,8 @@ from redres_ros.paper.second_order import SecondOrderController, make_scheme
 from redres_ros.robots import find_arm
 from redres_ros.simulation.closed_loop import run
 
+pytestmark = pytest.mark.slow
+
 T = 0.002  # [s]
 TASK = load_task('rectangle')
 ARM = find_arm(TASK.robot, dynamics='identified')
@@ -48,7 +50,6 @@ def finished() -> Experiment:
 # --- the paper's two outcomes ---------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert not stopped.recording.finished
     assert stopped.stop_reason.startswith('protective stop')
@@ -56,7 +57,6 @@ def test_the_robot_stops_the_law_of_least_velocity_after_seven_seconds(stopped):
     assert stopped.stop_reason in stopped.recording.ending
 
 
-@pytest.mark.slow
 def test_within_limits_the_same_law_finishes_half_a_millimetre_beside_its_path_at_most():
     limits = ('position', 'velocity', 'acceleration')
     recording = experiment(controller('minimum_velocity', limits=limits), TASK, ARM).recording
@@ -66,7 +66,6 @@ def test_within_limits_the_same_law_finishes_half_a_millimetre_beside_its_path_a
     assert path_deviation.max() < 0.5e-3
 
 
-@pytest.mark.slow
 def test_the_law_of_least_acceleration_finishes_within_a_millimetre(finished):
     assert finished.recording.finished
     assert not finished.stop_reason

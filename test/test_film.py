@@ -16,6 +16,8 @@ from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.render import Film
 from redres_ros.view import film
 
+pytestmark = pytest.mark.slow
+
 SIZE = (300, 240)
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from redres_ros.paper.contact.scenes import APPROACH, RAMP, SLIDE, Pressing, pressed
 
+pytestmark = pytest.mark.slow
+
 
 def check_pressed(case: Pressing, rms: float) -> None:
     """What is asked of pressing and sliding; `rms` is the largest error of the force [N]."""
@@ -21,7 +23,6 @@ def check_pressed(case: Pressing, rms: float) -> None:
     assert x[-1][1] - x[0][1] == pytest.approx(case.distance + 0.5 * RAMP * SLIDE, abs=2e-3)
 
 
-@pytest.mark.slow
 def test_20_N_are_kept_on_a_hard_wall_over_0_3_m() -> None:
     check_pressed(Pressing(stiffness=1e5), rms=0.02)
 

@@ -89,10 +89,9 @@ def test_a_reader_that_leaves_early_is_not_complained_about(tmp_path):
 # --- an environment that lacks something ----------------------------------------------------------
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize(
     ('command', 'files'),
-    [(QUICK, 6), ('compare --law minimum_velocity,minimum_torque --period 0.01', 16)],
+    by_day(1, [(QUICK, 6), ('compare --law minimum_velocity,minimum_torque --period 0.01', 16)]),
 )
 def test_few_file_descriptors_are_enough_or_reported_in_one_line(tmp_path, command, files):
     status, said = shell(f'ulimit -n {files}; exec {REDRES} {command}', tmp_path)

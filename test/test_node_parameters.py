@@ -133,7 +133,7 @@ def test_a_mistyped_law_is_refused_before_its_node_is_loaded(
     assert 'minimum_velocity' in capfd.readouterr().err
 
 
-@pytest.mark.parametrize('name', by_day(2, ['sim', 'composed', 'controller', 'planner']))
+@pytest.mark.parametrize('name', by_day(1, ['sim', 'composed', 'controller', 'planner']))
 def test_only_the_fake_robot_needs_mujoco_and_says_how_to_get_it(name: str) -> None:
     program = (
         "import sys; sys.modules['mujoco'] = None\n"

@@ -184,6 +184,7 @@ def test_all_nodes_in_one_process_end_with_status_0_too(tmp_path: Path) -> None:
     assert 'Traceback' not in (tmp_path / 'composed.log').read_text()
 
 
+@pytest.mark.nightly
 def test_processors_of_its_own_hold_for_every_thread_of_a_node(tmp_path: Path) -> None:
     wanted = sorted(os.sched_getaffinity(0))[:1]
     with nodes(tmp_path, controller={'processors': wanted}) as (probe, processes):
@@ -196,6 +197,7 @@ def test_processors_of_its_own_hold_for_every_thread_of_a_node(tmp_path: Path) -
     assert sum('granted' in line for line in log_lines(tmp_path, 'controller')) == 1
 
 
+@pytest.mark.nightly
 def test_what_the_kernel_does_not_permit_gets_one_warning_and_the_node_runs(tmp_path: Path) -> None:
     with nodes(tmp_path, controller={'processors': [100_000], 'state_timeout': 10.0}) as (probe, _):
         probe.ask(START)
@@ -222,6 +224,7 @@ def test_the_responses_are_those_of_the_library(tmp_path: Path) -> None:
         assert np.linalg.norm(q - START) > 1e-6
 
 
+@pytest.mark.nightly
 def test_in_lock_step_it_does_not_matter_whether_the_session_is_reported_before_the_first_state(
     tmp_path: Path,
 ) -> None:
@@ -578,42 +581,6 @@ def test_a_target_pose_is_approached_in_a_straight_line_and_a_bad_one_refused(
         await_that(lambda: speed() > 0.0, 'a velocity towards the target', every=0.0)
 
 
-def test_a_target_pose_that_is_hours_away_is_refused(tmp_path: Path) -> None:
-    with nodes(tmp_path, planner={'lockstep': True}) as (probe, _):
-        targets = probe.create_publisher(PoseStamped, 'target_pose', 1)
-        await_that(lambda: targets.get_subscription_count() == 1, 'a listener to target_pose')
-        target = to_pose(0, '', np.array((1e9, 0.0, 0.0)), np.eye(3))
-
-        def refused() -> bool:
-            probe.send(probe.state(START))
-            targets.publish(target)
-            return any('target_pose refused' in line for line in log_lines(tmp_path, 'planner'))
-
-        await_that(refused, 'the refusal')
-
-
-def test_a_planner_does_not_begin_anew_on_a_state_out_of_order(tmp_path: Path) -> None:
-    with nodes(tmp_path, planner={'lockstep': True, 'autostart': True}) as (probe, _):
-        twists = probe.listen(TwistStamped, 'cartesian_velocity')
-        begun = probe.listen(Time, 'planner/begun', LATCHED)
-
-        def received() -> bool:
-            probe.send(probe.state(START))
-            return len(twists) > 10
-
-        await_that(received, 'task velocities')
-        probe.stamp -= 2 * PERIOD
-        probe.send(probe.state(START))
-        await_that(
-            lambda: any('before the newest' in line for line in log_lines(tmp_path, 'planner')),
-            'the refusal',
-        )
-        probe.stamp += PERIOD
-        count = len(twists)
-        await_that(lambda: probe.send(probe.state(START)) or len(twists) > count, 'another one')
-    assert len(begun) == 1
-
-
 def test_limits_preferences_and_tasks_are_set_live_with_gains_of_any_number(
     tmp_path: Path,
 ) -> None:
@@ -663,6 +630,7 @@ def test_the_sim_refuses_commands_for_no_state_and_keeps_still(tmp_path: Path) -
         assert all(list(state.position) == START.tolist() for state in states)
 
 
+@pytest.mark.nightly
 def test_without_a_clock_to_take_the_time_from_a_node_says_so_once_and_watches_on(
     tmp_path: Path,
 ) -> None:

@@ -269,6 +269,7 @@ ACTIONS = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(st.sampled_from(list(PROFILES)), ACTIONS)
 def test_whatever_happens_a_session_changes_state_only_as_its_table_says(name, actions):
     session = session_of(PROFILES[name], monitor_time=3 * T)

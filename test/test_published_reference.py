@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -208,22 +209,14 @@ def shift_an_encoder(arm: Arm) -> None:
 MOVES_A_HELD_ARM = (make_too_heavy, put_an_obstacle_at_the_tip, shift_an_encoder)
 
 
-@pytest.mark.parametrize('change', by_day(1, MOVES_A_HELD_ARM), ids=lambda change: change.__name__)
-def test_a_held_reference_is_constant_to_the_bit(change: Any) -> None:
+@pytest.mark.parametrize('change', by_day(2, MOVES_A_HELD_ARM), ids=lambda change: change.__name__)
+def test_what_would_move_a_held_arm_is_an_error_and_moves_it_by_no_bit(change: Any) -> None:
     with held() as arm:
         before = arm.reference
         change(arm)
-        references = arm.published_in(2.0)
-        assert len(references) > 0.9 * 2.0 * RATE
-        off = np.abs(references - before).max()
-        assert off == 0.0
-
-
-@pytest.mark.parametrize('change', MOVES_A_HELD_ARM, ids=lambda change: change.__name__)
-def test_what_would_move_a_held_arm_is_an_error_that_says_how_to_clear_it(change: Any) -> None:
-    with held() as arm:
-        change(arm)
-        arm.run.run(2.5)
+        references = arm.published_in(2.5)
+        assert len(references) > 0.9 * 2.5 * RATE
+        assert np.abs(references - before).max() == 0.0
         health = arm.run.health('controller')
         assert health.level == ERROR, health.message
 
@@ -383,23 +376,13 @@ def test_a_servo_that_lags_more_than_is_tolerated_makes_no_step(tmp_path: Path) 
         now.judge.assert_followable()
 
 
-@pytest.mark.parametrize('joint', by_day(2, range(6)))  # the last one has no part in it
+@pytest.mark.parametrize('joint', by_day(1, range(6)))  # the last one has no part in it
 def test_a_blocked_joint_makes_no_step_of_the_others(joint: int, tmp_path: Path) -> None:
     with iiwa(tmp_path, **FAST) as now:
         now.operator.velocity = np.array((0.0, 0.5, 0.0))
         now.graph.clock.advance(0.8)
         now.robot.blocked.append(joint)
         now.graph.clock.advance(2.0)
-        now.judge.assert_followable()
-
-
-def test_of_two_robots_on_one_topic_neither_makes_the_reference_leap(tmp_path: Path) -> None:
-    with iiwa(tmp_path, **FAST) as now:
-        now.operator.velocity = np.array((0.0, 0.2, 0.0))
-        now.graph.clock.advance(0.5)
-        foreign = StandIn(now.graph, IIWA, now.robot.q + 0.5, 100.0)
-        foreign.deactivate()  # it takes no commands
-        now.graph.clock.advance(5.0)
         now.judge.assert_followable()
 
 
@@ -463,8 +446,9 @@ def test_a_zero_in_the_cycle_of_the_last_velocity_stops_the_arm_as_the_next_one_
     assert way_after_release(zero_at_once=True) <= way_after_release(zero_at_once=False) + 1e-4
 
 
-@pytest.mark.parametrize('first', ['joint_states', 'cartesian_velocity'])
-@pytest.mark.parametrize('stalled', [0.4, 2.0])
+@pytest.mark.parametrize(
+    ('stalled', 'first'), by_day(2, product([0.4, 2.0], ['joint_states', 'cartesian_velocity']))
+)
 def test_velocities_from_before_a_stall_of_the_process_do_not_move_the_arm(
     stalled: float, first: str, tmp_path: Path
 ) -> None:

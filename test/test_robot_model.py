@@ -360,19 +360,6 @@ def test_an_offset_that_the_urdf_has_no_joint_for_is_refused(tmp_path):
 # --- parameters of an arm -------------------------------------------------------------------------
 
 
-def test_the_base_offset_raises_the_tip():
-    q, _ = random_motion(7, 1)[0]
-    way = RobotModel.named('lwr4', base_offset=0.2).tip(q)[0] - RobotModel.named('lwr4').tip(q)[0]
-    assert way == pytest.approx((0.0, 0.0, 0.2), abs=1e-12)
-
-
-def test_the_tool_offset_moves_the_tip_along_its_own_axis():
-    q, _ = random_motion(7, 1)[0]
-    (x, R) = RobotModel.named('lwr4').tip(q)
-    (x_tool, _) = RobotModel.named('lwr4', tool_offset=0.1).tip(q)
-    assert x_tool == pytest.approx(x + 0.1 * R[:, 2], abs=1e-12)
-
-
 def test_an_arm_from_a_file_is_the_same_arm():
     q, dq = random_motion(7, 1)[0]
     state = RobotModel.from_urdf(ARMS['lwr4'].urdf, 'tool0').state(q, dq)

@@ -185,7 +185,7 @@ def disturb(now: Scene, fault: str) -> None:
 
 @SOURCES
 @pytest.mark.parametrize('rate', by_day(1, RATES))
-@pytest.mark.parametrize('fault', ['wrong length', 'read error', 'twice', '0.3'])
+@pytest.mark.parametrize('fault', by_day(2, ['wrong length', 'read error', 'twice', '0.3']))
 def test_what_is_published_stays_within_the_limits_whatever_ros2_control_does(
     fault: str, rate: float, move: Move, tmp_path: Path
 ) -> None:

@@ -22,7 +22,6 @@ BRAKING = {'acceleration.reach': 0.02}
 # share of a path -> x_d (3,), and its slope by the share (3,)
 Path = Callable[[float], tuple[np.ndarray, np.ndarray]]
 EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
-EVERY_LAW = pytest.mark.parametrize('law', LAWS)
 
 
 @cache
@@ -222,8 +221,7 @@ def greatest_scaling(arm: str, command: Command, dx: np.ndarray, dq_prev: np.nda
 
 
 @pytest.mark.slow
-@EVERY_STRETCHED
-@EVERY_LAW
+@SOME_PAIRS
 def test_within_limits_it_is_on_its_path_at_once_and_at_full_speed_as_soon_as_joints_can(arm, law):
     """As soon as they can: no tick is slower than its speeds and accelerations allow, and so it is
     at full speed before the path is at its fastest, half way.

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -114,7 +115,7 @@ class Session:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('ending', ['Ctrl-C', 'SIGTERM', 'SIGHUP'])
+@pytest.mark.parametrize('ending', by_day(1, ['Ctrl-C', 'SIGTERM', 'SIGHUP']))
 def test_keys_are_published_and_the_terminal_is_given_back(ending: str) -> None:
     with graph(Probe) as (probe, _):
         received = probe.listen(TwistStamped, 'left/cartesian_velocity')

@@ -154,6 +154,7 @@ def test_after_clear_the_next_task_velocity_begins_from_a_standstill() -> None:
     assert np.linalg.norm(twist_buffer.play(201)) <= A * T * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('spread', [0, 5, 50])
 def test_whatever_stamps_task_velocities_have_the_largest_acceleration_is_kept_twice_at_most(
     spread: int,

@@ -104,6 +104,7 @@ def test_no_point_passes_a_wall_whatever_is_asked(name, T):
     assert -1e-9 < nearest < 0.02  # [m]: the walls were reached, and not passed
 
 
+@pytest.mark.slow
 def test_an_arm_outside_comes_back_within_its_limits():
     model = RobotModel.named('lwr4')
     q = middle_of(model)

@@ -14,6 +14,8 @@ from redres_ros.errors import UnknownNameError
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 
+pytestmark = pytest.mark.slow
+
 EPOCH = 1_700_000_000 * 10**9  # [ns]
 MODEL = RobotModel.named('lwr4_paper')
 LIMITS = ('position', 'velocity', 'acceleration')
@@ -89,7 +91,6 @@ def test_an_arm_at_rest_yields_to_a_push_and_then_holds_again() -> None:
     assert arm.loop.error == ''
 
 
-@pytest.mark.slow
 def test_an_arm_is_led_by_hand_like_a_mass_and_comes_to_rest_when_let_go() -> None:
     mass = 5.0
     arm = PushedArm(replace(FREE, mass=(mass,) * 3, damping=(10.0,) * 3))
@@ -120,7 +121,6 @@ def test_an_arm_without_admittance_does_not_yield() -> None:
     assert (arm.run(0.5, PUSH) == START).all()
 
 
-@pytest.mark.slow
 def test_a_spring_holds_against_a_push_and_comes_back() -> None:
     arm = PushedArm(SPRING)
     arm.run(0.1, NOTHING)
