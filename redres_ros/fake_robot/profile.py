@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from types import MappingProxyType
 
 from redres_ros.fake_robot.command_validator import ValidatorSettings
 from redres_ros.fake_robot.quality import (
@@ -53,10 +52,9 @@ class Profile:
 
     Attributes:
         name: The parameter that chooses it.
-        states: Those of its sessions. The first one is that of the start.
-        commanding: The one in which the arm follows its client.
-        transitions: From a state by an event to a state. A pair that is not among them changes
-            nothing.
+        transitions: From each state of its sessions by an event to another state; other events
+            change nothing.
+        commanding: The state in which the arm follows its client.
         thresholds: What every quality but the worst asks for, best first.
         entry: Quality needed for command mode to begin.
         lowest: Quality below which command mode ends.
@@ -68,9 +66,8 @@ class Profile:
     """
 
     name: str
-    states: tuple[State, ...]
+    transitions: Mapping[State, Mapping[Event, State]]
     commanding: State
-    transitions: Mapping[tuple[State, Event], State]
     thresholds: Mapping[IntEnum, Threshold]
     entry: IntEnum
     lowest: IntEnum
@@ -79,6 +76,11 @@ class Profile:
     extrapolates_acceleration: bool
     guard: ValidatorSettings
 
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The states of its sessions, which begin in the first one."""
+        return tuple(self.transitions)
+
     def after(self, state: State, event: Event) -> State:
         """The state to which an event leads.
 
@@ -86,25 +88,20 @@ class Profile:
             state: The one before.
             event: What happens in it.
         """
-        return self.transitions.get((state, event), state)
+        return self.transitions[state].get(event, state)
 
     def awaits_command(self, state: State) -> bool:
         """Whether a first command leads on from this state."""
-        return (state, Event.FIRST_COMMAND) in self.transitions
+        return Event.FIRST_COMMAND in self.transitions[state]
 
 
 LWR_FRI1 = Profile(
     name='lwr_fri1',
-    states=(State.MON, State.CMD),
+    transitions={
+        State.MON: {Event.FIRST_COMMAND: State.CMD},
+        State.CMD: dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), State.MON),
+    },
     commanding=State.CMD,
-    transitions=MappingProxyType(
-        {
-            (State.MON, Event.FIRST_COMMAND): State.CMD,
-            (State.CMD, Event.SILENCE): State.MON,
-            (State.CMD, Event.FAULT): State.MON,
-            (State.CMD, Event.RESET): State.MON,
-        }
-    ),
     thresholds=THRESHOLDS,
     entry=Quality.PERFECT,
     lowest=Quality.BAD,
@@ -114,36 +111,25 @@ LWR_FRI1 = Profile(
     guard=ValidatorSettings(),
 )
 
-_OPEN = (
-    State.MONITORING_WAIT,
-    State.MONITORING_READY,
-    State.COMMANDING_WAIT,
-    State.COMMANDING_ACTIVE,
-)
+_ANY_TIMING = (Event.POOR_TIMING, Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
+_GOOD_TIMING = (Event.GOOD_TIMING, Event.LONG_GOOD_TIMING)
+_CLOSED = {
+    Event.SILENCE: State.IDLE,
+    **dict.fromkeys((Event.POOR_TIMING, Event.FAULT, Event.RESET), State.MONITORING_WAIT),
+}
 
 SUNRISE = Profile(
     name='sunrise',
-    states=(State.IDLE, *_OPEN),
+    transitions={
+        # Any command opens the session.
+        State.IDLE: dict.fromkeys(_ANY_TIMING, State.MONITORING_WAIT),
+        State.MONITORING_WAIT: _CLOSED | dict.fromkeys(_GOOD_TIMING, State.MONITORING_READY),
+        # The robot's program wants commands.
+        State.MONITORING_READY: _CLOSED | {Event.LONG_GOOD_TIMING: State.COMMANDING_WAIT},
+        State.COMMANDING_WAIT: _CLOSED | {Event.FIRST_COMMAND: State.COMMANDING_ACTIVE},
+        State.COMMANDING_ACTIVE: _CLOSED,
+    },
     commanding=State.COMMANDING_ACTIVE,
-    transitions=MappingProxyType(
-        {
-            # Any command opens the session.
-            (State.IDLE, Event.POOR_TIMING): State.MONITORING_WAIT,
-            (State.IDLE, Event.GOOD_TIMING): State.MONITORING_WAIT,
-            (State.IDLE, Event.LONG_GOOD_TIMING): State.MONITORING_WAIT,
-            (State.MONITORING_WAIT, Event.GOOD_TIMING): State.MONITORING_READY,
-            (State.MONITORING_WAIT, Event.LONG_GOOD_TIMING): State.MONITORING_READY,
-            # The robot's program wants commands.
-            (State.MONITORING_READY, Event.LONG_GOOD_TIMING): State.COMMANDING_WAIT,
-            (State.COMMANDING_WAIT, Event.FIRST_COMMAND): State.COMMANDING_ACTIVE,
-            **{(state, Event.SILENCE): State.IDLE for state in _OPEN},
-            **{
-                (state, event): State.MONITORING_WAIT
-                for state in _OPEN
-                for event in (Event.POOR_TIMING, Event.FAULT, Event.RESET)
-            },
-        }
-    ),
     thresholds=SUNRISE_THRESHOLDS,
     entry=SunriseQuality.GOOD,
     lowest=SunriseQuality.GOOD,
@@ -159,42 +145,32 @@ SUNRISE = Profile(
 # the joints of FR3 have a jerk limit of 5000 rad/s^3, differences being taken over 1 ms.
 FCI = Profile(
     name='fci',
-    states=(State.IDLE, State.MOVE, State.REFLEX, State.AUTOMATIC_ERROR_RECOVERY),
+    transitions={
+        State.IDLE: {Event.FIRST_COMMAND: State.MOVE, Event.FAULT: State.REFLEX},
+        State.MOVE: {
+            Event.SILENCE: State.REFLEX,
+            Event.FAULT: State.REFLEX,
+            Event.RESET: State.IDLE,
+        },
+        State.REFLEX: {Event.RESET: State.AUTOMATIC_ERROR_RECOVERY},
+        State.AUTOMATIC_ERROR_RECOVERY: {
+            Event.FAULT: State.REFLEX,
+            **dict.fromkeys((Event.SILENCE, *_ANY_TIMING), State.IDLE),
+        },
+    },
     commanding=State.MOVE,
-    transitions=MappingProxyType(
-        {
-            (State.IDLE, Event.FIRST_COMMAND): State.MOVE,
-            (State.IDLE, Event.FAULT): State.REFLEX,
-            (State.MOVE, Event.SILENCE): State.REFLEX,
-            (State.MOVE, Event.FAULT): State.REFLEX,
-            (State.MOVE, Event.RESET): State.IDLE,
-            (State.REFLEX, Event.RESET): State.AUTOMATIC_ERROR_RECOVERY,
-            (State.AUTOMATIC_ERROR_RECOVERY, Event.FAULT): State.REFLEX,
-            **{
-                (State.AUTOMATIC_ERROR_RECOVERY, event): State.IDLE
-                for event in (
-                    Event.SILENCE,
-                    Event.POOR_TIMING,
-                    Event.GOOD_TIMING,
-                    Event.LONG_GOOD_TIMING,
-                )
-            },
-        }
-    ),
     thresholds=FCI_THRESHOLDS,
     entry=FciQuality.GOOD,
     lowest=FciQuality.INSUFFICIENT,
-    reflexes=MappingProxyType(
-        {
-            Reflex.TIMING: 'communication_constraints_violation',
-            Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
-            Reflex.POSITION: 'joint_motion_generator_position_limits_violation',
-            Reflex.BRAKING: 'joint_motion_generator_velocity_limits_violation',
-            Reflex.VELOCITY: 'joint_motion_generator_velocity_limits_violation',
-            Reflex.ACCELERATION: 'joint_motion_generator_velocity_discontinuity',
-            Reflex.JERK: 'joint_motion_generator_acceleration_discontinuity',
-        }
-    ),
+    reflexes={
+        Reflex.TIMING: 'communication_constraints_violation',
+        Reflex.START_POSE: 'joint_position_motion_generator_start_pose_invalid',
+        Reflex.POSITION: 'joint_motion_generator_position_limits_violation',
+        Reflex.BRAKING: 'joint_motion_generator_velocity_limits_violation',
+        Reflex.VELOCITY: 'joint_motion_generator_velocity_limits_violation',
+        Reflex.ACCELERATION: 'joint_motion_generator_velocity_discontinuity',
+        Reflex.JERK: 'joint_motion_generator_acceleration_discontinuity',
+    },
     bridged_misses=19,
     extrapolates_acceleration=True,
     guard=ValidatorSettings(

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from enum import Enum
-from types import MappingProxyType
 
 
 class Reflex(Enum):
@@ -18,14 +17,12 @@ class Reflex(Enum):
 
 
 # Words of ours, as KUKA's are not public.
-KUKA_NAMES: Mapping[Reflex, str] = MappingProxyType(
-    {
-        Reflex.TIMING: 'timing',
-        Reflex.START_POSE: 'interpolation error',
-        Reflex.POSITION: 'position limit',
-        Reflex.BRAKING: 'position limit',
-        Reflex.VELOCITY: 'velocity limit',
-        Reflex.ACCELERATION: 'protective stop',
-        Reflex.JERK: 'protective stop',
-    }
-)
+KUKA_NAMES: Mapping[Reflex, str] = {
+    Reflex.TIMING: 'timing',
+    Reflex.START_POSE: 'interpolation error',
+    Reflex.POSITION: 'position limit',
+    Reflex.BRAKING: 'position limit',
+    Reflex.VELOCITY: 'velocity limit',
+    Reflex.ACCELERATION: 'protective stop',
+    Reflex.JERK: 'protective stop',
+}
