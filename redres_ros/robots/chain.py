@@ -94,7 +94,7 @@ def settle_chain(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     remarks: list[str] = []
     for joint in moving:
         _check_mimic(urdf, joint)
-        child(joint.element, 'axis').set('xyz', words(axis_of(urdf, joint)))
+        child(joint.element, 'axis').set('xyz', words(_axis_of(urdf, joint)))
         remarks += _settle_limits(urdf, joint)
     return remarks
 
@@ -108,16 +108,8 @@ def _check_mimic(urdf: Urdf, joint: UrdfJoint) -> None:
         )
 
 
-def axis_of(urdf: Urdf, joint: UrdfJoint) -> np.ndarray:
-    """The joint's axis, a unit vector (3,) in its own frame.
-
-    Args:
-        urdf: The file.
-        joint: One of its joints.
-
-    Raises:
-        FileError: The axis is no direction.
-    """
+def _axis_of(urdf: Urdf, joint: UrdfJoint) -> np.ndarray:
+    """The joint's axis, a unit vector (3,) in its own frame. Raises FileError."""
     given = urdf.numbers(joint.element.find('axis'), 'xyz', '1 0 0', f'joint {joint.name}')
     length = float(np.linalg.norm(given))
     if length < 1e-6:
@@ -212,7 +204,7 @@ def _fix(urdf: Urdf, joint: UrdfJoint, position: float) -> None:
     if position:
         H = urdf.placement(joint.element, f'joint {joint.name}')
         is_prismatic = joint.type == 'prismatic'
-        motion = motion_of(axis_of(urdf, joint), position, is_prismatic=is_prismatic)
+        motion = motion_of(_axis_of(urdf, joint), position, is_prismatic=is_prismatic)
         set_placement(joint.element, H @ motion)
     joint.element.set('type', 'fixed')
     for tag in _OF_MOVING_JOINTS:

@@ -73,9 +73,9 @@ class Kinematics:
         model = pin.buildModelFromXML(description)
         self.joints = tuple(MovingJoint.of(model, index) for index in range(1, model.njoints))
         self.n = len(self.joints)
-        self.lower = model.lowerPositionLimit
-        self.upper = model.upperPositionLimit
-        self.velocity = model.velocityLimit
+        self.lower = model.lowerPositionLimit.copy()
+        self.upper = model.upperPositionLimit.copy()
+        self.velocity = model.velocityLimit.copy()
         self._tip = model.getFrameId(tip_frame, pin.BODY)
         tip = model.frames[self._tip]
         self.tip = tip.placement.homogeneous
