@@ -150,9 +150,8 @@ def task_for(arm: Arm, name: str) -> WaypointTask:
 
 def _to_task(content: Any, path: Path) -> WaypointTask:
     required = ('robot', 'start', 'waypoints')
-    orientations = tuple(form.key for form in _FORMS)
     numbers = ('segment_time', 'feedback_gain', 'tolerance', 'orientation_tolerance')
-    optional = (*orientations, *numbers, 'switching', 'nodes', 'events')
+    optional = (*_FORMS, *numbers, 'switching', 'nodes', 'events')
     if not isinstance(content, dict) or not all(key in content for key in required):
         raise FileError(
             f'{path} is no task; expected the keys {", ".join(required)} '
@@ -233,18 +232,19 @@ def _orientations(content: dict[str, Any], count: int, path: Path) -> np.ndarray
     """Rotations (count, 3, 3); one in the file stands for all points. None where it has none."""
     if 'quaternions' in content and 'rpy' in content:
         raise FileError(f'{path} has quaternions and rpy; expected one of them')
-    form = next((form for form in _FORMS if form.key in content), None)
-    if form is None:
+    key = next((key for key in _FORMS if key in content), None)
+    if key is None:
         return None
-    rows = _numbers(content[form.key], form.key, 2, form.largest, path)
-    if rows.shape not in ((1, form.size), (count, form.size)):
+    size, largest, convert = _FORMS[key]
+    rows = _numbers(content[key], key, 2, largest, path)
+    if rows.shape not in ((1, size), (count, size)):
         raise FileError(
-            f'{path}: {form.key} has shape {rows.shape}; expected one row of {form.size} numbers, '
+            f'{path}: {key} has shape {rows.shape}; expected one row of {size} numbers, '
             f'or one for each of the {count} points'
         )
-    if form.key == 'quaternions' and (np.linalg.norm(rows, axis=1) < 1e-6).any():
+    if key == 'quaternions' and (np.linalg.norm(rows, axis=1) < 1e-6).any():
         raise FileError(f'{path}: quaternions holds a zero; expected x, y, z, w')
-    turns = np.array([form.convert(row) for row in rows])
+    turns = np.array([convert(row) for row in rows])
     return np.broadcast_to(turns, (count, 3, 3)).copy()
 
 
@@ -252,19 +252,11 @@ def _from_degrees(rpy: np.ndarray) -> np.ndarray:
     return from_roll_pitch_yaw(np.radians(rpy))
 
 
-class _Form(NamedTuple):
-    """The forms of an orientation in a file."""
-
-    key: str
-    size: int
-    largest: float
-    convert: Callable[[np.ndarray], np.ndarray]
-
-
-_FORMS = (
-    _Form('quaternions', 4, 1e3, from_quaternion),
-    _Form('rpy', 3, _MOST_DEGREES, _from_degrees),  # [deg]
-)
+# Forms of an orientation in a file: size, largest number, and what makes a rotation (3, 3) of it
+_FORMS: dict[str, tuple[int, float, Callable[[np.ndarray], np.ndarray]]] = {
+    'quaternions': (4, 1e3, from_quaternion),
+    'rpy': (3, _MOST_DEGREES, _from_degrees),  # [deg]
+}
 
 
 def _name(value: Any, key: str, path: Path) -> str:
