@@ -1,7 +1,7 @@
 """Limits on what a client commands: what is refused, and what makes the arm stop."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,9 @@ from redres_ros.robots.joint_limits import JointLimits
 
 # [rad], [rad/s] for rounding: a client may command exactly the limit
 _ROUNDING = 1e-10
+
+_Check = tuple[Reflex, np.ndarray, Callable[[int], str]]
+"""A cause of a stop, whether each joint is fine (n,), and what to say of one that is not."""
 
 
 @dataclass(frozen=True)
@@ -98,88 +101,60 @@ class CommandValidator:
             position: The command, (n,) [rad].
             velocity: From the command before, (n,) [rad/s].
         """
-        change = velocity - self._velocities[0]  # (n,)
+        for reflex, fine, describe in self._checks(position, velocity):
+            if not fine.all():
+                j = int(np.argmin(fine))  # the first joint that is not fine
+                name = self.limits.joint_names[j]
+                return f'{self._names[reflex]}: {name} commanded {describe(j)}'
+        return ''
+
+    def _checks(self, position: np.ndarray, velocity: np.ndarray) -> Iterator[_Check]:
+        """The causes of a stop, one after the other; arguments as of violation()."""
+        change = np.abs(velocity - self._velocities[0]) / (self._cycles * self.period)  # (n,)
         acceleration = (velocity - self._velocities[-1]) / self.period  # (n,)
-        jerk = (acceleration - self._acceleration) / self.period  # (n,)
+        jerk = np.abs(acceleration - self._acceleration) / self.period  # (n,)
         self._velocities.append(velocity)
         self._acceleration = acceleration
-        return (
-            self._position_violation(position)
-            or self._velocity_violation(position, velocity)
-            or self._braking_violation(position, velocity)
-            or self._acceleration_violation(np.abs(change) / (self._cycles * self.period))
-            or self._jerk_violation(np.abs(jerk))
-        )
+        limits = self.limits
 
-    def _position_violation(self, position: np.ndarray) -> str:
         lower = self._lower
         upper = self._upper
-        allowed = (lower - _ROUNDING <= position) & (position <= upper + _ROUNDING)
-        j = _first_false(allowed)
-        if j is None:
-            return ''
-        return self._reason(
+        yield (
             Reflex.POSITION,
-            j,
-            f'{position[j]:.4g} rad, allowed {lower[j]:.4g} to {upper[j]:.4g}',
+            (lower - _ROUNDING <= position) & (position <= upper + _ROUNDING),
+            lambda j: f'{position[j]:.4g} rad, allowed {lower[j]:.4g} to {upper[j]:.4g}',
         )
-
-    def _velocity_violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
-        if not self._velocity_stops:
-            return ''
-        slowest, fastest = self.limits.velocities_at(position)
-        j = _first_false((slowest - _ROUNDING <= velocity) & (velocity <= fastest + _ROUNDING))
-        if j is None:
-            return ''
-        return self._reason(
-            Reflex.VELOCITY,
-            j,
-            f'{velocity[j]:.3g} rad/s at {position[j]:.4g} rad, '
-            f'allowed {slowest[j]:.3g} to {fastest[j]:.3g}',
-        )
-
-    def _braking_violation(self, position: np.ndarray, velocity: np.ndarray) -> str:
-        """The arm must be able to stop before the limit itself: the margin alone is too short for
-        that at speed.
-        """
-        lower = self.limits.lower
-        upper = self.limits.upper
-        end = position + velocity * np.abs(velocity) / (2.0 * self.limits.acceleration)  # (n,)
-        j = _first_false((lower <= end) & (end <= upper))
-        if j is None:
-            return ''
-        return self._reason(
+        if self._velocity_stops:
+            slowest, fastest = limits.velocities_at(position)
+            yield (
+                Reflex.VELOCITY,
+                (slowest - _ROUNDING <= velocity) & (velocity <= fastest + _ROUNDING),
+                lambda j: (
+                    f'{velocity[j]:.3g} rad/s at {position[j]:.4g} rad, '
+                    f'allowed {slowest[j]:.3g} to {fastest[j]:.3g}'
+                ),
+            )
+        # The arm must be able to stop before the limit itself: the margin is too short for that.
+        end = position + velocity * np.abs(velocity) / (2.0 * limits.acceleration)  # (n,)
+        yield (
             Reflex.BRAKING,
-            j,
-            f'{position[j]:.4g} rad at {velocity[j]:.3g} rad/s, braking would end at '
-            f'{end[j]:.4g}, allowed {lower[j]:.4g} to {upper[j]:.4g}',
+            (limits.lower <= end) & (end <= limits.upper),
+            lambda j: (
+                f'{position[j]:.4g} rad at {velocity[j]:.3g} rad/s, braking would end at '
+                f'{end[j]:.4g}, allowed {limits.lower[j]:.4g} to {limits.upper[j]:.4g}'
+            ),
         )
-
-    def _acceleration_violation(self, acceleration: np.ndarray) -> str:
-        allowed = self.limits.acceleration
-        self._excess = np.maximum(0.0, self._excess + (acceleration - allowed))
-        j = _first_false(self._excess <= self._tolerance)
-        if j is None:
-            return ''
-        return self._reason(
+        self._excess = np.maximum(0.0, self._excess + (change - limits.acceleration))
+        yield (
             Reflex.ACCELERATION,
-            j,
-            f'{acceleration[j]:.3g} rad/s^2 over {1e3 * self._cycles * self.period:g} ms, '
-            f'allowed {allowed[j]:.3g}',
+            self._excess <= self._tolerance,
+            lambda j: (
+                f'{change[j]:.3g} rad/s^2 over {1e3 * self._cycles * self.period:g} ms, '
+                f'allowed {limits.acceleration[j]:.3g}'
+            ),
         )
-
-    def _jerk_violation(self, jerk: np.ndarray) -> str:
-        j = _first_false(jerk <= self._jerk_limit)
-        if j is None:
-            return ''
-        return self._reason(
-            Reflex.JERK, j, f'{jerk[j]:.3g} rad/s^3, allowed {self._jerk_limit:.3g}'
+        yield (
+            Reflex.JERK,
+            jerk <= self._jerk_limit,
+            lambda j: f'{jerk[j]:.3g} rad/s^3, allowed {self._jerk_limit:.3g}',
         )
-
-    def _reason(self, reflex: Reflex, joint: int, what: str) -> str:
-        return f'{self._names[reflex]}: {self.limits.joint_names[joint]} commanded {what}'
-
-
-def _first_false(fine: np.ndarray) -> int | None:
-    """Index of the first joint that is not fine; None if all are."""
-    return None if fine.all() else int(np.argmin(fine))
