@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from redres_ros.limits.limit import Limit
 
 INTEGRATE_FROM = ('command', 'measurement')
-# What a robot does in a cycle without a command: go on as before, or stay at the last command.
-BRIDGING = ('extrapolate', 'hold')
+# What a robot does in a cycle without a command: go on at the last velocity, at the last
+# acceleration, or stay at the last command.
+BRIDGING = ('extrapolate', 'extrapolate_acceleration', 'hold')
 DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
 _MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
@@ -69,8 +70,8 @@ class Controller:
             switch_time: Duration of the crossfade of changes, starts and stops [s]; 0: at once.
             integrate_from: q_ref = q + T dq (footnote 1) with q the last 'command', so that a
                 servo's lag does not make the arm creep, or the last 'measurement'.
-            bridging: What the robot does in a cycle without a command: 'extrapolate' the last ones,
-                or 'hold' the last one.
+            bridging: What the robot does in a cycle without a command: 'extrapolate' the last ones
+                at constant velocity, 'extrapolate_acceleration', or 'hold' the last one.
             limits: Names in LIMITS, or limits, that every command keeps.
             limit_scale: Factor on the arm's velocity and acceleration limits.
             torque_scale: Factor on its torque limits.
@@ -272,11 +273,19 @@ class Controller:
             return q_ref, self.dq
         if self.bridging == 'hold':
             return q_ref, np.zeros(self.model.n)
-        ahead = q_ref + self.T * missed * self.dq
+        ddq = self._bridging_acceleration
+        ahead = q_ref + self.T * missed * (self.dq + self.T * (missed + 1) / 2.0 * ddq)
         lower = np.minimum(self.model.q_min, q_ref)
         upper = np.maximum(self.model.q_max, q_ref)
         stopped = np.clip(ahead, lower, upper)
-        return stopped, np.where(stopped == ahead, self.dq, 0.0)
+        return stopped, np.where(stopped == ahead, self.dq + self.T * missed * ddq, 0.0)
+
+    @property
+    def _bridging_acceleration(self) -> np.ndarray:
+        """Of the robot in cycles without a command, (n,) [rad/s^2]."""
+        if self.bridging == 'extrapolate_acceleration' and not self.at_rest:
+            return self._ddq_prev
+        return np.zeros(self.model.n)
 
     def nearest_turn(self, q: np.ndarray) -> np.ndarray:
         """q (n,) [rad], with joints of more than a turn at the one nearest to the last reference.
@@ -320,7 +329,7 @@ class Controller:
         if self._integrate_from == 'measurement':
             start = q
             dq_prev = self._dq_prev
-        ddq_prev = np.zeros(self.model.n) if missed else self._ddq_prev
+        ddq_prev = self._bridging_acceleration if missed else self._ddq_prev
         at = q if self.policy.limits is None else start
         state = RobotState(self.model, at, dq_prev, ddq_prev)
         state.gap = self.gap

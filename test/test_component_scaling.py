@@ -11,6 +11,7 @@ from redres_ros.constrained import Box, Constrained, solve_constrained
 from redres_ros.errors import UnknownNameError
 from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.resolution import resolve
+from redres_ros.rotation import rotation_matrix, rotation_vector
 
 MANY = 20_000 if NIGHTLY else 150
 SIZES = (3, 3)
@@ -47,7 +48,8 @@ class Problem:
         tasks = [(self.J, self.dx)]
         active_set = np.zeros(8, np.int64)
         return solve_components(
-            self.dq_free, self.W, tasks, self.box, [], active_set, SIZES, self.held, steady_box
+            *(self.dq_free, self.W, tasks, self.box, [], active_set, SIZES, self.held),
+            *(steady_box, np.zeros(7)),
         )
 
     def components(self):
@@ -218,6 +220,40 @@ def test_an_arm_at_its_limits_goes_on_where_a_whole_velocity_stops_it():
             q = command.q_ref
         distances[scaling] = (model.tip(q)[0] - begin) @ d[:3]
     assert distances['components'] > 2.0 * distances['task'], distances
+
+
+def test_an_operator_at_his_position_can_turn_the_tip_where_both_lock_each_other():
+    """Joints 1 and 5 of the FR3 are at their ends. Its tip can turn, but leaves the position, to
+    which the operator steers back: with either undoing the other it would stand still.
+    """
+    model = RobotModel.named('fr3')
+    controller = Controller(
+        model, 'minimum_acceleration', T, task='pose', limits=BOX, scaling='components'
+    )
+    q = np.array((-2.73, 0.9, -1.94, -2.49, -2.79, 1.69, -2.36))
+    x_d, R = model.tip(q)
+    R_d = rotation_matrix(0.77 * np.array((-0.32, -0.80, 0.51))) @ R
+    for _ in range(1500):
+        x, R = model.tip(q)
+        angle = rotation_vector(R_d @ R.T)
+        q = controller.update(q, np.concatenate((1.5 * (x_d - x), 0.8 * angle))).q_ref
+    assert np.linalg.norm(angle) < 0.6
+
+
+@pytest.mark.parametrize('turn', [0.0, 1e-6])
+def test_where_nothing_is_possible_in_its_direction_the_tip_slides_along(turn):
+    """Five joints of the FR3 are at their ends: within 30 degrees no translation is possible."""
+    model = RobotModel.named('fr3')
+    controller = Controller(
+        model, 'minimum_acceleration', T, task='pose', limits=BOX, scaling='components'
+    )
+    ends = model.q_min + np.radians(0.5), model.q_max - np.radians(0.5)
+    q = np.clip((-2.735, 1.775, -2.892, -2.808, -2.798, 3.723, -3.003), *ends)
+    begin, _ = model.tip(q)
+    v = np.array((-0.066, -0.136, 0.199))
+    for _ in range(500):
+        q = controller.update(q, np.array((*v, turn, 0.0, 0.0))).q_ref
+    assert (model.tip(q)[0] - begin) @ v > 0.02 * np.linalg.norm(v)
 
 
 def test_until_limits_act_scaling_by_components_is_the_closed_form(model, task):

@@ -187,7 +187,7 @@ def test_a_stop_ends_at_rest():
 
 @pytest.mark.parametrize('lost', [1, 2, 3])
 def test_what_a_robot_sees_after_lost_commands_keeps_the_limits(lost):
-    """It bridges them with constant acceleration, while the controller knows of nothing."""
+    """In any order. It bridges them with constant acceleration; the controller knows of nothing."""
     T, A, J = 0.001, 10.0, 5000.0
     model = RobotModel.named('fr3')
     controller = Controller(
@@ -196,16 +196,44 @@ def test_what_a_robot_sees_after_lost_commands_keeps_the_limits(lost):
     random = np.random.default_rng(0)
     q = np.array(model.arm.start)
     p, v, a = q, np.zeros(7), np.zeros(7)  # of the robot
-    since = 0  # the last command that came after a lost one; below zero while they get lost
+    gone = 0  # commands, since three in a row came
+    came = 0  # in a row
     for k in range(3000):
         if k % 60 == 0:
             dx = random.normal(scale=0.5, size=3)
         q = controller.update(q, dx).q_ref
-        since = -random.integers(1, lost + 1) if since > 2 and random.random() < 0.2 else since + 1
-        if since < 0:
+        gone = 0 if came > 2 else gone
+        came += 1
+        if gone < lost and random.random() < 0.2:
+            gone += 1
+            came = 0
             v = v + T * a
             p = p + T * v
             continue
+        seen = ((q - p) / T - v) / T
+        assert np.abs(seen).max() <= A * (1.0 + 1e-6)
+        assert np.abs(seen - a).max() <= J * T * (1.0 + 1e-6)
+        p, v, a = q, (q - p) / T, seen
+
+
+def test_a_robot_that_goes_on_at_its_acceleration_is_met_where_it_is():
+    """In cycles without a state, and so without a command, of which the controller knows."""
+    T, A, J = 0.001, 10.0, 5000.0
+    model = RobotModel.named('fr3')
+    controller = Controller(
+        model, 'minimum_velocity', T, limits=ALL, bridging='extrapolate_acceleration'
+    )
+    random = np.random.default_rng(0)
+    q = np.array(model.arm.start)
+    p, v, a = q, np.zeros(7), np.zeros(7)  # of the robot
+    for k in range(1000):
+        if k % 60 == 0:
+            dx = random.normal(scale=0.5, size=3)
+        missed = int(random.integers(1, 4)) if k and random.random() < 0.1 else 0
+        for _ in range(missed):
+            v = v + T * a
+            p = p + T * v
+        q = controller.update(p, dx, missed).q_ref
         seen = ((q - p) / T - v) / T
         assert np.abs(seen).max() <= A * (1.0 + 1e-6)
         assert np.abs(seen - a).max() <= J * T * (1.0 + 1e-6)

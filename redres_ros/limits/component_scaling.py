@@ -12,13 +12,17 @@ the higher ones allow:
 5. the other tasks, and the law.
 
 Where joints at their ends leave less than a fifth of the whole, the components lock each other.
-Then the first one that can go on alone does, and of the other what is possible beside it. This is
-judged without the limits on accelerations, and blended in.
+Then the largest one that can go on alone does, and of the other what is possible beside it. This is
+judged without the limits on accelerations, and blended in. The one that the arm executes already
+counts LEAD times as much: else the two might come to rest where both are of one size, each undoing
+what the other does. Where none can go on, the tip slides along what stops it: the same within
+WIDER_TOLERANCE.
 
 The factors a_i are variables beside dq, so that solve_constrained() does the work.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +32,8 @@ from redres_ros.resolution import Factor, Level, Weight, as_array
 from redres_ros.singularity import locked
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
+WIDER_TOLERANCE = float(np.radians(60.0))  # [rad], where nothing is possible within that one
+LEAD = 4.0  # by which another component must be larger to take over from the one that goes on
 
 _NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
 _NOTHING = 1e-9  # of dx; a component with less is not asked for
@@ -51,6 +57,7 @@ def solve_components(
     sizes: Sequence[int],
     held: Sequence[bool],
     steady_box: Box,
+    dq_prev: np.ndarray,
 ) -> Constrained:
     """As solve_constrained(), with a scaling factor for each component of the first task.
 
@@ -65,6 +72,7 @@ def solve_components(
         held: Whether a component's dx is only to hold it: it then counts as not asked for, and is
             executed with the least error in level 4.
         steady_box: The box without the limits on accelerations.
+        dq_prev: (n,) [rad/s] the last command.
     """
     whole = solve_constrained(dq_free, W, tasks, box, rows, active_set)
     is_exact = whole.error <= _NOTICEABLE
@@ -79,11 +87,13 @@ def solve_components(
         factors = problem.largest_factors(tasks[0], sizes, factors)
     executed = problem.executed(components, lengths, factors)
     dq = executed.dq[: len(dq_free)]
-    if np.count_nonzero(lengths) > 1 and not (is_exact and not locked(whole.s)):
+    if not is_exact or locked(whole.s):
         steady = _WithFactors(dq_free, W, tasks[1:], steady_box, rows, len(sizes))
         share = steady.locked(components, lengths)
         if share > 0.0:
-            dq = dq + share * (_alone(problem, steady, components, lengths, dq) - dq)
+            executing = 1.0 + (LEAD - 1.0) * _fractions(components, dq_prev)
+            order = np.argsort(-executing * lengths, kind='stable')
+            dq = dq + share * (_alone(problem, steady, components, lengths, order, dq) - dq)
     solved = whole.solved and executed.solved
     scaling = tuple(_fractions(components, dq).tolist())
     return whole._replace(dq=dq, solved=solved, component_scaling=scaling)
@@ -94,6 +104,7 @@ def _alone(
     steady: '_WithFactors',
     components: Sequence[_Component],
     lengths: np.ndarray,
+    order: np.ndarray,
     dq: np.ndarray,
 ) -> np.ndarray:
     """The velocity that executes the first component that can go on without the others.
@@ -103,16 +114,24 @@ def _alone(
         steady: The same without those on accelerations.
         components: Of the first task.
         lengths: |dx_i|, (g,).
+        order: In which they are tried, (g,).
         dq: What is commanded if no component can go on, (n,) [rad/s].
     """
-    left = 1.0  # the part of the mixture that the next component gets
+    left = 1.0  # the part of the mixture that the next one gets
     mixed = dq
-    for i in np.flatnonzero(lengths):
-        alone = np.where(np.arange(len(lengths)) == i, lengths, 0.0)
-        only = [c._replace(length=a) for c, a in zip(components, alone, strict=True)]
-        part = left * (1.0 - steady.locked(only, alone))
+    for tolerance, i in product((DIRECTION_TOLERANCE, WIDER_TOLERANCE), order):
+        if not lengths[i] or not left:
+            continue
+        # With what goes across, the tip is no faster than asked.
+        speed = 1.0 if tolerance == DIRECTION_TOLERANCE else np.cos(tolerance)
+        J, dx, length = components[i]
+        only = [component._replace(length=0.0) for component in components]
+        only[i] = _Component(J, speed * dx, speed * length)
+        alone = np.array([component.length for component in only])
+        part = left * min(LEAD * lengths[i] / lengths.max(), 1.0)  # little of what is hardly asked
+        part *= 1.0 - steady.locked(only, alone, tolerance)
         if part > 0.0:
-            executed = problem.executed(only, alone, np.zeros(len(lengths)))
+            executed = problem.executed(only, alone, np.zeros(len(lengths)), tolerance)
             mixed = mixed + part * (executed.dq[: len(dq)] - dq)
         left -= part
     return mixed
@@ -174,7 +193,11 @@ class _WithFactors:
         return np.maximum(z[self._n :], least)
 
     def executed(
-        self, components: Sequence[_Component], lengths: np.ndarray, least: np.ndarray
+        self,
+        components: Sequence[_Component],
+        lengths: np.ndarray,
+        least: np.ndarray,
+        tolerance: float = DIRECTION_TOLERANCE,
     ) -> Constrained:
         """The optimum of the levels 2 to 5, with z in place of dq.
 
@@ -182,6 +205,7 @@ class _WithFactors:
             components: Of the first task.
             lengths: |dx_i|, (g,).
             least: s_i of level 1, (g,).
+            tolerance: Of their directions [rad].
         """
         along = []
         across = []
@@ -196,7 +220,7 @@ class _WithFactors:
             along.append(self._widened(frame[:1].dot(J)) - length * factor)
             across.append(frame[1:].dot(J))
             rest.append(np.zeros(len(frame) - 1))
-            cones.append(_cone(frame, J))
+            cones.append(_cone(frame, J, tolerance))
         tasks = [
             (np.concatenate(along), np.zeros(len(along))),
             (lengths[:, None] * self._factors, lengths),
@@ -205,14 +229,20 @@ class _WithFactors:
         ]
         return self._solve(tasks, least, cones)
 
-    def locked(self, components: Sequence[_Component], lengths: np.ndarray) -> float:
+    def locked(
+        self,
+        components: Sequence[_Component],
+        lengths: np.ndarray,
+        tolerance: float = DIRECTION_TOLERANCE,
+    ) -> float:
         """How far the task velocity counts as locked, 0 to 1.
 
         Args:
             components: Of the first task.
             lengths: |dx_i|, (g,).
+            tolerance: Of their directions [rad].
         """
-        dq = self.executed(components, lengths, np.zeros(len(lengths))).dq[: self._n]
+        dq = self.executed(components, lengths, np.zeros(len(lengths)), tolerance).dq[: self._n]
         return locked(_fractions(components, dq).dot(lengths**2) / lengths.dot(lengths))
 
     def _solve(
@@ -251,9 +281,9 @@ def _frame(direction: np.ndarray) -> np.ndarray:
     return F
 
 
-def _cone(frame: np.ndarray, J: np.ndarray) -> np.ndarray:
+def _cone(frame: np.ndarray, J: np.ndarray, tolerance: float) -> np.ndarray:
     """Rows C (2 (k - 1), n) with C dq <= 0 within the tolerance: a pyramid inside the cone."""
-    along = frame[0] * np.tan(DIRECTION_TOLERANCE) / np.sqrt(max(len(frame) - 1, 1))
+    along = frame[0] * np.tan(tolerance) / np.sqrt(max(len(frame) - 1, 1))
     C: np.ndarray = np.concatenate((frame[1:] - along, -frame[1:] - along)).dot(J)
     return C
 

@@ -115,7 +115,8 @@ class JerkLimit(JointLimit):
             acceleration limits.
         lost: A robot that bridges a lost command with constant acceleration sees a jump in the
             next one. Jerk, acceleration and velocity are lowered so that what it sees keeps the
-            limits, if three commands at least come before the next one is lost.
+            limits, whatever the order in which so many get lost. The count begins anew once three
+            commands in a row have come.
 
     Raises:
         ArrayError: Neither it nor the arm's table has a positive value for each joint.
@@ -127,10 +128,10 @@ class JerkLimit(JointLimit):
     jerk: tuple[float, ...] = ()
     lost: int = param(
         0,
-        'commands lost in a row that the robot bridges with constant acceleration; jerk and '
-        'acceleration are lowered for them',
+        'commands lost at short notice that the robot bridges with constant acceleration; jerk '
+        'and acceleration are lowered for them',
         0,
-        10,
+        4,
         live=True,
     )
 
@@ -151,25 +152,16 @@ class JerkLimit(JointLimit):
     @cached_property
     def J(self) -> np.ndarray:
         """The jerk that is allowed, (n,) [rad/s^3]."""
-        of_velocity, of_position = self._differences
-        in_next = self.lost + 1.0 + of_velocity + of_position
-        after_that = 1.0 + of_velocity + 2.0 * of_position
-        return _SHOWN * self.scale * np.array(self._given) / max(in_next, after_that)
-
-    @property
-    def _differences(self) -> tuple[float, float]:
-        """Velocity [J T^2] and position [J T^3] by which the robot may be off after lost commands.
-
-        In each cycle that it bridges, the commanded acceleration may differ by one J T more. Where
-        the next command comes, both add to the acceleration that the robot sees.
-        """
-        n = self.lost
-        return n * (n + 1) / 2.0, n * (n + 1) * (n + 2) / 6.0
+        # The robot extrapolates from velocity and acceleration as it has seen them, whose errors
+        # are those of the position, once and twice differenced. The worst is that every other
+        # command gets lost: each one then triples the error before it.
+        seen = (3.0 ** (self.lost + 1) - 1.0) / 2.0  # [J T], change of the acceleration
+        return _SHOWN * self.scale * np.array(self._given) / seen
 
     @property
     def figures(self) -> np.ndarray:
         A = np.array(self.model.arm.acceleration_limit or (np.inf,) * self.model.n)
-        return np.stack((self.J, _SHOWN * self.scale * A, np.full(len(A), sum(self._differences))))
+        return np.stack((self.J, _SHOWN * self.scale * A, np.full(len(A), 3.0**self.lost - 1.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -70,7 +70,8 @@ class Bounds:
         problem = dq, W, levels, self.box, self.rows, self.limits.active_set
         if components:
             held = _held(components, self.state.correction)
-            solved = solve_components(*problem, components, held, self._steady_box())
+            steady_box = self._steady_box()
+            solved = solve_components(*problem, components, held, steady_box, self.state.dq_prev)
         else:
             solved = solve_constrained(*problem)
         acting = self.acting_limit(solved)

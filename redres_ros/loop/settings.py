@@ -59,8 +59,9 @@ class LoopSettings:
     )
     bridging: str = param(
         'extrapolate',
-        'what the robot does in a cycle without a command: extrapolate the last ones, as FRI and '
-        'libfranka do, or hold the last one, as ros2_control does',
+        'what the robot does in a cycle without a command: extrapolate the last ones at constant '
+        'velocity, as FRI does, or at constant acceleration, as libfranka does, or hold the last '
+        'one, as ros2_control does',
         choices=BRIDGING,
     )
     following_tolerance: float = param(
@@ -88,5 +89,5 @@ class LoopSettings:
     @property
     def longest_gap(self) -> int:
         """Cycles until the next command, at most, in which the robot goes on by itself."""
-        goes_on = self.bridging == 'extrapolate' and not self.lockstep
+        goes_on = self.bridging != 'hold' and not self.lockstep
         return self.restart_after + 1 if goes_on else 1
