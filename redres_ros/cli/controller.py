@@ -4,7 +4,7 @@ import argparse
 import os
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.gains import gains_of, given_gains
+from redres_ros.cli.gains import given_gains
 from redres_ros.cli.parser import NONE, OptionError
 from redres_ros.errors import UnknownNameError
 
@@ -29,7 +29,8 @@ def find_law(options: argparse.Namespace, name: str, damping: float | None = Non
     """
     from redres_ros.laws import make_law
 
-    gains = gains_of(options, 'law', name)
+    given = given_gains(options).items()
+    gains = {gain.name: value for gain, value in given if (gain.kind, gain.owner) == ('law', name)}
     if damping is None:
         damping = options.damping
     if damping is not None:

@@ -103,21 +103,6 @@ def given_gains(options: argparse.Namespace) -> dict[Gain, Any]:
     return {gain: value for gain, value in values.items() if value is not None}
 
 
-def gains_of(options: argparse.Namespace, kind: str, owner: str) -> dict[str, Any]:
-    """The gains that the command line gives to one owner, by their own names.
-
-    Args:
-        options: The command line.
-        kind: 'law', 'preference', 'task' or 'limit'.
-        owner: Its name in the table of its kind.
-    """
-    return {
-        gain.name: value
-        for gain, value in given_gains(options).items()
-        if (gain.kind, gain.owner) == (kind, owner)
-    }
-
-
 def check_gains(options: argparse.Namespace, in_use: set[tuple[str, str]]) -> None:
     """Refuse a gain whose owner is not in use: it would have no effect.
 

@@ -61,13 +61,13 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
     from redres_ros.robot_model import RobotModel
 
     if options.robot and not options.task:
-        arm = find_arm_of(options, options.robot)
+        arm = _find_arm(options, options.robot)
         name = arm.task
         task = task_for(arm, options.robot)
     else:
         name = options.task or default
         task = load_task(name)
-        arm = find_arm_of(options, options.robot or task.robot)
+        arm = _find_arm(options, options.robot or task.robot)
     model = RobotModel(arm)
     if options.robot:
         task = replace(task, robot=options.robot)
@@ -76,16 +76,8 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
     return WantedMotion(name, task, model)
 
 
-def find_arm_of(options: argparse.Namespace, robot: str) -> 'Arm':
-    """An arm with the tip, the elbow and the dynamics of the options.
-
-    Args:
-        options: With these three.
-        robot: Its name, or the file of its URDF.
-
-    Raises:
-        RedresError: There is no such arm, link or dynamics.
-    """
+def _find_arm(options: argparse.Namespace, robot: str) -> 'Arm':
+    """An arm with the tip, the elbow and the dynamics of the options. Raises RedresError."""
     from redres_ros.robots import choose_arm
 
     arm = choose_arm(robot, options.tip or '', options.elbow or '')

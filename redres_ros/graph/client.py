@@ -25,7 +25,6 @@ PATIENCE = 5.0  # [s] for a service to be found, and for its response
 _ASK_AGAIN = 1.0  # [s]
 _LOOK = 0.001  # [s] between looks at whether a response has come
 
-_START_PATIENCE = 120.0  # [s] for a graph to appear, which may have to be compiled first
 _GRAPH_LOOK = 0.1  # [s] between looks at whether it is there
 _SETTLING = 0.5  # [s] for the rest of it to be discovered
 _NEEDED = ('controller', 'planner')
@@ -145,9 +144,7 @@ class GraphClient:
         client = self._client(GetParameters, f'{of}/get_parameters')
         return bool(client.service_is_ready())
 
-    def await_nodes(
-        self, stopped: threading.Event, waiting: Waiting, patience: float = _START_PATIENCE
-    ) -> bool:
+    def await_nodes(self, stopped: threading.Event, waiting: Waiting, patience: float) -> bool:
         """Whether the graph is there; False where it need not be any more.
 
         Args:

@@ -108,7 +108,6 @@ WORDS = (SESSION, QUALITY, REASON, TASK_STATE, MODE)
 NODES = ('sim', 'planner', 'controller')
 
 STALE = 3.0  # [s] a node that is silent for longer has gone: it sends diagnostics once a second
-NICENESS = 10  # who observes must wait for those who work, where processors are few
 
 
 @dataclass(frozen=True)

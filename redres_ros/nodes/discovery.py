@@ -34,7 +34,7 @@ _LOOPBACK = Path(__file__).with_name('loopback.xml')
 _DOMAINS = range(1, 102)  # above them the ports run into those that Linux hands out to anyone
 
 
-class DomainError(RedresError):
+class _DomainError(RedresError):
     """No domain is free."""
 
 
@@ -83,7 +83,7 @@ def own_domain(wanted: int | None = None) -> Iterator[int]:
         Its number.
 
     Raises:
-        DomainError: Every domain is taken.
+        _DomainError: Every domain is taken.
         RangeError: There is no such domain.
     """
     if wanted is not None:
@@ -100,7 +100,7 @@ def _free_domain() -> tuple[IO[bytes], int]:
         lock = _claim(domain)
         if lock and not _in_use(domain):
             return lock, domain
-    raise DomainError(
+    raise _DomainError(
         f'every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this machine'
     )
 

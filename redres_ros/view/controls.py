@@ -49,27 +49,6 @@ class Bindings:
         self.on_change(node, parameter, show)
         handle.on_update(lambda event: self.set(event, node, {parameter: event.target.value}))
 
-    def add_names(self, boxes: Mapping[str, Any], node: str, parameter: str) -> None:
-        """Have boxes to tick set a parameter that lists names, and show what others set.
-
-        Args:
-            boxes: By the names.
-            node: Name of the node that has the parameter.
-            parameter: Its name.
-        """
-
-        def order(event: viser.GuiEvent[Any]) -> None:
-            names = [name for name, box in boxes.items() if box.value] or [NONE]
-            self.set(event, node, {parameter: names})
-
-        def show(names: Any) -> None:
-            for name, box in boxes.items():
-                box.value = name in names
-
-        for box in boxes.values():
-            box.on_update(order)
-        self.on_change(node, parameter, show)
-
     def on_change(self, node: str, parameter: str, show: Callable[[Any], None]) -> None:
         """Have something called with each new value of a parameter.
 
@@ -232,4 +211,15 @@ def _add_names(
     ticked = named(bindings.values['controller'][parameter])
     with gui.add_folder(parameter, expand_by_default=parameter == 'limits'):
         boxes = {name: gui.add_checkbox(name, name in ticked) for name in table}
-    bindings.add_names(boxes, 'controller', parameter)
+
+    def order(event: viser.GuiEvent[Any]) -> None:
+        names = [name for name, box in boxes.items() if box.value] or [NONE]
+        bindings.set(event, 'controller', {parameter: names})
+
+    def show(names: Any) -> None:
+        for name, box in boxes.items():
+            box.value = name in names
+
+    for box in boxes.values():
+        box.on_update(order)
+    bindings.on_change('controller', parameter, show)

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from redres_ros.files.plugins import load_plugins
-from redres_ros.graph.graph_monitor import NICENESS, WORDS, GraphMonitor
+from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.settings import points_of
 from redres_ros.limits.shapes import shapes_of, touched
@@ -25,6 +25,7 @@ from redres_ros.view.panel import Plots, RingBuffer, joint_bars, limits_text, st
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.teleoperation import Teleoperation
 
+_NICENESS = 10  # who observes must wait for those who work, where processors are few
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
 _PLOTTED = 15.0  # [s] of the robot's clock
@@ -204,7 +205,7 @@ class _ViewNode(GraphMonitor):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    os.nice(NICENESS)
+    os.nice(_NICENESS)
     return run_nodes(_ViewNode, arguments=arguments)
 
 
