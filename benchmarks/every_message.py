@@ -27,6 +27,7 @@ from redres_ros.nodes.runtime import OwnThread, spun
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way
 LATE = 500_000_000  # [ns] from what a node said to its publication, at most
 NODES = ('planner', 'controller', 'sim')
+START = 120.0  # [s] for the nodes to appear, which may have to be compiled first
 
 
 class Span(NamedTuple):
@@ -87,7 +88,7 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
         McapFile(out / 'run.mcap') as file,
         spun(lambda: GraphRecorder(file, wanted)) as recorder,
     ):
-        recorder.client.await_nodes(stopped, OwnThread())
+        recorder.client.await_nodes(stopped, OwnThread(), START)
         thread = threading.Thread(target=recorder.run, args=(stopped,))
         thread.start()
         time.sleep(JOINING)
