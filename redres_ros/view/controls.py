@@ -210,7 +210,7 @@ def _add_names(
     """A box to tick for each entry of a table that a parameter of the controller may name."""
     ticked = named(bindings.values['controller'][parameter])
     with gui.add_folder(parameter, expand_by_default=parameter == 'limits'):
-        boxes = {name: gui.add_checkbox(name, name in ticked) for name in table}
+        boxes: dict[str, Any] = {n: gui.add_checkbox(n, n in ticked) for n in table}
 
     def order(event: viser.GuiEvent[Any]) -> None:
         names = [name for name, box in boxes.items() if box.value] or [NONE]
