@@ -28,28 +28,6 @@ class MovingJoint:
     axis: np.ndarray
     is_prismatic: bool
 
-    @classmethod
-    def of(cls, model: pin.Model, index: int) -> 'MovingJoint':
-        """A joint of Pinocchio's model.
-
-        Args:
-            model: Of the arm.
-            index: The joint's in it, where 0 is the base.
-        """
-        links = [frame for frame in model.frames if frame.type == pin.BODY]
-        link = next(frame for frame in links if frame.parentJoint == index)
-        J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), index)
-        linear, angular = np.split(J[:, index - 1], 2)  # in the joint's own frame
-        is_prismatic = bool(linear.any())
-        return cls(
-            model.names[index],
-            link.name,
-            model.jointPlacements[index].homogeneous,
-            model.parents[index] - 1,
-            linear if is_prismatic else angular,
-            is_prismatic,
-        )
-
 
 class Kinematics:
     """The moving joints, and the tip: a serial arm, or a tree that has several tips.
@@ -64,6 +42,7 @@ class Kinematics:
         lower: Position limits, (n,) [rad] or [m].
         upper: Likewise.
         velocity: Limits, (n,) [rad/s] or [m/s].
+        links: Of each link the joint that moves it, or BASE, and its pose in that frame, (4, 4).
         tip: From the frame that the last joint before the tip moves, (4, 4).
         tip_parent: Index of that joint.
         base_frame: The root link.
@@ -71,18 +50,35 @@ class Kinematics:
 
     def __init__(self, description: str, tip_frame: str) -> None:
         model = pin.buildModelFromXML(description)
-        self.joints = tuple(MovingJoint.of(model, index) for index in range(1, model.njoints))
-        self.n = len(self.joints)
+        self._model = model
+        self._data = model.createData()
+        self._tip = model.getFrameId(tip_frame, pin.BODY)
+        links = [frame for frame in model.frames if frame.type == pin.BODY]
+        self.links = {
+            link.name: (link.parentJoint - 1, link.placement.homogeneous) for link in links
+        }
+        self.joints = tuple(map(self._joint, range(model.nv)))
+        self.n = model.nv
         self.lower = model.lowerPositionLimit.copy()
         self.upper = model.upperPositionLimit.copy()
         self.velocity = model.velocityLimit.copy()
-        self._tip = model.getFrameId(tip_frame, pin.BODY)
-        tip = model.frames[self._tip]
-        self.tip = tip.placement.homogeneous
-        self.tip_parent = tip.parentJoint - 1
-        self.base_frame = model.frames[1].name  # after the universe
-        self._model = model
-        self._data = model.createData()
+        self.tip_parent, self.tip = self.links[tip_frame]
+        self.base_frame = links[0].name
+
+    def _joint(self, index: int) -> MovingJoint:
+        """The joint of that index, which is one less than in Pinocchio's model."""
+        model = self._model
+        J = pin.computeJointJacobian(model, self._data, pin.neutral(model), index + 1)
+        linear, angular = np.split(J[:, index], 2)  # in the joint's own frame
+        is_prismatic = bool(linear.any())
+        return MovingJoint(
+            model.names[index + 1],
+            next(link for link, (joint, _) in self.links.items() if joint == index),
+            model.jointPlacements[index + 1].homogeneous,
+            model.parents[index + 1] - 1,
+            linear if is_prismatic else angular,
+            is_prismatic,
+        )
 
     @property
     def leading(self) -> list[int]:
@@ -93,12 +89,6 @@ class Kinematics:
             indices.append(index)
             index = self.joints[index].parent
         return indices[::-1]
-
-    @property
-    def links(self) -> dict[str, tuple[int, np.ndarray]]:
-        """Of each link the joint that moves it, or BASE, and its pose in that frame, (4, 4)."""
-        links = [frame for frame in self._model.frames if frame.type == pin.BODY]
-        return {link.name: (link.parentJoint - 1, link.placement.homogeneous) for link in links}
 
     @property
     def offsets(self) -> np.ndarray:

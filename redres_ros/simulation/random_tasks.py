@@ -7,7 +7,6 @@ import numpy as np
 from redres_ros.errors import UnknownNameError
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
-from redres_ros.robots.joint_limits import JointLimits
 
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
 _FARTHEST = 2.0 * np.pi  # [rad] from zero of such a start, for joints that turn without end
@@ -103,9 +102,8 @@ def make_random_task(kind: str, model: RobotModel, robot: str, seed: int) -> Way
 
 def _inner_range(model: RobotModel) -> tuple[np.ndarray, np.ndarray]:
     """Middle of the joints' ranges and half of the part in which starts lie, (n,) each [rad]."""
-    limits = JointLimits.of(model.arm)
-    lower = np.maximum(limits.lower, -_FARTHEST)
-    upper = np.minimum(limits.upper, _FARTHEST)
+    lower = np.maximum(model.q_min, -_FARTHEST)
+    upper = np.minimum(model.q_max, _FARTHEST)
     return (lower + upper) / 2.0, _RANGE * (upper - lower) / 2.0
 
 
