@@ -95,8 +95,7 @@ class SimNode(ManagedNode):
     Deactivated it neither sends states nor takes commands, as a robot whose cable is cut: an arm
     that moves is braked. Activated again, it starts monitoring again.
 
-    Raises:
-        ParameterError: use_sim_time, or a parameter of another type.
+    Raises ParameterError for use_sim_time, or a parameter of another type.
     """
 
     def __init__(self) -> None:
@@ -126,20 +125,14 @@ class SimNode(ManagedNode):
         epoch = _LOCKSTEP_EPOCH if self._settings.lockstep else time.time_ns()
         self._robot_clock = RobotClock(epoch, round(NANOSECONDS / self._settings.rate))
         names = self._plant.joint_names
-        self._states: NetworkModel[bytes] = NetworkModel(f'{seed} states', faults.states)
-        self._wrenches: NetworkModel[WrenchStamped] = NetworkModel(
-            f'{seed} wrenches', faults.wrenches
-        )
+        self._states = NetworkModel[bytes](f'{seed} states', faults.states)
+        self._wrenches = NetworkModel[WrenchStamped](f'{seed} wrenches', faults.wrenches)
         self._writer = JointStateWriter(names, with_effort=self._plant.effort is not None)
         nothing = np.zeros(len(names))
         self._newest = self._writer.written(0, nothing, nothing)  # of the published states
+        timed = not self._settings.lockstep
         self._receiver = CommandReceiver(
-            names,
-            self._robot_clock,
-            self._session,
-            link=faults.commands,
-            seed=seed,
-            timed=not self._settings.lockstep,
+            names, self._robot_clock, self._session, link=faults.commands, seed=seed, timed=timed
         )
         self._commands = JointStateReader()
         self._arrival = Arrival()  # of a command
@@ -159,9 +152,8 @@ class SimNode(ManagedNode):
         return IdealPlant(JointLimits.of(arm).joint_names, period, start)
 
     def _create_interfaces(self, arm: Arm) -> None:
-        self._telemetry = Telemetry(
-            self, {}, {'wrench': WrenchStamped, 'external_torques': JointState}
-        )
+        types = {'wrench': WrenchStamped, 'external_torques': JointState}
+        self._telemetry = Telemetry(self, {}, types)
         self._state_publisher = self.create_publisher(JointState, 'joint_states', PUBLISH)
         # The reason comes first: a subscriber that receives the end of a session knows why.
         self._words = LatchedWords(self, REASON, SESSION, QUALITY)
