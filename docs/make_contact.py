@@ -3,6 +3,7 @@
 Run it with: python docs/make_contact.py. It takes several minutes.
 """
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -35,7 +36,8 @@ def main() -> None:
             for stiffness, delay in product(STIFFNESSES, DELAYS):
                 bound = minimum_damping(stiffness, T, delay=delay, bandwidth=bandwidth)
                 bounds.append(bound)
-                measured.append(least_damping(arm, stiffness, bandwidth, delay, bound))
+                case = Pressing(arm, T, bandwidth, stiffness, delay=delay, gap=0.0, force_limit=1e4)
+                measured.append(least_damping(case, bound))
                 print(
                     arm, bandwidth, stiffness, delay, f'{bound:.0f} {measured[-1]:.0f}', flush=True
                 )
@@ -48,42 +50,30 @@ def main() -> None:
     figure.savefig(Path(__file__).with_name('contact.png'), dpi=110)
 
 
-def least_damping(arm: str, stiffness: float, bandwidth: float, delay: int, bound: float) -> float:
+def least_damping(case: Pressing, bound: float) -> float:
     """The least damping at which the force comes to rest [N s/m], below four times the bound.
 
     Args:
-        arm: Its name.
-        stiffness: Of the table [N/m].
-        bandwidth: Of the servos [rad/s].
-        delay: From a contact to the response [cycles].
+        case: Arm, servos, delay and table.
         bound: On the damping [N s/m].
     """
     bouncing = 0.02 * bound
     steady = 4.0 * bound
     while steady > SEARCHED * bouncing:
         damping = float(np.sqrt(bouncing * steady))
-        if ripple(arm, stiffness, bandwidth, delay, damping) < STEADY:
+        if ripple(replace(case, damping=damping)) < STEADY:
             steady = damping
         else:
             bouncing = damping
     return steady
 
 
-def ripple(arm: str, stiffness: float, bandwidth: float, delay: int, damping: float) -> float:
-    """Largest less smallest force once the tip has had time to press steadily [N].
-
-    Args:
-        arm: Its name.
-        stiffness: Of the table [N/m].
-        bandwidth: Of the servos [rad/s].
-        delay: From a contact to the response [cycles].
-        damping: Of the admittance [N s/m].
-    """
-    case = Pressing(arm, T, bandwidth, stiffness, damping, delay=delay, gap=0.0, force_limit=1e4)
+def ripple(case: Pressing) -> float:
+    """Largest less smallest force once the tip has had time to press steadily [N]."""
     pressing = PressingArm(case)
-    lag = delay * T + 2.0 / bandwidth
-    settles = 0.3 + _LAGS * lag + 7.0 * damping / stiffness
-    settles += 0.25 * FORCE / (stiffness * AdmittanceSettings().search_speed)
+    lag = case.delay * T + 2.0 / case.bandwidth
+    settles = 0.3 + _LAGS * lag + 7.0 * case.damping / case.stiffness
+    settles += 0.25 * FORCE / (case.stiffness * AdmittanceSettings().search_speed)
     forces = []
     for _ in range(round((settles + JUDGED) / T)):
         state = pressing.state()
