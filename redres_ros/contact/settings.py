@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from redres_ros.parameter import check_parameters, param
 BASE = 'base'
 TIP = 'tip'
 GAINS = ('mass', 'damping', 'stiffness', 'force')  # a value for each direction
+_live = partial(param, live=True)
 _STABLE = 1.5  # [rad] of phase that delay and servo may take at the crossover frequency
 
 
@@ -27,71 +29,59 @@ class AdmittanceSettings:
         ArrayError: Arrays of different or other lengths.
     """
 
-    enabled: bool = param(False, 'yield to the measured wrench', live=True)
-    frame: str = param(BASE, 'frame of the directions: base, tip or the name of a link', live=True)
-    mass: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0), 'M_d [kg], [kg m^2]; 0: pure damping', 0.0, 1e4, live=True
+    enabled: bool = _live(False, 'yield to the measured wrench')
+    frame: str = _live(BASE, 'frame of the directions: base, tip or the name of a link')
+    mass: tuple[float, ...] = _live(
+        (0.0, 0.0, 0.0), 'M_d [kg], [kg m^2]; 0: pure damping', 0.0, 1e4
     )
-    damping: tuple[float, ...] = param(
-        (1000.0, 1000.0, 1000.0), 'D_d [N s/m], [Nm s/rad]', 0.0, 1e6, live=True
+    damping: tuple[float, ...] = _live(
+        (1000.0, 1000.0, 1000.0), 'D_d [N s/m], [Nm s/rad]', 0.0, 1e6
     )
-    stiffness: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0),
-        'K_d [N/m], [Nm/rad]; 0: no return to the commanded path',
-        0.0,
-        1e6,
-        live=True,
+    stiffness: tuple[float, ...] = _live(
+        (0.0, 0.0, 0.0), 'K_d [N/m], [Nm/rad]; 0: no return to the commanded path', 0.0, 1e6
     )
-    force: tuple[float, ...] = param(
+    force: tuple[float, ...] = _live(
         (0.0, 0.0, 0.0),
         'f_d, desired force and moment of the environment on the tip [N], [Nm]',
         -1e3,
         1e3,
-        live=True,
     )
-    force_limit: float = param(
-        100.0, 'force above which the tip retreats and the arm holds [N]', 1.0, 1e4, live=True
+    force_limit: float = _live(
+        100.0, 'force above which the tip retreats and the arm holds [N]', 1.0, 1e4
     )
-    wrench_timeout: float = param(
-        0.05, 'age at which a wrench counts as stale and the arm holds [s]', 0.001, 10.0, live=True
+    wrench_timeout: float = _live(
+        0.05, 'age at which a wrench counts as stale and the arm holds [s]', 0.001, 10.0
     )
-    sensor_range: float = param(
-        0.0, 'largest force or moment that the sensor measures; 0: any [N]', 0.0, 1e5, live=True
+    sensor_range: float = _live(
+        0.0, 'largest force or moment that the sensor measures; 0: any [N]', 0.0, 1e5
     )
-    filter_time: float = param(
-        0.0, 'time constant of the first-order filter of the wrench [s]', 0.0, 1.0, live=True
+    filter_time: float = _live(
+        0.0, 'time constant of the first-order filter of the wrench [s]', 0.0, 1.0
     )
-    payload_mass: float = param(
-        0.0,
-        'mass mounted beyond the force sensor; its weight is subtracted [kg]',
-        0.0,
-        100.0,
-        live=True,
+    payload_mass: float = _live(
+        0.0, 'mass mounted beyond the force sensor; its weight is subtracted [kg]', 0.0, 100.0
     )
-    payload_center: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0), 'centre of that mass in the frame of the tip [m]', -2.0, 2.0, live=True
+    payload_center: tuple[float, ...] = _live(
+        (0.0, 0.0, 0.0), 'centre of that mass in the frame of the tip [m]', -2.0, 2.0
     )
-    search_speed: float = param(
-        0.02, 'largest speed at which a contact is approached [m/s]', 1e-4, 0.5, live=True
+    search_speed: float = _live(
+        0.02, 'largest speed at which a contact is approached [m/s]', 1e-4, 0.5
     )
-    search_distance: float = param(
-        0.05, 'distance after which an approach without contact ends [m]', 1e-3, 1.0, live=True
+    search_distance: float = _live(
+        0.05, 'distance after which an approach without contact ends [m]', 1e-3, 1.0
     )
-    retreat_speed: float = param(0.02, 'speed of a retreat [m/s]', 1e-4, 0.5, live=True)
-    retreat_distance: float = param(0.01, 'length of a retreat [m]', 0.0, 0.5, live=True)
-    contact_stiffness: float = param(
+    retreat_speed: float = _live(0.02, 'speed of a retreat [m/s]', 1e-4, 0.5)
+    retreat_distance: float = _live(0.01, 'length of a retreat [m]', 0.0, 0.5)
+    contact_stiffness: float = _live(
         0.0,
         'stiffness of environment and arm in series, for which a damping that is too low is '
         'refused; 0: unknown [N/m]',
         0.0,
         1e7,
-        live=True,
     )
-    contact_delay: int = param(
-        1, 'delay from a contact to the response [cycles]', 0, 1000, live=True
-    )
-    servo_bandwidth: float = param(
-        100.0, "natural frequency of the robot's position servos [rad/s]", 1.0, 1e4, live=True
+    contact_delay: int = _live(1, 'delay from a contact to the response [cycles]', 0, 1000)
+    servo_bandwidth: float = _live(
+        100.0, "natural frequency of the robot's position servos [rad/s]", 1.0, 1e4
     )
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@ force sensor.
 """
 
 from dataclasses import dataclass, fields
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -12,23 +12,12 @@ from redres_ros.parameter import check_parameters, param
 
 LONGEST = 1000  # cycles
 PUSHES = ('push_force_x', 'push_force_y', 'push_force_z')
+_live = partial(param, live=True)
+_fraction = partial(_live, 0.0, lower=0.0, upper=1.0)
+_cycles = partial(_live, 0, lower=0, upper=LONGEST)
+_burst = partial(_live, 1, lower=1, upper=10000)
+_force = partial(_live, 0.0, lower=-500.0, upper=500.0)
 _NOISE = np.repeat((1.0, 0.1), 3)  # of forces and moments
-
-
-def _fraction(description: str) -> Any:
-    return param(0.0, description, 0.0, 1.0, live=True)
-
-
-def _cycles(description: str) -> Any:
-    return param(0, description, 0, LONGEST, live=True)
-
-
-def _burst(description: str) -> Any:
-    return param(1, description, 1, 10000, live=True)
-
-
-def _force(description: str) -> Any:
-    return param(0.0, description, -500.0, 500.0, live=True)
 
 
 @dataclass(frozen=True)
@@ -47,45 +36,29 @@ class Faults:
     command_loss_burst: int = _burst('commands lost in a row each time')
     command_duplication: float = _fraction('fraction of the commands that arrive twice')
     command_reordering: float = _fraction('probability that a command arrives after the next one')
-    encoder_step: float = param(
-        0.0, 'resolution of measured positions; 0: exact [rad]', 0.0, 0.1, live=True
-    )
-    encoder_noise: float = param(
-        0.0, 'standard deviation of measured positions [rad]', 0.0, 0.1, live=True
-    )
-    frozen_joint: int = param(
-        0, 'joint whose encoder is frozen, 1 next to the base; 0: none', 0, 100, live=True
+    encoder_step: float = _live(0.0, 'resolution of measured positions; 0: exact [rad]', 0.0, 0.1)
+    encoder_noise: float = _live(0.0, 'standard deviation of measured positions [rad]', 0.0, 0.1)
+    frozen_joint: int = _live(
+        0, 'joint whose encoder is frozen, 1 next to the base; 0: none', 0, 100
     )
     push_force_x: float = _force('force on the tip along x of the base [N]')
     push_force_y: float = _force('force on the tip along y of the base [N]')
     push_force_z: float = _force('force on the tip along z of the base [N]')
-    push_link: str = param('', 'link on whose origin these forces act; empty: the tip', live=True)
-    push_time: float = param(
-        0.0,
-        'how long a push lasts unless it is set again; 0: until it is set to 0 [s]',
-        0.0,
-        1e3,
-        live=True,
+    push_link: str = _live('', 'link on whose origin these forces act; empty: the tip')
+    push_time: float = _live(
+        0.0, 'how long a push lasts unless it is set again; 0: until it is set to 0 [s]', 0.0, 1e3
     )
     wrench_delay: int = _cycles('delay of the measured wrench [cycles]')
     wrench_loss: float = _fraction('fraction of the wrenches that are lost')
-    wrench_noise: float = param(
-        0.0,
-        'standard deviation of measured forces [N]; of moments a tenth of it [Nm]',
-        0.0,
-        100.0,
-        live=True,
+    wrench_noise: float = _live(
+        0.0, 'standard deviation of measured forces [N]; of moments a tenth of it [Nm]', 0.0, 100.0
     )
     wrench_bias: float = _force("offset of measured forces along the tip's z [N]")
-    wrench_range: float = param(
-        0.0,
-        'largest force and moment that the sensor measures; 0: no bound [N], [Nm]',
-        0.0,
-        1e4,
-        live=True,
+    wrench_range: float = _live(
+        0.0, 'largest force and moment that the sensor measures; 0: no bound [N], [Nm]', 0.0, 1e4
     )
-    wrench_not_finite: bool = param(False, 'measured forces are NaN', live=True)
-    paused_physics: bool = param(False, 'the arm ignores every command', live=True)
+    wrench_not_finite: bool = _live(False, 'measured forces are NaN')
+    paused_physics: bool = _live(False, 'the arm ignores every command')
 
     def __post_init__(self) -> None:
         check_parameters(self)
