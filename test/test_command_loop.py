@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros.errors import ArrayError
 from redres_ros.interpolation import quintic
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.cycle_counter import ClockError
@@ -255,6 +256,18 @@ def test_a_state_without_a_stamp_is_refused() -> None:
     with pytest.raises(ClockError, match='no stamp'):
         robot.ask(0)
     assert robot.ask() is not None
+
+
+@pytest.mark.parametrize('word', ['CMD', 'MON'])
+def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(word: str) -> None:
+    robot = make()
+    robot.following.enter_session(word)
+    robot.ask()
+    before = robot.q
+    with pytest.raises(ArrayError, match='must be finite'):
+        robot.following.enter_state(robot.stamp + NS, np.full(7, np.nan), robot.now + T)
+    robot.ask()
+    assert (robot.q == before).all()
 
 
 def test_the_same_state_again_gets_the_same_response_and_another_one_with_its_stamp_none() -> None:

@@ -23,6 +23,7 @@ from redres_ros.loop.session import RobotSession
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
 from redres_ros.loop.velocity_input import VelocityInput
+from redres_ros.vectors import check_finite
 
 _LITTLE = 0.05  # scaling factor below which a task hardly goes on
 _LONG = 1.0  # [s] after which that is reported
@@ -216,8 +217,9 @@ class CommandLoop:
         Raises:
             ClockError: The stamp is not that of a new cycle.
             LeapError: A joint has moved further than it can.
-            RedresError: Positions that are not finite.
+            ArrayError: Positions that are not finite.
         """
+        check_finite(q, 'q')
         self.input.note_input(now)
         if stamp and stamp == self._cycles.newest:
             return self._same_again(q, now)
