@@ -29,7 +29,7 @@ INTEGRATE_FROM = ('command', 'measurement')
 # What a robot does in a cycle without a command: go on at the last velocity, at the last
 # acceleration, or stay at the last command.
 BRIDGING = ('extrapolate', 'extrapolate_acceleration', 'hold')
-DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
+_DX_LIMIT = 1e9  # [m/s], [rad/s]; faster than light: squares of much more would overflow
 _MOST_MISSED = 1_000_000  # cycles, which nobody bridges
 _SAMPLING_TIME = Parameter('of the robot [s]', 1e-5, 1.0)
 _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
@@ -317,7 +317,7 @@ class Controller:
 
         Raises:
             ArrayError: A wrong shape, NaN or infinity. The controller is as it was before.
-            RangeError: For missed, or dx beyond DX_LIMIT. The controller is as it was before.
+            RangeError: For missed, or dx beyond 1e9. The controller is as it was before.
             DivergedError: The joints would exceed SPEED_LIMIT. Where dx is the reason,
                 the controller is as it was before. Where its own velocity history is, it begins
                 anew.
@@ -409,10 +409,10 @@ class Controller:
             raise RangeError('missed', missed, 0, _MOST_MISSED, 'a whole number of cycles')
         q = as_vector(q, self.model.n, 'q').copy()  # the command's state keeps it
         dx = as_vector(dx, self.m, 'dx')
-        if not are_usable(q, dx, DX_LIMIT):
+        if not are_usable(q, dx, _DX_LIMIT):
             check_finite(q, 'q')
             check_finite(dx, 'dx')
-            raise RangeError('dx', float(np.abs(dx).max()), 0.0, DX_LIMIT)
+            raise RangeError('dx', float(np.abs(dx).max()), 0.0, _DX_LIMIT)
         return self.nearest_turn(q) if self._multi_turn.size else q, dx
 
     def _replace(self, field: str, **given: Any) -> None:

@@ -29,9 +29,9 @@ from redres_ros.kernels.closed_form import (
 )
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
-FASTEST = 100.0
+_FASTEST = 100.0
 # rows whose singular value is below this fraction are dependent: lower tasks may use the rest
-DEPENDENT_RATIO = 1e-9
+_DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
@@ -187,7 +187,7 @@ def resolve_in_order(
     """
     J, dx = levels[0]
     dq = np.empty(len(b))
-    outcome = _solve(levels[0], stacked(levels[1:], len(b)), b, W, 0.0, FASTEST, dq)
+    outcome = _solve(levels[0], stacked(levels[1:], len(b)), b, W, 0.0, _FASTEST, dq)
     if outcome in (SOLVED, INCOMPLETE):
         return dq, outcome == INCOMPLETE
     _check_outcome(outcome, dq, J, dx, b, W)
@@ -264,7 +264,7 @@ def _resolve_in_order_carefully(
         z_b = Z.T.dot(dq)
         dq_least = dq - Z.dot(z_b)
         rest = dx - J.dot(dq_least)
-        z, _ = resolve_one(J.dot(Z), rest, z_b, _within(W, Z), _largest(J), FASTEST)
+        z, _ = resolve_one(J.dot(Z), rest, z_b, _within(W, Z), _largest(J), _FASTEST)
         dq = dq_least + Z.dot(z)
     return dq, damped
 
@@ -398,7 +398,7 @@ def _null_space(J: np.ndarray, size: float) -> np.ndarray:
             of J a task that the ones above leave no freedom would be judged against rounding.
     """
     _, s, Vt = np.linalg.svd(J)
-    rank = int(np.count_nonzero(s > DEPENDENT_RATIO * max(size, np.finfo(float).tiny)))
+    rank = int(np.count_nonzero(s > _DEPENDENT_RATIO * max(size, np.finfo(float).tiny)))
     return Vt[rank:].T
 
 

@@ -16,39 +16,39 @@ from numba import boolean, float64, int64
 from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
 
 # The rows of Search.ends, and the sides of a limit.
-LOWER = 0
-UPPER = 1
+_LOWER = 0
+_UPPER = 1
 
 # The rows of Search.marks.
-STATE = 0  # of each limit, one of the four below
-SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
-BEHIND = 2  # the limit behind row k of the basis
-COUNT = 3  # how many rows are fixed for good, and how many there are
+_STATE = 0  # of each limit, one of the four below
+_SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
+_BEHIND = 2  # the limit behind row k of the basis
+_COUNT = 3  # how many rows are fixed for good, and how many there are
 
-FREE = 0  # the state of a limit that z may come to,
-HELD = 1  # of one whose end z may not leave for now,
-FIXED = 2  # or for good,
-LATER = 3  # and of one that a later level brings in
+_FREE = 0  # the state of a limit that z may come to,
+_HELD = 1  # of one whose end z may not leave for now,
+_FIXED = 2  # or for good,
+_LATER = 3  # and of one that a later level brings in
 
 ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
 
-MUCH = 0.5  # a row that keeps this share of its square is orthogonal to the others after one pass
-DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
+_MUCH = 0.5  # a row that keeps this share of its square is orthogonal to the others after one pass
+_DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
 
-RANK = 1e-11  # a row of A is dependent below this share of the longest one
+_RANK = 1e-11  # a row of A is dependent below this share of the longest one
 
-MAX_STEPS = 200  # of one level; ten are many
-BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
-WRONG = 1e-14  # a force of the wrong sign counts from this share of the gradient's terms on
-TIGHT = 1e-10  # one of the right sign proves its limit tight from this share on
+_MAX_STEPS = 200  # of one level; ten are many
+_BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
+_WRONG = 1e-14  # a force of the wrong sign counts from this share of the gradient's terms on
+_TIGHT = 1e-10  # one of the right sign proves its limit tight from this share on
 
 # The last element of what a search leaves behind for the next one.
-UNKNOWN = 0  # nothing: there was none
-WHOLE = 1  # the whole task was executed
-LESS = -1  # less of it
+_UNKNOWN = 0  # nothing: there was none
+_WHOLE = 1  # the whole task was executed
+_LESS = -1  # less of it
 
 
-class Search(NamedTuple):
+class _Search(NamedTuple):
     """A point, its limits, and the rows along which it may not move."""
 
     z: np.ndarray  # (d,)
@@ -90,7 +90,7 @@ def zeros(m: int, n: int) -> np.ndarray:
 
 
 @part
-def make_orthonormal(Q: np.ndarray, R: np.ndarray, k: int) -> None:
+def _make_orthonormal(Q: np.ndarray, R: np.ndarray, k: int) -> None:
     """Row k of Q becomes a unit vector orthogonal to the rows before it: it was R[k] Q.
 
     Args:
@@ -109,7 +109,7 @@ def make_orthonormal(Q: np.ndarray, R: np.ndarray, k: int) -> None:
             for c in range(Q.shape[1]):
                 Q[k, c] -= along * Q[j, c]
         square = product(Q, k, Q, k)
-        if square > MUCH * before:
+        if square > _MUCH * before:
             break
     R[k, k] = np.sqrt(square)
     for c in range(Q.shape[1]):
@@ -117,7 +117,7 @@ def make_orthonormal(Q: np.ndarray, R: np.ndarray, k: int) -> None:
 
 
 @part
-def substitute(R: np.ndarray, x: np.ndarray) -> None:
+def _substitute(R: np.ndarray, x: np.ndarray) -> None:
     """x becomes R'^-1 x, with as many rows of the lower triangular R as x (k,) has elements."""
     for k in range(len(x) - 1, -1, -1):
         for j in range(k + 1, len(x)):
@@ -129,67 +129,67 @@ def substitute(R: np.ndarray, x: np.ndarray) -> None:
 
 
 @inlined
-def append(search: Search, rows: np.ndarray, i: int, least: float) -> bool:
+def append(search: _Search, rows: np.ndarray, i: int, least: float) -> bool:
     """Add a row, unless less than a length of `least` is orthogonal to those that are there."""
-    k = search.marks[COUNT, 1]
+    k = search.marks[_COUNT, 1]
     if k == len(search.Q):
         return False
     for j in range(len(search.Q)):
         search.Q[k, j] = rows[i, j]
-    make_orthonormal(search.Q, search.R, k)
+    _make_orthonormal(search.Q, search.R, k)
     if not search.R[k, k] > least:
         return False
-    search.marks[COUNT, 1] = k + 1
+    search.marks[_COUNT, 1] = k + 1
     return True
 
 
 @part
-def append_all(search: Search, A: np.ndarray) -> None:
+def _append_all(search: _Search, A: np.ndarray) -> None:
     """Add the rows of A that do not depend on those that are there."""
     square = 0.0
     for i in range(len(A)):
         square = max(square, product(A, i, A, i))
     for i in range(len(A)):
-        append(search, A, i, RANK * np.sqrt(square))
+        append(search, A, i, _RANK * np.sqrt(square))
 
 
 @part
-def hold(search: Search, i: int, towards: float) -> None:
+def hold(search: _Search, i: int, towards: float) -> None:
     """Keep limit i at its upper end if towards > 0, else at its lower one.
 
     It stays free where the other rows keep it in its place already.
     """
     marks = search.marks
-    marks[STATE, i] = FREE
-    if append(search, search.G, i, DEPENDENT):
-        marks[BEHIND, marks[COUNT, 1] - 1] = i
-        marks[STATE, i] = HELD
-        marks[SIDE, i] = 1 if towards > 0.0 else -1
+    marks[_STATE, i] = _FREE
+    if append(search, search.G, i, _DEPENDENT):
+        marks[_BEHIND, marks[_COUNT, 1] - 1] = i
+        marks[_STATE, i] = _HELD
+        marks[_SIDE, i] = 1 if towards > 0.0 else -1
 
 
 @inlined
-def release(search: Search, k: int) -> None:
+def release(search: _Search, k: int) -> None:
     """Let the limit behind row k go."""
     marks = search.marks
-    end = marks[COUNT, 1]
-    marks[COUNT, 1] = k
-    marks[STATE, marks[BEHIND, k]] = FREE
+    end = marks[_COUNT, 1]
+    marks[_COUNT, 1] = k
+    marks[_STATE, marks[_BEHIND, k]] = _FREE
     for j in range(k + 1, end):
-        i = marks[BEHIND, j]
-        hold(search, i, float(marks[SIDE, i]))
+        i = marks[_BEHIND, j]
+        hold(search, i, float(marks[_SIDE, i]))
 
 
 # --- one step -------------------------------------------------------------------------------------
 
 
 @part
-def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
+def step(search: _Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
     """The shortest p across the basis with the least |A (z + p) - a|, (d,)."""
     m, d = A.shape
-    count = search.marks[COUNT, 1]
-    append_all(search, A)
-    rank = search.marks[COUNT, 1] - count
-    search.marks[COUNT, 1] = count
+    count = search.marks[_COUNT, 1]
+    _append_all(search, A)
+    rank = search.marks[_COUNT, 1] - count
+    search.marks[_COUNT, 1] = count
     # p = V' t with the orthonormal rows V from `count` on: |B t - rest| is least, B = A V'.
     Y = zeros(rank, m)  # B'
     U = zeros(rank, rank)
@@ -200,9 +200,9 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
             Y[k, i] = product(A, i, search.Q, count + k)
     t = np.zeros(rank)
     for k in range(rank):
-        make_orthonormal(Y, U, k)
+        _make_orthonormal(Y, U, k)
         t[k] = dot(Y, k, rest)
-    substitute(U, t)
+    _substitute(U, t)
     p = np.zeros(d)
     for k in range(rank):
         for j in range(d):
@@ -211,7 +211,7 @@ def step(search: Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 @part
-def step_across(search: Search, a: np.ndarray) -> np.ndarray:
+def _step_across(search: _Search, a: np.ndarray) -> np.ndarray:
     """As `step` for A = I, where p is what the basis leaves of a - dq, (d,)."""
     p = np.zeros(len(search.z))
     before = 0.0
@@ -219,14 +219,14 @@ def step_across(search: Search, a: np.ndarray) -> np.ndarray:
         p[j] = a[j] - search.z[j]
         before += p[j] ** 2
     for _ in range(2):  # once more, for rounding
-        for k in range(search.marks[COUNT, 1]):
+        for k in range(search.marks[_COUNT, 1]):
             along = dot(search.Q, k, p)
             for j in range(len(p)):
                 p[j] -= along * search.Q[k, j]
     after = 0.0
     for j in range(len(p)):
         after += p[j] ** 2
-    return p if after > DEPENDENT**2 * before else np.zeros(len(p))
+    return p if after > _DEPENDENT**2 * before else np.zeros(len(p))
 
 
 # --- one level ------------------------------------------------------------------------------------
@@ -234,29 +234,29 @@ def step_across(search: Search, a: np.ndarray) -> np.ndarray:
 
 @inlined
 def minimise(
-    search: Search, A: np.ndarray, a: np.ndarray, is_plain: bool
+    search: _Search, A: np.ndarray, a: np.ndarray, is_plain: bool
 ) -> tuple[np.ndarray, float, bool]:
     """Move z to the least |A z - a| within the limits, with A = I where it is plain.
 
     Returns:
         The forces of the rows (d,), the least that proves a limit tight, and whether z got there.
     """
-    for count in range(MAX_STEPS):
-        p = step_across(search, a) if is_plain else step(search, A, a)
-        i, along = advance(search, p)
+    for count in range(_MAX_STEPS):
+        p = _step_across(search, a) if is_plain else step(search, A, a)
+        i, along = _advance(search, p)
         if i < len(search.G):
             hold(search, i, along)
             continue
         force, largest = forces(search, A, a)
-        k = most_wrong(search, force, WRONG * largest, count > BY_INDEX)
+        k = _most_wrong(search, force, _WRONG * largest, count > _BY_INDEX)
         if k < 0:
-            return force, TIGHT * largest, True
+            return force, _TIGHT * largest, True
         release(search, k)
     return np.zeros(len(search.z)), 1.0, False
 
 
 @part
-def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
+def _advance(search: _Search, p: np.ndarray) -> tuple[int, float]:
     """Move z along p as far as the limits allow.
 
     Returns:
@@ -270,7 +270,7 @@ def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
     first = len(search.G)
     along = 0.0
     for i in range(len(search.G)):
-        if search.marks[STATE, i] != FREE:
+        if search.marks[_STATE, i] != _FREE:
             continue
         slope = 0.0
         value = 0.0
@@ -279,9 +279,9 @@ def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
             slope += search.G[i, j] * p[j]
             value += search.G[i, j] * z[j]
             noise += abs(search.G[i, j] * z[j])
-        margin = search.ends[UPPER, i] - value if slope > 0.0 else value - search.ends[LOWER, i]
+        margin = search.ends[_UPPER, i] - value if slope > 0.0 else value - search.ends[_LOWER, i]
         speed = abs(slope)
-        if speed <= 10.0 * DEPENDENT * largest or speed <= margin + ROUNDING * noise:
+        if speed <= 10.0 * _DEPENDENT * largest or speed <= margin + ROUNDING * noise:
             continue
         if share * speed > margin:
             share = max(margin, 0.0) / speed
@@ -294,7 +294,7 @@ def advance(search: Search, p: np.ndarray) -> tuple[int, float]:
 
 
 @part
-def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float]:
+def forces(search: _Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float]:
     """How hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the least.
 
     Returns:
@@ -316,26 +316,26 @@ def forces(search: Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, fl
         for j in range(d):
             g[j] += A[i, j] * rest
             largest = max(largest, abs(A[i, j]) * size)
-    count = search.marks[COUNT, 1]
+    count = search.marks[_COUNT, 1]
     force = np.zeros(d)
     for k in range(count):
         force[k] = -dot(search.Q, k, g)
-    substitute(search.R, force[:count])
+    _substitute(search.R, force[:count])
     return force, largest
 
 
 @inlined
-def most_wrong(search: Search, force: np.ndarray, least: float, by_index: bool) -> int:
+def _most_wrong(search: _Search, force: np.ndarray, least: float, by_index: bool) -> int:
     """The row that keeps z from where it wants to go inside the limits, -1 for none.
 
     Of several it is the one with the largest force, or that of the first limit.
     """
     marks = search.marks
     found = -1
-    for k in range(marks[COUNT, 0], marks[COUNT, 1]):
-        i = marks[BEHIND, k]
-        pull = -force[k] * marks[SIDE, i]
-        if by_index and found >= 0 and i > marks[BEHIND, found]:
+    for k in range(marks[_COUNT, 0], marks[_COUNT, 1]):
+        i = marks[_BEHIND, k]
+        pull = -force[k] * marks[_SIDE, i]
+        if by_index and found >= 0 and i > marks[_BEHIND, found]:
             continue
         if pull > least:
             found = k
@@ -345,14 +345,14 @@ def most_wrong(search: Search, force: np.ndarray, least: float, by_index: bool) 
 
 
 @inlined
-def hardest_of(search: Search, force: np.ndarray, tight: float) -> int:
+def _hardest_of(search: _Search, force: np.ndarray, tight: float) -> int:
     """The limit with the largest force of those that are tight, but the share's; -1 for none."""
     marks = search.marks
     hardest = -1
     largest = tight
-    for k in range(marks[COUNT, 0], marks[COUNT, 1]):
-        i = marks[BEHIND, k]
-        push = force[k] * marks[SIDE, i]
+    for k in range(marks[_COUNT, 0], marks[_COUNT, 1]):
+        i = marks[_BEHIND, k]
+        push = force[k] * marks[_SIDE, i]
         if push > largest and i != search.n:
             largest = push
             hardest = i
@@ -360,32 +360,32 @@ def hardest_of(search: Search, force: np.ndarray, tight: float) -> int:
 
 
 @inlined
-def fix_level(search: Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
+def _fix_level(search: _Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
     """Fix A z and the limits that are tight; other held limits stay held."""
     marks = search.marks
-    fixed = marks[COUNT, 0]
-    held = marks[BEHIND, fixed : marks[COUNT, 1]].copy()
-    marks[COUNT, 1] = fixed
+    fixed = marks[_COUNT, 0]
+    held = marks[_BEHIND, fixed : marks[_COUNT, 1]].copy()
+    marks[_COUNT, 1] = fixed
     for k in range(len(held)):
         i = held[k]
-        if force[fixed + k] * marks[SIDE, i] > tight:
-            hold(search, i, float(marks[SIDE, i]))
-    append_all(search, A)
-    marks[COUNT, 0] = marks[COUNT, 1]
+        if force[fixed + k] * marks[_SIDE, i] > tight:
+            hold(search, i, float(marks[_SIDE, i]))
+    _append_all(search, A)
+    marks[_COUNT, 0] = marks[_COUNT, 1]
     for k in range(len(held)):
         i = held[k]
-        if marks[STATE, i] == HELD:
-            if force[fixed + k] * marks[SIDE, i] > tight:
-                marks[STATE, i] = FIXED
+        if marks[_STATE, i] == _HELD:
+            if force[fixed + k] * marks[_SIDE, i] > tight:
+                marks[_STATE, i] = _FIXED
             else:
-                hold(search, i, float(marks[SIDE, i]))
+                hold(search, i, float(marks[_SIDE, i]))
 
 
 # --- limits that are rows, in a level of their own ------------------------------------------------
 
 
 @inlined
-def open_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> None:
+def _open_slack(search: _Search, begin: int, A: np.ndarray, slack: int) -> None:
     """Bring in the limits from `begin` on, as many as A has rows: lower <= G z - w <= upper.
 
     w are the variables of z from `slack` on. A receives the rows that ask for the least |length w|.
@@ -398,18 +398,18 @@ def open_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> None:
         for j in range(slack):
             value += search.G[i, j] * z[j]
             noise += abs(search.G[i, j] * z[j])
-        above = value - search.ends[UPPER, i]
-        below = search.ends[LOWER, i] - value
+        above = value - search.ends[_UPPER, i]
+        below = search.ends[_LOWER, i] - value
         A[r, slack + r] = search.length[i]
         search.G[i, slack + r] = -1.0
-        search.marks[STATE, i] = FREE
+        search.marks[_STATE, i] = _FREE
         if max(above, below) > ROUNDING * noise:
             z[slack + r] = above if above > below else -below
             hold(search, i, z[slack + r])
 
 
 @part
-def close_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> float:
+def _close_slack(search: _Search, begin: int, A: np.ndarray, slack: int) -> float:
     """Move the ends of limits that remain in excess to where they are.
 
     Returns:
@@ -423,8 +423,8 @@ def close_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> float:
         z[slack + r] = 0.0
         search.G[i, slack + r] = 0.0
         value = dot(search.G, i, z)
-        search.ends[UPPER, i] = max(search.ends[UPPER, i], value)
-        search.ends[LOWER, i] = min(search.ends[LOWER, i], value)
+        search.ends[_UPPER, i] = max(search.ends[_UPPER, i], value)
+        search.ends[_LOWER, i] = min(search.ends[_LOWER, i], value)
     return square
 
 
@@ -432,7 +432,7 @@ def close_slack(search: Search, begin: int, A: np.ndarray, slack: int) -> float:
 
 
 @inlined
-def begin_at(
+def _begin_at(
     dq_free: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -441,7 +441,7 @@ def begin_at(
     high: np.ndarray,
     d: int,
     held: np.ndarray,
-) -> Search:
+) -> _Search:
     """A search that starts at the point of the box nearest to dq_free, with a share of 1.
 
     It holds the limits that the last search held in the end: most often it is there after one step
@@ -450,14 +450,14 @@ def begin_at(
     """
     n = len(dq_free)
     K = n + 1 + len(C)
-    search = Search(
+    search = _Search(
         np.zeros(d),
         zeros(K, d),
-        zeros(UPPER + 1, K),
+        zeros(_UPPER + 1, K),
         np.zeros(K),
         zeros(d, d),
         zeros(d, d),
-        np.zeros((COUNT + 1, K + d), np.int64),
+        np.zeros((_COUNT + 1, K + d), np.int64),
         n,
         np.zeros(d),
     )
@@ -468,21 +468,21 @@ def begin_at(
     marks = search.marks
     z[n] = 1.0
     G[n, n] = 1.0  # 0 <= s <= 1
-    ends[UPPER, n] = 1.0
+    ends[_UPPER, n] = 1.0
     for i in range(n):
         G[i, i] = 1.0
-        ends[LOWER, i] = lower[i]
-        ends[UPPER, i] = upper[i]
+        ends[_LOWER, i] = lower[i]
+        ends[_UPPER, i] = upper[i]
         z[i] = min(max(dq_free[i], lower[i]), upper[i])
         if lower[i] == upper[i]:
             hold(search, i, dq_free[i] - z[i])
-            marks[STATE, i] = FIXED
-    marks[COUNT, 0] = marks[COUNT, 1]
+            marks[_STATE, i] = _FIXED
+    marks[_COUNT, 0] = marks[_COUNT, 1]
     for i in range(n):
-        if marks[STATE, i] == FIXED:
+        if marks[_STATE, i] == _FIXED:
             continue
         towards = dq_free[i] - z[i]
-        if held[n] != UNKNOWN:
+        if held[n] != _UNKNOWN:
             towards = float(held[i])
             end = upper[i] if towards > 0.0 else lower[i]
             if towards == 0.0 or not np.isfinite(end):
@@ -490,39 +490,39 @@ def begin_at(
             z[i] = end
         if towards != 0.0:
             hold(search, i, towards)
-    if held[n] != LESS:
+    if held[n] != _LESS:
         hold(search, n, 1.0)
     for r in range(len(C)):
         i = n + 1 + r
-        marks[STATE, i] = LATER
+        marks[_STATE, i] = _LATER
         square = 0.0
         for j in range(n):
             square += C[r, j] ** 2
         length[i] = np.sqrt(square) if square > 0.0 else 1.0
         for j in range(n):
             G[i, j] = C[r, j] / length[i]
-        ends[LOWER, i] = low[r] / length[i]
-        ends[UPPER, i] = high[r] / length[i]
+        ends[_LOWER, i] = low[r] / length[i]
+        ends[_UPPER, i] = high[r] / length[i]
     for j in range(n + 1):
         search.largest[j] = abs(z[j])
     return search
 
 
 @inlined
-def leave_behind(search: Search, held: np.ndarray) -> None:
+def _leave_behind(search: _Search, held: np.ndarray) -> None:
     """Write down which limits a search holds in the end: the side of each joint, and the share."""
     for i in range(search.n):
         held[i] = 0
-        if search.marks[STATE, i] in (HELD, FIXED):
-            held[i] = search.marks[SIDE, i]
-    held[search.n] = WHOLE if search.z[search.n] >= 1.0 else LESS
+        if search.marks[_STATE, i] in (_HELD, _FIXED):
+            held[i] = search.marks[_SIDE, i]
+    held[search.n] = _WHOLE if search.z[search.n] >= 1.0 else _LESS
 
 
 # --- all levels -----------------------------------------------------------------------------------
 
 
 @inlined
-def rows_of(level: int, groups: np.ndarray, tasks: np.ndarray, n: int) -> int:
+def _rows_of(level: int, groups: np.ndarray, tasks: np.ndarray, n: int) -> int:
     """How many rows a level has: limits, the first task, its share, the other tasks, the law."""
     first_task = len(groups)
     if level < first_task:
@@ -536,7 +536,7 @@ def rows_of(level: int, groups: np.ndarray, tasks: np.ndarray, n: int) -> int:
 
 
 @inlined
-def ask_for_task(
+def _ask_for_task(
     J: np.ndarray, dx: np.ndarray, row: int, is_first: bool, A: np.ndarray, a: np.ndarray
 ) -> None:
     """J dq - s dx = 0 of the first task, J dq = dx of another one, whose rows begin at `row`."""
@@ -551,7 +551,7 @@ def ask_for_task(
 
 
 @part
-def ask_for_law(
+def _ask_for_law(
     W: np.ndarray, is_factor: bool, dq_free: np.ndarray, A: np.ndarray, a: np.ndarray
 ) -> None:
     """|A z - a|^2 = (dq - dq_free)' W (dq - dq_free), with A = F of W = F'F; I for an empty W."""
@@ -620,7 +620,7 @@ def hierarchical_qp(
     d = n + 1  # z = (dq, s, slack variables of one group)
     for rows in groups:
         d = max(d, n + 1 + rows)
-    search = begin_at(dq_free, lower, upper, C, low, high, d, held)
+    search = _begin_at(dq_free, lower, upper, C, low, high, d, held)
     z = search.z
     first_task = len(groups)
     share = first_task + 1
@@ -632,17 +632,17 @@ def hierarchical_qp(
     limit_row = n + 1
     task_row = 0
     for level in range(law + 1):
-        A = zeros(rows_of(level, groups, tasks, n), d)
+        A = zeros(_rows_of(level, groups, tasks, n), d)
         a = np.zeros(len(A))
         if level < first_task:
-            open_slack(search, limit_row, A, n + 1)
+            _open_slack(search, limit_row, A, n + 1)
         elif level == share:
             A[0, n] = 1.0  # s = 1
             a[0] = 1.0
         elif level == law:
-            ask_for_law(W, is_factor, dq_free, A, a)
+            _ask_for_law(W, is_factor, dq_free, A, a)
         else:
-            ask_for_task(J, dx, task_row, level == first_task, A, a)
+            _ask_for_task(J, dx, task_row, level == first_task, A, a)
             task_row += len(A)
         force, tight, reached = minimise(search, A, a, level == law and len(W) == 0)
         solved = solved and reached
@@ -650,15 +650,15 @@ def hierarchical_qp(
             for i in range(len(A)):
                 error += dot(A, i, z) ** 2
         if hardest < 0:
-            hardest = hardest_of(search, force, tight)
+            hardest = _hardest_of(search, force, tight)
         if level < first_task:
-            excess += close_slack(search, limit_row, A, n + 1)
+            excess += _close_slack(search, limit_row, A, n + 1)
             limit_row += len(A)
             A = A[:0]
         if level < law:
-            fix_level(search, A, force, tight)
+            _fix_level(search, A, force, tight)
 
-    leave_behind(search, held)
+    _leave_behind(search, held)
     dq = np.zeros(n)
     total = error + excess + z[n]
     for i in range(n):
@@ -673,7 +673,7 @@ def hierarchical_qp(
     for i in range(n):
         dq[i] = min(max(z[i], lower[i]), upper[i])  # which changes it at rounding level
     s = min(max(z[n], 0.0), 1.0)
-    side = search.marks[SIDE, hardest] if hardest >= 0 else 0
+    side = search.marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:
         hardest -= 1  # the share is no limit to others
     return dq, s, np.sqrt(error), np.sqrt(excess), hardest, side, solved

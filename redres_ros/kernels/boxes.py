@@ -5,7 +5,7 @@ from numba import boolean, float64, int64, types
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, part, several, vector
 
-TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
+_TOUCHING = 1e-9  # [rad/s] apart, boxes still touch: q has 16 digits, which leaves d / T with 13
 
 _AT_REST = 1e-13  # [rad/s]
 _ENOUGH = 1e-11  # [rad] within which the end of a braking is found
@@ -23,7 +23,7 @@ _FIGURES = types.Array(types.float64, 3, 'C')
 
 
 @part
-def speed_to_stop(d: float, A: float, T: float, first: float) -> float:
+def _speed_to_stop(d: float, A: float, T: float, first: float) -> float:
     """As stopping_speed(), for a joint that goes on at its speed for some ticks before it brakes.
 
     Args:
@@ -61,11 +61,11 @@ def stopping_speed(d: float, A: float, T: float) -> float:
     Returns:
         The speed [rad/s].
     """
-    return speed_to_stop(d, A, T, 1.0)
+    return _speed_to_stop(d, A, T, 1.0)
 
 
 @compiled(float64(*(float64,) * 5))
-def braking_distance(v: float, a: float, A: float, J: float, T: float) -> float:
+def _braking_distance(v: float, a: float, A: float, J: float, T: float) -> float:
     """How far a joint gets at most when it brakes as hard as it may, [rad]; 0 if it recedes.
 
     Each tick changes the acceleration by J T at most. A joint comes to rest without acceleration if
@@ -120,11 +120,11 @@ def stops(dq: float, d: float, dq_prev: float, A: float, J: float, T: float, fir
     w = max(dq, 0.0) + rising * (rising / J + T)
     if w * (w / A + (rising + 2.0 * A) / J + 2.0 * T) <= left:  # far from the end
         return -1.0
-    return braking_distance(dq, a, A, J, T) - left
+    return _braking_distance(dq, a, A, J, T) - left
 
 
 @part
-def largest_speed(
+def _largest_speed(
     d: float,
     lower: float,
     upper: float,
@@ -181,7 +181,7 @@ def largest_speed(
 
 
 @inlined
-def box_of_joint(
+def _box_of_joint(
     kind: int,
     figures: np.ndarray,
     k: int,
@@ -233,14 +233,14 @@ def box_of_joint(
         A = min(figures[k, 2, i], A_most)
         if J < np.inf:
             lower, upper = box
-            least = -largest_speed(below, -upper, -lower, -dq_prev, A, J, T, first)
-            return least, largest_speed(above, lower, upper, dq_prev, A, J, T, first)
-        return -speed_to_stop(below, A, T, first), speed_to_stop(above, A, T, first)
+            least = -_largest_speed(below, -upper, -lower, -dq_prev, A, J, T, first)
+            return least, _largest_speed(above, lower, upper, dq_prev, A, J, T, first)
+        return -_speed_to_stop(below, A, T, first), _speed_to_stop(above, A, T, first)
     return figures[k, 0, i], figures[k, 1, i]
 
 
 @inlined
-def narrowed(lower: float, upper: float, least: float, most: float) -> tuple[float, float]:
+def _narrowed(lower: float, upper: float, least: float, most: float) -> tuple[float, float]:
     """The part of [lower, upper] in [least, most]; where they are apart, the nearest point."""
     return min(max(least, lower), upper), max(min(most, upper), lower)
 
@@ -342,19 +342,19 @@ def fill_boxes(
                 lowered = figures[k, 2, i] * J * T
                 A_most = max(A - lowered, _LEAST_ACCELERATION * A)
             box = (lower, upper)
-            least, most = box_of_joint(
+            least, most = _box_of_joint(
                 kinds[k], figures, k, i, q[i], last, (J, A_most, lowered), box, T, gap, first
             )
             boxes[k, 0, i] = least
             boxes[k, 1, i] = most
             if kinds[k] == ACCELERATION:
                 hardest = figures[k, 1, i]
-            is_apart = least > upper + TOUCHING or most < lower - TOUCHING
+            is_apart = least > upper + _TOUCHING or most < lower - _TOUCHING
             meet = meet and not is_apart
             if is_apart and kinds[k] == POSITION and J == np.inf:
                 margin = (q[i] - figures[k, 0, i], figures[k, 1, i] - q[i])
                 lower, upper = saved(lower, upper, margin, dq_prev[i], hardest, T)
-            lower, upper = narrowed(lower, upper, least, most)
+            lower, upper = _narrowed(lower, upper, least, most)
         boxes[-1, 0, i] = lower
         boxes[-1, 1, i] = upper
         if not lower <= dq[i] <= upper:
@@ -405,17 +405,17 @@ def admit(
     for i in range(len(q_ref)):
         lower = v[i] - T * A[i]
         upper = v[i] + T * A[i]
-        lower, upper = narrowed(lower, upper, min(-V[i], v[i]), max(V[i], v[i]))
+        lower, upper = _narrowed(lower, upper, min(-V[i], v[i]), max(V[i], v[i]))
         least = -stopping_speed(max(p[i] - q_min[i], 0.0), A[i], T)
         most = stopping_speed(max(q_max[i] - p[i], 0.0), A[i], T)
-        lower, upper = narrowed(lower, upper, least, most)
+        lower, upper = _narrowed(lower, upper, least, most)
         admitted[i] = q_ref[i]
         dq[i] = (q_ref[i] - p[i]) / T
-        if not lower - TOUCHING <= dq[i] <= upper + TOUCHING:
+        if not lower - _TOUCHING <= dq[i] <= upper + _TOUCHING:
             proposed = dq[i] if np.isfinite(dq[i]) else 0.0
             dq[i] = min(max(proposed, lower), upper)
             admitted[i] = p[i] + T * dq[i]
-        elif least - TOUCHING <= dq[i] <= most + TOUCHING:
+        elif least - _TOUCHING <= dq[i] <= most + _TOUCHING:
             continue
         if first < 0:
             first = i

@@ -7,7 +7,7 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, sever
 
 # Of a row for where the arm comes to rest, beside a velocity damper, where not all can be kept:
 # what cannot be braked any more comes first.
-WEIGHT = 100.0
+_WEIGHT = 100.0
 
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]
@@ -15,7 +15,7 @@ _PAIRS = int64[:, ::1]
 
 
 @inlined
-def is_among(who: np.ndarray, count: int, one: int, other: int) -> bool:
+def _is_among(who: np.ndarray, count: int, one: int, other: int) -> bool:
     """Whether a pair is among the first rows of who (r, 2)."""
     found = False
     for i in range(count):
@@ -152,9 +152,9 @@ def clearance_rows(
         # What is inside already comes out again as slowly as by the damper.
         one = who_stop[i, 0]
         other = who_stop[i, 1]
-        if margin < 0.0 and is_among(inside, number_inside, one, other):
+        if margin < 0.0 and _is_among(inside, number_inside, one, other):
             margin *= min(rate * T, 1.0)
-        size = WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
+        size = _WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
         for j in range(n):
             rows[count, j] *= size
         high[count] = size * (margin + braking)

@@ -12,7 +12,7 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part,
 
 # Results of `closed_form`.
 SOLVED = 0
-SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the solution
+_SINGULAR = 1  # a direction may have to be damped, or dq is too fast: it is not the solution
 INDEFINITE = 2  # W is not positive definite, or holds NaN
 NOT_FINITE = 3
 INCOMPLETE = 4  # solved without rows of zeros, whose velocity is not zero
@@ -28,13 +28,13 @@ SINGULAR_RATIO = 1e-3
 
 # A row that keeps this share of its square, a tenth of its length, is orthogonal to the others
 # after one pass, but for ten roundings.
-MUCH = 0.01
+_MUCH = 0.01
 
 _ARRAY = float64[:, ::1]
 
 
 @inlined
-def product_of_rows(A: np.ndarray, i: int, j: int) -> float:
+def _product_of_rows(A: np.ndarray, i: int, j: int) -> float:
     """The scalar product of rows i and j of A (m, n)."""
     total = 0.0
     for k in range(A.shape[1]):
@@ -43,7 +43,7 @@ def product_of_rows(A: np.ndarray, i: int, j: int) -> float:
 
 
 @part
-def copied(A: np.ndarray) -> np.ndarray:
+def _copied(A: np.ndarray) -> np.ndarray:
     """A copy of A (m, n) whose rows are contiguous, as all functions below want them."""
     m, n = A.shape
     B = np.empty((m, n))
@@ -54,7 +54,7 @@ def copied(A: np.ndarray) -> np.ndarray:
 
 
 @part
-def cholesky(U: np.ndarray) -> bool:
+def _cholesky(U: np.ndarray) -> bool:
     """Write U of A = U'U over the upper triangle of A (n, n); whether A is positive definite."""
     for i in range(len(U)):
         for j in range(i, len(U)):
@@ -71,7 +71,7 @@ def cholesky(U: np.ndarray) -> bool:
 
 
 @part
-def solve_lower(U: np.ndarray, X: np.ndarray) -> None:
+def _solve_lower(U: np.ndarray, X: np.ndarray) -> None:
     """Each row x of X (k, n) becomes U'^-1 x, for an upper triangular U (n, n)."""
     for r in range(len(X)):
         for i in range(len(U)):
@@ -81,7 +81,7 @@ def solve_lower(U: np.ndarray, X: np.ndarray) -> None:
 
 
 @part
-def solve_upper(U: np.ndarray, X: np.ndarray) -> None:
+def _solve_upper(U: np.ndarray, X: np.ndarray) -> None:
     """Each row x of X (k, n) becomes U^-1 x, for an upper triangular U (n, n)."""
     for r in range(len(X)):
         for i in range(len(U) - 1, -1, -1):
@@ -91,23 +91,23 @@ def solve_upper(U: np.ndarray, X: np.ndarray) -> None:
 
 
 @inlined
-def solve_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
+def _solve_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
     """Each row x of X (k, n) becomes F^-1 x; a SQUARE comes with F'F in the place of F."""
     if form == SQUARE:
-        solve_lower(F, X)
-    solve_upper(F, X)
+        _solve_lower(F, X)
+    _solve_upper(F, X)
 
 
 @inlined
-def solve_transposed_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
+def _solve_transposed_factor(F: np.ndarray, form: int, X: np.ndarray) -> None:
     """Each row x of X (k, n) becomes F'^-1 x; a SQUARE comes with F'F in the place of F."""
-    solve_lower(F, X)
+    _solve_lower(F, X)
     if form == SQUARE:
-        solve_upper(F, X)
+        _solve_upper(F, X)
 
 
 @inlined
-def substitute(R: np.ndarray, x: np.ndarray) -> None:
+def _substitute(R: np.ndarray, x: np.ndarray) -> None:
     """x becomes R^-1 x, for a lower triangular R (m, m)."""
     for k in range(len(x)):
         for j in range(k):
@@ -116,24 +116,24 @@ def substitute(R: np.ndarray, x: np.ndarray) -> None:
 
 
 @part
-def make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
+def _make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
     """The rows of Q (m, n) become orthonormal: before = R after, with R (m, m) lower triangular.
 
     The upper triangle of R stays as it is.
     """
     for k in range(len(Q)):
-        before = product_of_rows(Q, k, k)
+        before = _product_of_rows(Q, k, k)
         after = before
         for j in range(k):
             R[k, j] = 0.0
         for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
             for j in range(k):
-                along = product_of_rows(Q, j, k)
+                along = _product_of_rows(Q, j, k)
                 R[k, j] += along
                 for i in range(Q.shape[1]):
                     Q[k, i] -= along * Q[j, i]
-            after = product_of_rows(Q, k, k)
-            if after > MUCH * before:
+            after = _product_of_rows(Q, k, k)
+            if after > _MUCH * before:
                 break
         R[k, k] = np.sqrt(after)
         for i in range(Q.shape[1]):
@@ -141,7 +141,7 @@ def make_orthonormal(Q: np.ndarray, R: np.ndarray) -> None:
 
 
 @part
-def is_regular(R: np.ndarray, begin: int, end: int, size: float) -> bool:
+def _is_regular(R: np.ndarray, begin: int, end: int, size: float) -> bool:
     """Whether no direction of a task needs damping; False also where it is a close call.
 
     Its block of R (m, m) is lower triangular. The eigenvalues of R R' other than the smallest one
@@ -183,7 +183,7 @@ def is_regular(R: np.ndarray, begin: int, end: int, size: float) -> bool:
 
 
 @inlined
-def are_regular(R: np.ndarray, first: int, size: float) -> bool:
+def _are_regular(R: np.ndarray, first: int, size: float) -> bool:
     """Whether no task needs damping in what those before it leave; False also for close calls.
 
     With J = R Q, the diagonal block of R that belongs to a task is its Jacobian in the null space
@@ -201,7 +201,7 @@ def are_regular(R: np.ndarray, first: int, size: float) -> bool:
         if begin == len(R):
             break
         end = first if begin == 0 else len(R)
-        if not is_regular(R, begin, end, size):
+        if not _is_regular(R, begin, end, size):
             return False
         square = 0.0  # of all elements: at least that of the largest singular value
         for k in range(end, len(R)):
@@ -212,7 +212,7 @@ def are_regular(R: np.ndarray, first: int, size: float) -> bool:
 
 
 @inlined
-def add_weighted(
+def _add_weighted(
     Q: np.ndarray, R: np.ndarray, r: np.ndarray, F: np.ndarray, form: int, dq: np.ndarray
 ) -> bool:
     """Add J_W^# r of the Jacobian J = Q to dq; whether W is positive definite.
@@ -229,17 +229,17 @@ def add_weighted(
         form: WEIGHT, FACTOR or SQUARE.
         dq: (n,) receives the result.
     """
-    if form != FACTOR and not cholesky(F):
+    if form != FACTOR and not _cholesky(F):
         return False
-    solve_transposed_factor(F, form, Q)
-    make_orthonormal(Q, R)
-    substitute(R, r)
+    _solve_transposed_factor(F, form, Q)
+    _make_orthonormal(Q, R)
+    _substitute(R, r)
     y = np.empty((1, len(dq)))
     for i in range(len(dq)):
         y[0, i] = 0.0
         for k in range(len(r)):
             y[0, i] += Q[k, i] * r[k]
-    solve_factor(F, form, y)
+    _solve_factor(F, form, y)
     for i in range(len(dq)):
         dq[i] += y[0, i]
     return True
@@ -276,18 +276,18 @@ def solution(
     """
     m, n = Q.shape
     if m > n:
-        return SINGULAR
+        return _SINGULAR
     R = np.empty((m, m))
-    make_orthonormal(Q, R)  # J = R Q
-    if not are_regular(R, first, size):
-        return SINGULAR
-    substitute(R, r)
+    _make_orthonormal(Q, R)  # J = R Q
+    if not _are_regular(R, first, size):
+        return _SINGULAR
+    _substitute(R, r)
     for i in range(n):
         dq[i] = b[i]
         for k in range(m):
             r[k] -= Q[k, i] * b[i]
     if form != IDENTITY:
-        if not add_weighted(Q, R, r, copied(W), form, dq):
+        if not _add_weighted(Q, R, r, _copied(W), form, dq):
             return INDEFINITE
     else:
         for k in range(m):
@@ -298,7 +298,7 @@ def solution(
         square += dq[i] * dq[i]
     if not np.isfinite(square):
         return NOT_FINITE
-    return SOLVED if square <= fastest * fastest else SINGULAR
+    return SOLVED if square <= fastest * fastest else _SINGULAR
 
 
 @compiled(
@@ -355,7 +355,7 @@ def closed_form(
         else:
             first += 1
     if first == 0:
-        return SINGULAR
+        return _SINGULAR
     m = first + len(dx_lower)
     for k in range(first, m):
         r[k] = dx_lower[k - first]
@@ -373,14 +373,14 @@ def is_far(J: np.ndarray, ratio: float) -> bool:
     False also where it is a close call.
     """
     m = len(J)
-    Q = copied(J)
+    Q = _copied(J)
     R = np.empty((m, m))
-    make_orthonormal(Q, R)
+    _make_orthonormal(Q, R)
     square = 0.0
     for k in range(m):
         for j in range(k + 1):
             square += R[k, j] * R[k, j]
-    return are_regular(R, m, ratio / SINGULAR_RATIO * np.sqrt(square))
+    return _are_regular(R, m, ratio / SINGULAR_RATIO * np.sqrt(square))
 
 
 @compiled(boolean(matrix(), _ARRAY))
@@ -389,7 +389,7 @@ def fill_factor(W: np.ndarray, F: np.ndarray) -> bool:
     for i in range(len(F)):
         for j in range(i, len(F)):
             F[i, j] = W[i, j]
-    return cholesky(F)
+    return _cholesky(F)
 
 
 @compiled((matrix(), int64, boolean, _ARRAY))
@@ -402,11 +402,11 @@ def solve_rows(F: np.ndarray, form: int, transposed: bool, X: np.ndarray) -> Non
         transposed: Whether F' is meant.
         X: (k, n).
     """
-    U = copied(F)
+    U = _copied(F)
     if transposed:
-        solve_transposed_factor(U, form, X)
+        _solve_transposed_factor(U, form, X)
     else:
-        solve_factor(U, form, X)
+        _solve_factor(U, form, X)
 
 
 @direct
@@ -426,12 +426,12 @@ def free_motion(
         n: (n,) [Nm].
         b: (n,) receives the result [rad/s].
     """
-    U = copied(M)
+    U = _copied(M)
     x = np.empty((1, len(n)))
-    is_definite = cholesky(U)
+    is_definite = _cholesky(U)
     for i in range(len(n)):
         x[0, i] = -n[i] if is_definite else np.nan
-    solve_lower(U, x)
-    solve_upper(U, x)  # -M^-1 n
+    _solve_lower(U, x)
+    _solve_upper(U, x)  # -M^-1 n
     for i in range(len(n)):
         b[i] = share * dq[i] + T * x[0, i]

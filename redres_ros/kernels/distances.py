@@ -19,7 +19,7 @@ _POINTS = float64[:, :, ::1]
 
 
 @part
-def nearest_shares(
+def _nearest_shares(
     uu: float, vv: float, uv: float, ahead: float, back: float
 ) -> tuple[float, float]:
     """s and t in [0, 1] with the least |(a + s u) - (b + t v)|, of two segments.
@@ -47,7 +47,7 @@ def nearest_shares(
 
 
 @part
-def nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
+def _nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
     """Write the point of segment i that is nearest to segment j into at[0], the other into at[1].
 
     Args:
@@ -70,7 +70,7 @@ def nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
         uv += u * v
         ahead += u * between
         back += v * between
-    s, t = nearest_shares(uu, vv, uv, ahead, back)
+    s, t = _nearest_shares(uu, vv, uv, ahead, back)
     for c in range(3):
         at[0, c] = points[i, 0, c] + s * (points[i, 1, c] - points[i, 0, c])
         at[1, c] = points[j, 0, c] + t * (points[j, 1, c] - points[j, 0, c])
@@ -242,7 +242,7 @@ def approaches(
             distance[count] = at[0, 2] - radius[i] - floor
             joints = 0
         else:
-            nearest_points(points, i, j, at)
+            _nearest_points(points, i, j, at)
             square = 0.0
             for c in range(3):
                 normal[c] = at[1, c] - at[0, c]

@@ -6,7 +6,7 @@ from numba import float64
 from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part
 
 # [rad] this near to half a turn, the axis is read from the symmetric part of the matrix
-NEAR_HALF_A_TURN = 0.1
+_NEAR_HALF_A_TURN = 0.1
 
 
 @inlined
@@ -29,8 +29,8 @@ def turn(share: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
     sine = np.sqrt(dot(w, w))
     cosine = (trace - 1.0) / 2.0
     angle = np.arctan2(sine, cosine)
-    if angle > np.pi - NEAR_HALF_A_TURN:
-        axis = axis_of(A, B, cosine)
+    if angle > np.pi - _NEAR_HALF_A_TURN:
+        axis = _axis_of(A, B, cosine)
         if dot(axis, w) < 0.0:
             angle = -angle
         for i in range(3):
@@ -41,7 +41,7 @@ def turn(share: float, A: np.ndarray, B: np.ndarray, w: np.ndarray) -> None:
 
 
 @part
-def axis_of(A: np.ndarray, B: np.ndarray, cosine: float) -> np.ndarray:
+def _axis_of(A: np.ndarray, B: np.ndarray, cosine: float) -> np.ndarray:
     """The axis a of R = B A', up to its sign, from (R + R')/2 = cos I + (1 - cos) a a'."""
     R = np.empty((3, 3))
     for i in range(3):

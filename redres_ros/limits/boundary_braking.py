@@ -33,7 +33,7 @@ _NOTHING = 1e-9  # of dx, is not asked for
 _NO_WAY = 0.1
 
 
-class EndOfReach(NamedTuple):
+class _EndOfReach(NamedTuple):
     """Directions of a task in which the arm nears its end too fast, and the others.
 
     Attributes:
@@ -49,7 +49,7 @@ class EndOfReach(NamedTuple):
 
 def end_of_reach(
     J: np.ndarray, dJ: np.ndarray, dx: np.ndarray, ddq_max: np.ndarray, near: float
-) -> EndOfReach | None:
+) -> _EndOfReach | None:
     """The directions in which the arm would be too fast to stop at the end of its reach, or None.
 
     Args:
@@ -70,7 +70,7 @@ def end_of_reach(
     is_ended = np.abs(rho) > most
     if not is_ended.any():
         return None
-    return EndOfReach(U.T[is_ended], U.T[~is_ended], most[is_ended])
+    return _EndOfReach(U.T[is_ended], U.T[~is_ended], most[is_ended])
 
 
 def _fastest(
@@ -149,7 +149,7 @@ class BoundaryBraking:
 
     def _end(
         self, free: Solution, J: np.ndarray, state: RobotState, rows: slice
-    ) -> EndOfReach | None:
+    ) -> _EndOfReach | None:
         if is_far(J, self._near):
             return None
         dJ = self._task.derivatives(state)

@@ -16,7 +16,7 @@ from redres_ros.parameter import param
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
 
-ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
+_ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
 
 
@@ -112,7 +112,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             return super().place(state, index - len(who), T)
         return self.name_of_pair(*who[index].tolist())
 
-    def clearance_rows(self, state: ReferenceState, T: float) -> ClearanceRows:
+    def clearance_rows(self, state: ReferenceState, T: float) -> _ClearanceRows:
         """Rows C dq <= high for which the arm keeps its clearance.
 
         Those that the acceleration limits imply are left out. There are two kinds, with d the
@@ -143,7 +143,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         further = brake(state.q, dq_prev, state.gap, self.A, T, q_stop, v, slope)
         at_rest = self.approaches(q_stop, self.clearance + self.lever * further)
         figures = (dq_prev, v, slope, self.A, T, state.gap, self._rate, self.clearance)
-        rows: ClearanceRows = clearance_rows(*near, *at_rest, *figures)
+        rows: _ClearanceRows = clearance_rows(*near, *at_rest, *figures)
         return rows
 
     @property
@@ -153,5 +153,5 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
 
 
 @lru_cache(maxsize=1)  # the name of a row is asked for right after the rows
-def _rows_at(limit: ClearanceLimit, state: ReferenceState, T: float) -> ClearanceRows:
+def _rows_at(limit: ClearanceLimit, state: ReferenceState, T: float) -> _ClearanceRows:
     return limit.clearance_rows(state, T)

@@ -23,7 +23,7 @@ _GENTLER = 0.7
 _CYCLE = 1e-3  # [s] of robots that limit velocities by position: they judge a joint one step ahead
 _TOLERANCE = 1e-3  # [rad/s] below their limits, as libfranka's rate limiter
 
-RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
+_RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ class JerkLimit(JointLimit):
     def _given(self) -> tuple[float, ...]:
         """Of each joint, unscaled [rad/s^3]."""
         arm = self.model.arm
-        return self.jerk or arm.jerk_limit or tuple(RISE * A for A in arm.acceleration_limit)
+        return self.jerk or arm.jerk_limit or tuple(_RISE * A for A in arm.acceleration_limit)
 
     @cached_property
     def J(self) -> np.ndarray:

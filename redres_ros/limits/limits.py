@@ -15,7 +15,7 @@ from redres_ros.resolution import Level, Weight
 
 _AT_REST = 1e-12  # [rad/s]
 _FASTEST = 100.0  # [rad/s] of a joint without a limit
-UPPER = 1  # the place of the upper bound in a box
+_UPPER = 1  # the place of the upper bound in a box
 
 
 @dataclass(slots=True)  # made in every tick
@@ -112,7 +112,7 @@ class Bounds:
         if index < 0:
             return None
         if index < n:
-            end = UPPER if solved.side > 0 else 0
+            end = _UPPER if solved.side > 0 else 0
             distances = np.abs(self.boxes[:-1, end, index] - self.box[end][index])
             return self.limits.box_limits[int(distances.argmin())], index
         index -= n

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-BOX = 'box'
+_BOX = 'box'
 SPHERE = 'sphere'
 
 _PLANE = 3.0  # [m], width of a plane that has no end
@@ -79,7 +79,7 @@ def _spheres(numbers: Sequence[float], keeps_in: bool) -> Iterator[DrawnShape]:
 def _boxes(numbers: Sequence[float], keeps_in: bool) -> Iterator[DrawnShape]:
     for lower, upper in np.reshape(numbers, (-1, 2, 3)):
         if (lower < upper).any():
-            yield DrawnShape(BOX, (lower + upper) / 2.0, upper - lower, keeps_in)
+            yield DrawnShape(_BOX, (lower + upper) / 2.0, upper - lower, keeps_in)
 
 
 def _half_spaces(numbers: Sequence[float]) -> Iterator[DrawnShape]:
@@ -111,4 +111,4 @@ def _floor(height: float) -> DrawnShape:
 
 
 def _plate(centre: np.ndarray) -> DrawnShape:
-    return DrawnShape(BOX, centre, np.array((_PLANE, _PLANE, _THICKNESS)))
+    return DrawnShape(_BOX, centre, np.array((_PLANE, _PLANE, _THICKNESS)))

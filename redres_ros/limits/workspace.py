@@ -11,7 +11,7 @@ from redres_ros.limits.clearance import ClearanceLimit, Near
 from redres_ros.parameter import param
 
 TIP = 'tip'
-ELBOW = 'elbow'
+_ELBOW = 'elbow'
 
 _FARTHEST = 100.0  # [m]
 _NO_SHAPE = {4: (0.0,) * 4, 6: (0.0,) * 6}  # of that many numbers: ROS knows no empty array
@@ -157,8 +157,8 @@ class WorkspaceLimit(ClearanceLimit):
         """The links whose origins are the points."""
         known = {TIP: self.model.arm.tip_frame}
         names = [name.strip() for name in self.points.split(',')]
-        if ELBOW in names:
-            known[ELBOW] = self.model.elbow_frame
+        if _ELBOW in names:
+            known[_ELBOW] = self.model.elbow_frame
         return tuple(known.get(name, name) for name in names)
 
     @cached_property

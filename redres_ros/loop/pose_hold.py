@@ -12,7 +12,7 @@ from redres_ros.loop.twist_buffer import TwistBufferSettings
 from redres_ros.robot_model import RobotState
 from redres_ros.tasks import Pose
 
-GAIN = 2.0  # [1/s], of the error
+_GAIN = 2.0  # [1/s], of the error
 # [m/s], [rad/s] with which the tip comes back at most; limits may have turned it by half a turn
 _FASTEST = {'translation': 0.25, 'rotation': 1.0}
 
@@ -62,7 +62,7 @@ class PoseHold:
             if not is_held:
                 self._targets.pop(component, None)
             elif component not in self._targets:
-                pose = Pose(gain=GAIN, frame=task.frame)
+                pose = Pose(gain=_GAIN, frame=task.frame)
                 self._targets[component] = pose.with_initial_targets(state)
             else:
                 velocity = self._targets[component].velocity(state)[rows]

@@ -10,7 +10,7 @@ from redres_ros.preferences.preference import Preference
 from redres_ros.robot_model import RobotState
 
 _FARTHEST = 1000.0  # [m] a height that no arm reaches; 1e308 times a gain would be infinite
-ROWS = {'position': 3, 'pose': 6}  # of the Jacobian that is to be far from singular
+_ROWS = {'position': 3, 'pose': 6}  # of the Jacobian that is to be far from singular
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class Manipulability(Preference):
     Where J is singular the measure is zero and has no gradient; ddq_N is then zero, too.
     """
 
-    rows: str = param('position', "rows of J: the tip's position or pose", choices=tuple(ROWS))
+    rows: str = param('position', "rows of J: the tip's position or pose", choices=tuple(_ROWS))
 
     def acceleration(self, state: RobotState) -> np.ndarray:
-        m = ROWS[self.rows]
+        m = _ROWS[self.rows]
         J = state.J[:m]
         s = np.linalg.svd(J, compute_uv=False)
         if s[-1] <= 1e-9 * s[0]:
