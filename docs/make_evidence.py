@@ -5,6 +5,7 @@ The results come from: redres batch docs/studies/laws.yaml --out docs/studies/la
 """
 
 import argparse
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
@@ -47,6 +48,7 @@ def main() -> None:
     long = read(options.long)
     draw(short).savefig(FOLDER / 'evidence.png', dpi=110)
     page = PAGE.read_text(encoding='utf-8')
+    page = replaced(page, 'evidence_sample', sample(short, long))
     page = replaced(page, 'evidence', default_table(short))
     page = replaced(page, 'evidence_laws', table(short))
     page = replaced(page, 'evidence_long', long_table(long))
@@ -57,6 +59,26 @@ def read(path: Path) -> list[Result]:
     """The results in a file."""
     with ResultsFile(path) as file:
         return file.results()
+
+
+def sample(short: Sequence[Result], long: Sequence[Result]) -> str:
+    """How many tasks the tables stand on.
+
+    Args:
+        short: Results of random and nearly singular tasks.
+        long: Of long ones.
+    """
+    fewest, *_, most = sorted(_counts(short))
+    return (
+        f'Of each arm, kind and law there are {fewest} to {most} tasks, and {min(_counts(long))} '
+        f'long ones:\n{len(short) + len(long):,} motions.\n'
+    )
+
+
+def _counts(results: Sequence[Result]) -> list[int]:
+    """The number of tasks of each arm, law and kind, with limits and without."""
+    cases = [each.case for each in results]
+    return list(Counter((each.robot, each.law, each.limits, each.task) for each in cases).values())
 
 
 def pairs(results: Sequence[Result], limited: bool) -> dict[str, list[Pair]]:

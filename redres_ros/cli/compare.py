@@ -147,6 +147,8 @@ def _compare_one(options: argparse.Namespace) -> int:
         print(f'every tick in {options.out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were kept; as in a demo: --limits {DEMO_LIMITS}')
+    if not motion.name:
+        print('one square says little; on random tasks: --tasks 20 --kind near_singular')
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
