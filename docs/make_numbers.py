@@ -26,11 +26,7 @@ from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
 
 ROOT = Path(__file__).parents[1]
-PAGES = (
-    ROOT / 'README.md',
-    ROOT / 'docs' / 'choosing_a_law.md',
-    ROOT / 'docs' / 'limits.md',
-)
+PAGES = (ROOT / 'README.md', ROOT / 'docs' / 'choosing_a_law.md', ROOT / 'docs' / 'limits.md')
 PICTURES = ROOT / 'docs'
 
 T = 0.002  # sampling time [s], that of the nodes
@@ -42,11 +38,7 @@ SWEPT = ('minimum_acceleration',)
 RANDOM_TASKS = 300
 SWEEP_T = 0.01  # [s]
 
-_QUANTILES = {
-    0.5: 'median of peak / best',
-    0.9: 'nine in ten below',
-    0.99: '99 in 100 below',
-}
+_QUANTILES = {0.5: 'median of peak / best', 0.9: 'nine in ten below', 0.99: '99 in 100 below'}
 _BLOCK = r'(<!-- numbers: {} -->\n)(.*?)(<!-- end -->)'
 # k_d [1/s], and from light to dark: the shade in which each is drawn
 _DRAWN_DAMPINGS = {0.0: -0.7, 2.0: -0.4, 10.0: 0.0, 20.0: 0.4, 50.0: 0.75}

@@ -29,10 +29,7 @@ class ValidatorSettings:
     )
     acceleration_scale: float = param(1.0, 'factor on the acceleration limits', 0.01, 100.0)
     acceleration_tolerance: float = param(
-        2e-4,
-        'allowed excess: seconds at twice the acceleration limit [s]',
-        0.0,
-        0.1,
+        2e-4, 'allowed excess: seconds at twice the acceleration limit [s]', 0.0, 0.1
     )
 
     velocity_stops: bool = param(

@@ -10,12 +10,7 @@ import numpy as np
 from redres_ros.controller import Controller
 from redres_ros.fake_robot.command_validator import ValidatorSettings
 from redres_ros.laws import make_law
-from redres_ros.paper.equivalence import (
-    SIMULATION_DYNAMICS,
-    Difference,
-    convergence,
-    difference,
-)
+from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, Difference, convergence, difference
 from redres_ros.paper.experiment import Experiment, experiment
 from redres_ros.paper.saturation import (
     LWR,

@@ -4,10 +4,4 @@ from redres_ros.robots.arm import Arm
 from redres_ros.robots.choice import arm_from_urdf, choose_arm
 from redres_ros.robots.table import ARMS, find_arm
 
-__all__ = [
-    'ARMS',
-    'Arm',
-    'arm_from_urdf',
-    'choose_arm',
-    'find_arm',
-]
+__all__ = ['ARMS', 'Arm', 'arm_from_urdf', 'choose_arm', 'find_arm']

@@ -49,10 +49,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def time_panels(
-    count: int,
-    title: str,
-    size: tuple[float, float],
-    heights: Sequence[float] | None = None,
+    count: int, title: str, size: tuple[float, float], heights: Sequence[float] | None = None
 ) -> tuple[Figure, list[Axes]]:
     """A figure with panels above each other over one time axis.
 

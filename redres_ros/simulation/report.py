@@ -138,11 +138,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         TimeElapsedColumn(),
     )
     bar = Progress(
-        *parts,
-        transient=True,
-        console=console,
-        disable=not console.is_terminal,
-        auto_refresh=False,
+        *parts, transient=True, console=console, disable=not console.is_terminal, auto_refresh=False
     )
     task = bar.add_task(label, total=1.0)
     drawn_at = -math.inf

@@ -26,10 +26,7 @@ def draw_simulated(number: int, law: str, scheme: str, runs: Runs) -> Figure:
         runs: Their results.
     """
     dq_I, dq_II = (runs[name].vectors('dq1') for name in (law, scheme))
-    curves = {
-        _SCALE: np.linalg.norm(dq_I, axis=1),
-        _DIFFERENCE: velocity_difference(dq_I, dq_II),
-    }
+    curves = {_SCALE: np.linalg.norm(dq_I, axis=1), _DIFFERENCE: velocity_difference(dq_I, dq_II)}
     return _draw(title(number, law, scheme), runs[law]['t'], curves, _ROUNDING)
 
 
