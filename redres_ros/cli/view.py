@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_domain
+from redres_ros.cli.options import add_domain, add_namespace
 from redres_ros.cli.parser import add_command, option
 
 
@@ -14,6 +14,7 @@ def add(commands: Any) -> None:
     )
     option(view, '--port', 'N', 'of the page on this computer; the next free one is taken', 8080)
     add_domain(view)
+    add_namespace(view)
     view.set_defaults(run=_view)
 
 
@@ -21,5 +22,8 @@ def _view(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.view.serve import main
 
+    words = ['--ros-args', '-p', f'port:={options.port}']
+    if options.namespace:
+        words += ['-r', f'__ns:=/{options.namespace.lstrip("/")}']
     with joined_domain(options.domain):
-        return main(['redres view', '--ros-args', '-p', f'port:={options.port}'])
+        return main(['redres view', *words])
