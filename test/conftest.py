@@ -97,12 +97,12 @@ _LONGEST = 40  # characters of a part of an id
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
-    """Lines are counted while quick tests run for the first time. Counting takes as long again, and
-    with other parameters they run the same lines.
+    """Lines are counted while tests of the day run for the first time. Counting takes as long,
+    and with other parameters they run the same lines.
     """
     test, _, _ = item.nodeid.partition('[')
     counters = []
-    if item.get_closest_marker('slow') or test in _counted:
+    if item.get_closest_marker('nightly') or test in _counted:
         counters = _stopped_counters()
     _counted.add(test)
     try:

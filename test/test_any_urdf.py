@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from nightly import by_day
 
 pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
@@ -86,11 +87,14 @@ def test_while_nobody_publishes_an_arm_a_node_says_what_it_waits_for_and_can_be_
 
 @pytest.mark.parametrize(
     ('node', 'parameters', 'words'),
-    [
-        ('sim', {'robot': 'topic'}, ('publishes robot_description itself', 'lwr4_paper')),
-        ('controller', {'robot': '/no/such/arm.urdf'}, ('cannot read the URDF /no/such/arm.urdf',)),
-        ('controller', {'acceleration_limit': [1.0]}, ('has 1 values', 'lwr_a1_joint')),
-    ],
+    by_day(
+        1,
+        [
+            ('sim', {'robot': 'topic'}, ('publishes robot_description itself', 'lwr4_paper')),
+            ('controller', {'robot': '/no/such/arm.urdf'}, ('cannot read the URDF /no/such/arm',)),
+            ('controller', {'acceleration_limit': [1.0]}, ('has 1 values', 'lwr_a1_joint')),
+        ],
+    ),
 )
 def test_an_arm_that_cannot_be_is_refused_in_one_line(
     node: str, parameters: dict[str, Any], words: tuple[str, ...], tmp_path: Path

@@ -184,7 +184,7 @@ def test_a_random_task_is_the_same_every_time_and_starts_at_its_first_point(kind
     assert model.tip(task.start)[0] == pytest.approx(task.waypoints[0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_near_singular_tasks_come_nearer_to_singularities_than_others():
     model = RobotModel.named('lwr4')
 

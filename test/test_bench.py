@@ -231,7 +231,7 @@ def test_the_floor_is_the_jacobian_that_the_laws_get(model, states):
 # --- the command ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_short_bench_of_the_tick_has_every_law_and_prints_what_it_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from nightly import by_day
 
 from redres_ros import LAWS, Controller, RobotModel, RobotState, load_task, make_law
 from redres_ros.cli import main, make_parser
@@ -265,7 +266,7 @@ def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, word
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('line', 'status'), [('laws', 0), ('simulate --law fastest', 1), ('simulate --x', 2)]
+    ('line', 'status'), by_day(1, [('laws', 0), ('simulate --law fastest', 1), ('simulate --x', 2)])
 )
 def test_the_exit_status_of_the_process_is_that_of_main_and_no_traceback_is_shown(line, status):
     result = subprocess.run(

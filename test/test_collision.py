@@ -215,7 +215,7 @@ def random_motion_of(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('arm', 'settings'), by_day(6, product(ARMS, [{}, {'T': 0.01}, {'limit_scale': 0.3}]))
+    ('arm', 'settings'), by_day(3, product(ARMS, [{}, {'T': 0.01}, {'limit_scale': 0.3}]))
 )
 def test_random_motion_keeps_the_clearance(arm, settings):
     """At up to 1.5 m/s, where arms that brake by the damper alone come 54 mm too near."""

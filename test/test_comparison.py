@@ -277,7 +277,7 @@ main('compare --law minimum_velocity,minimum_torque --period 0.02 --out {out}'.s
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_process_that_copies_itself_has_no_other_thread(tmp_path: Path) -> None:
     """Which might hold a lock that the copy waits for; Python 3.12 warns of that."""
     environment = {key: value for key, value in os.environ.items() if key != 'OPENBLAS_NUM_THREADS'}

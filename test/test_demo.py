@@ -377,6 +377,7 @@ def test_killing_the_demo_takes_its_nodes_along(tmp_path: Path) -> None:
     await_that(lambda: not any(map(is_running, children)), 'the end of the nodes')
 
 
+@pytest.mark.nightly
 def test_what_shows_when_the_graph_starts_gets_one_line_too(tmp_path: Path) -> None:
     done = demo(tmp_path, '--composed', '--period', '0.0033')
     assert done.returncode == 1

@@ -45,10 +45,13 @@ def side(task: WaypointTask) -> WaypointTask:
 
 @pytest.mark.parametrize(
     ('name', 'damping', 'T'),
-    [
-        ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
-        ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
-    ],
+    by_day(
+        1,
+        [
+            ('minimum_acceleration', 10.0, 0.001),  # Fig. 5
+            ('dynamically_consistent', 500.0, 0.002),  # Fig. 16, ideal, forwards
+        ],
+    ),
 )
 def test_over_the_whole_task_law_and_scheme_differ_by_rounding(name, damping, T, task):
     found = difference(name, damping, T, task)

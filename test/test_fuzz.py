@@ -188,7 +188,7 @@ class TestCallbacks:
     def test_whatever_the_controller_receives_its_commands_are_finite_and_it_goes_on(
         self, controller, events
     ):
-        recorder = Recorder(controller._commands, '_publisher', JointState)
+        recorder = Recorder(controller, '_command_publisher', JointState)
         for event in events:
             match event:
                 case JointState():
@@ -330,6 +330,7 @@ def live(
         yield observer, publishers | started, directory
 
 
+@pytest.mark.nightly
 class TestOverDds:
     """Nodes in processes of their own."""
 

@@ -29,7 +29,7 @@ from graph_helpers import (
     nodes,
     set_parameters,
 )
-from nightly import NIGHTLY
+from nightly import NIGHTLY, by_day
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -124,11 +124,14 @@ def test_a_node_that_cannot_start_says_why_in_one_line(
 
 @pytest.mark.parametrize(
     ('parameter', 'environment', 'words'),
-    [
-        ('law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
-        ('rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
-        ('rate:=500.0', SECURED, ('SECURITY', '/no/keys')),
-    ],
+    by_day(
+        1,
+        [
+            ('law:=no_such_law', {}, ('no_such_law', 'minimum_acceleration')),
+            ('rate:=500.0', {'RMW_IMPLEMENTATION': 'rmw_none'}, ('rmw_none',)),
+            ('rate:=500.0', SECURED, ('SECURITY', '/no/keys')),
+        ],
+    ),
 )
 def test_a_process_of_a_node_that_cannot_start_ends_with_a_status_and_one_line(
     parameter: str, environment: dict[str, str], words: tuple[str, ...]
@@ -174,6 +177,7 @@ def test_every_node_ends_with_status_0_on_a_signal(
         assert 'Traceback' not in (tmp_path / f'{name}.log').read_text()
 
 
+@pytest.mark.nightly
 def test_all_nodes_in_one_process_end_with_status_0_too(tmp_path: Path) -> None:
     with nodes(tmp_path, composed={}) as (probe, processes):
         await_that(

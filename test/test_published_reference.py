@@ -312,6 +312,7 @@ def test_with_three_states_of_ten_lost_the_arm_moves_on() -> None:
         assert not [line for _, line in arm.graph.log if 'expected 500 Hz' in line]
 
 
+@pytest.mark.nightly
 def test_a_held_arm_needs_as_long_to_stop_with_states_lost_as_without() -> None:
     ways = []
     for share in (0.0, 0.3):

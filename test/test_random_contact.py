@@ -26,7 +26,7 @@ from redres_ros.preferences import Compliance, Posture
 pytestmark = pytest.mark.slow
 
 TICKS = 200_000 if NIGHTLY else 20_000
-WORLDS = 100 if NIGHTLY else 6
+WORLDS = 100 if NIGHTLY else 4
 SEEDS = range(1000, 1000 + WORLDS)
 STEPS = (1e2, 1e4, 1e6, 1e200)  # [N]
 

@@ -200,8 +200,8 @@ def test_what_is_published_stays_within_the_limits_whatever_ros2_control_does(
 @pytest.mark.parametrize('rate', by_day(1, RATES))
 @pytest.mark.parametrize(
     'habits',
-    [Habits(dropped=0.2), Habits(velocities=False), Habits(jitter=0.0)],
-    ids=['states dropped at the source', 'no velocities', 'stamps that do not jitter'],
+    by_day(1, [Habits(dropped=0.2), Habits(velocities=False), Habits(jitter=0.0)]),
+    ids=str,
 )
 def test_a_broadcaster_with_habits_of_its_own_gets_no_step(
     habits: Habits, rate: float, tmp_path: Path

@@ -185,7 +185,7 @@ def test_a_frame_within_the_arm_can_be_held(model, task):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('law', by_day(2, LAWS))
+@pytest.mark.parametrize('law', by_day(1, LAWS))
 def test_a_configuration_below_closes_every_closed_path(law, model, task):
     """Without it the joints end 0.01 to 9 rad from where they began."""
     T = 0.004  # [s]

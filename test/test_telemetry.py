@@ -83,7 +83,7 @@ def test_nothing_is_made_any_more_when_the_last_listener_has_gone(speaker: Speak
     assert speaker.made == made
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_pose_that_is_published_leaves_no_memory_behind() -> None:
     x = np.array((0.1, 0.2, 0.3))
     R = np.eye(3)
