@@ -36,7 +36,6 @@ _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 _BRIDGING = Parameter('what a robot does without a command', choices=BRIDGING)
 _TURN = 2.0 * np.pi  # [rad]
-_NO_REFERENCE = 'the arm stands nowhere yet; expected an update() or a place() first'
 
 
 class Controller:
@@ -139,7 +138,7 @@ class Controller:
     def reference(self) -> np.ndarray:
         """The last position reference, (n,) [rad]. Raises RedresError before the first."""
         if self._q_ref is None:
-            raise RedresError(_NO_REFERENCE)
+            raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
         return self._q_ref
 
     def set_policy(self, policy: Policy) -> None:
@@ -263,12 +262,8 @@ class Controller:
     def bridged(self, missed: int) -> tuple[np.ndarray, np.ndarray]:
         """Position (n,) [rad] and velocity (n,) [rad/s] of a robot that has got the last reference,
         after so many cycles without one. One that extrapolates stops at the ends of its range.
-
-        Raises RedresError before the first.
         """
-        q_ref = self._q_ref
-        if q_ref is None:
-            raise RedresError(_NO_REFERENCE)
+        q_ref = self.reference
         if not missed:
             return q_ref, self.dq
         if self.bridging == 'hold':
@@ -324,7 +319,9 @@ class Controller:
         """
         q, dx = self._checked(q, dx, missed)
         # Where the robot is by now, and with which velocity.
-        before = (q, self.dq) if self._q_ref is None else self.bridged(missed)
+        before = (q if self._q_ref is None else self._q_ref, self.dq)
+        if missed and self._q_ref is not None:
+            before = self.bridged(missed)
         start, dq_prev = before
         if self._integrate_from == 'measurement':
             start = q
