@@ -184,10 +184,12 @@ def test_a_node_reports_in_one_line_that_compiling_is_over(monkeypatch, capsys):
     log = SimpleNamespace(info=lines.append)
     nodes = [SimpleNamespace(get_logger=lambda: log)] * 2
     monkeypatch.setattr(compile_log, '_times', [])
-    runtime._log_compiled(nodes)
+    for name in ('misspelt', 'overruled'):
+        monkeypatch.setattr(runtime, name, lambda *_: {})
+    runtime._log_start(nodes, [])
     assert not lines  # nothing has been compiled
     for _ in range(2):
         compile_log.log_compiling('here')
     assert len(capsys.readouterr().err.splitlines()) == 1
-    runtime._log_compiled(nodes)
+    runtime._log_start(nodes, [])
     assert lines == ['compiled the formulas in 0 s']
