@@ -12,7 +12,7 @@ from redres_ros.robot_model import RobotState
 
 
 @dataclass(frozen=True, eq=False)
-class Crossfade(Motion):
+class Crossfade:
     """Any change of motion: law, preferences, tasks, limits, a start, a stop.
 
     old: None: the joints go on with dq_old. dq_old: (n,) [rad/s], the last velocity that the *old*
@@ -31,6 +31,11 @@ class Crossfade(Motion):
 
         If both execute the task, J dq = dx, so does every mixture. An old motion that has no
         solution, or has diverged, is dropped.
+
+        Args:
+            state: Of the arm at this tick.
+            dx: Velocity of the first task, (m,).
+            T: Sampling time [s].
         """
         old = self._old_solution(state, dx, T)
         if old is None:
