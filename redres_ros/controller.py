@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from redres_ros.command import Command
-from redres_ros.crossfade import Crossfade, advanced
 from redres_ros.errors import DivergedError, RangeError, RedresError
 from redres_ros.kernels.tick import are_usable, integrate
 from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
-from redres_ros.policy import SPEED_LIMIT, Motion, Policy, make_policy
+from redres_ros.policy import SPEED_LIMIT, Crossfade, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task

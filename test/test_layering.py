@@ -23,7 +23,6 @@ LAYERS = (
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},
-    {'crossfade'},
     {'controller', 'contact', 'fake_robot'},
     {'loop'},
     {'planning'},

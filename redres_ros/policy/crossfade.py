@@ -6,7 +6,7 @@ import numpy as np
 
 from redres_ros.errors import RedresError
 from redres_ros.interpolation import quintic
-from redres_ros.policy import SPEED_LIMIT, Hold, Motion, Policy
+from redres_ros.policy.policy import SPEED_LIMIT, Hold, Motion, Policy
 from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotState
 
