@@ -205,6 +205,7 @@ def draw(results: Sequence[Result]) -> Figure:
         _draw_law(ax, found[False][law], found[True][law], near, law_colour(law))
         ax.set_title(law, fontsize='medium')
         ax.grid(alpha=0.3)
+    axes[0, 2].tick_params(labelbottom=True)  # nothing is drawn below it
     axes.flat[-1].axis('off')
     axes.flat[-1].legend(*axes.flat[0].get_legend_handles_labels(), loc='center')
     figure.supxlabel('smallest singular value on the way / reach, under minimum_velocity')

@@ -31,7 +31,7 @@ from redres_ros.view.film import FilmedMotion, write_film
 
 PAGE = Path(__file__).with_name('teleoperation.md')
 DRAWN = 45.0  # [s]
-FILMED = 12.0  # [s]
+FILMED = 17.0  # [s]
 EVERY = 10  # ticks
 COLOURED_AS = {'task': '', 'components': 'minimum_acceleration'}  # laws, whose colours these get
 
@@ -111,7 +111,7 @@ def film(motions: dict[str, Recording], model: RobotModel) -> None:
         data = whole.data[: round(FILMED / T)]
         goals = int(data[-1, whole.columns.index('segment')])
         is_stuck = scaling == 'task'
-        ending = 'stuck' if is_stuck else f'{goals} goals reached'
+        ending = 'stuck' if is_stuck else f'goals reached: {goals}'
         part = replace(whole, data=data, ending=ending, finished=not is_stuck)
         filmed.append(FilmedMotion(part, f'scaling: {scaling}', COLOURED_AS[scaling]))
     task = task_of_goals(filmed[-1].recording, task_for(model.arm, 'fr3'))
