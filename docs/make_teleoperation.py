@@ -111,7 +111,7 @@ def film(motions: dict[str, Recording], model: RobotModel) -> None:
         data = whole.data[: round(FILMED / T)]
         goals = int(data[-1, whole.columns.index('segment')])
         is_stuck = scaling == 'task'
-        ending = 'stuck' if is_stuck else f'goals reached: {goals}'
+        ending = 'stuck' if is_stuck else f'{goals} goals reached'
         part = replace(whole, data=data, ending=ending, finished=not is_stuck)
         filmed.append(FilmedMotion(part, f'scaling: {scaling}', COLOURED_AS[scaling]))
     task = task_of_goals(filmed[-1].recording, task_for(model.arm, 'fr3'))

@@ -44,15 +44,15 @@ class IntraProcess:
         shared_topics: Collection[str] = (),
     ) -> None:
         self._handed = {*topics, *open_topics, *shared_topics}
-        self._open = open_topics
-        self._shared = shared_topics
+        self.open_topics = open_topics
+        self.shared_topics = shared_topics
         self._receivers: dict[str, list[Callable[[Any], None]]] = {}  # by the topic's full name
 
     def node(self, cls: type[Node]) -> type[Node]:
         """The same node, handing over."""
         return type(cls.__name__, (cls, _Handing), {'intra_process': self})
 
-    def _receivers_of(self, node: Node, topic: str) -> list[Callable[[Any], None]] | None:
+    def receivers_of(self, node: Node, topic: str) -> list[Callable[[Any], None]] | None:
         """Who gets the messages on a topic of a node; None for one that goes through DDS alone."""
         if topic not in self._handed:
             return None
@@ -73,7 +73,7 @@ class _Handing(Node):
         self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any
     ) -> Any:
         publisher = super().create_publisher(msg_type, topic, qos_profile, **options)
-        receivers = self.intra_process._receivers_of(self, topic)
+        receivers = self.intra_process.receivers_of(self, topic)
         return publisher if receivers is None else _Publisher(publisher, receivers)
 
     def create_subscription(
@@ -85,12 +85,12 @@ class _Handing(Node):
         **options: Any,
     ) -> Any:
         intra_process = self.intra_process
-        receivers = intra_process._receivers_of(self, topic)
+        receivers = intra_process.receivers_of(self, topic)
         if receivers is not None:
             receivers.append(callback)
-            if topic in intra_process._shared and len(receivers) == 1:
+            if topic in intra_process.shared_topics and len(receivers) == 1:
                 callback = partial(_hand_over, receivers)
-            elif topic not in intra_process._open:
+            elif topic not in intra_process.open_topics:
                 return None
         return super().create_subscription(msg_type, topic, callback, qos_profile, **options)
 
