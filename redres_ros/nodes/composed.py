@@ -53,7 +53,12 @@ class IntraProcess:
         return type(cls.__name__, (cls, _Handing), {'intra_process': self})
 
     def receivers_of(self, node: Node, topic: str) -> list[Callable[[Any], None]] | None:
-        """Who gets the messages on a topic of a node; None for one that goes through DDS alone."""
+        """Who gets the messages on a topic of a node; None for one that goes through DDS alone.
+
+        Args:
+            node: The publisher or subscriber.
+            topic: As the node names it.
+        """
         if topic not in self._handed:
             return None
         return self._receivers.setdefault(node.resolve_topic_name(topic), [])
