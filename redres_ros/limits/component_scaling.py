@@ -77,7 +77,7 @@ def solve_components(
     whole = solve_constrained(dq_free, W, tasks, box, rows, active_set)
     is_exact = whole.error <= _NOTICEABLE
     components = list(_split(tasks[0], sizes, held))
-    lengths = np.array([component.length for component in components])
+    lengths = _lengths(components)
     is_whole = is_exact and whole.s >= 1.0
     if is_whole or not lengths.any() or not np.isfinite(whole.error):
         return whole._replace(component_scaling=(whole.s,) * len(sizes))
@@ -85,15 +85,15 @@ def solve_components(
     factors = np.full(len(sizes), whole.s if is_exact else 0.0)
     if is_exact and np.count_nonzero(lengths) > 1:
         factors = problem.largest_factors(tasks[0], sizes, factors)
-    executed = problem.executed(components, lengths, factors)
+    executed = problem.executed(components, factors)
     dq = executed.dq[: len(dq_free)]
     if not is_exact or locked(whole.s):
         steady = _WithFactors(dq_free, W, tasks[1:], steady_box, rows, len(sizes))
-        share = steady.locked(components, lengths)
+        share = steady.locked(components)
         if share > 0.0:
             executing = 1.0 + (LEAD - 1.0) * _fractions(components, dq_prev)
             order = np.argsort(-executing * lengths, kind='stable')
-            dq = dq + share * (_alone(problem, steady, components, lengths, order, dq) - dq)
+            dq = dq + share * (_alone(problem, steady, components, order, dq) - dq)
     solved = whole.solved and executed.solved
     scaling = tuple(_fractions(components, dq).tolist())
     return whole._replace(dq=dq, solved=solved, component_scaling=scaling)
@@ -103,7 +103,6 @@ def _alone(
     problem: '_WithFactors',
     steady: '_WithFactors',
     components: Sequence[_Component],
-    lengths: np.ndarray,
     order: np.ndarray,
     dq: np.ndarray,
 ) -> np.ndarray:
@@ -113,10 +112,10 @@ def _alone(
         problem: Within all limits.
         steady: The same without those on accelerations.
         components: Of the first task.
-        lengths: |dx_i|, (g,).
         order: In which they are tried, (g,).
         dq: What is commanded if no component can go on, (n,) [rad/s].
     """
+    lengths = _lengths(components)
     left = 1.0  # the part of the mixture that the next one gets
     mixed = dq
     for tolerance, i in product((DIRECTION_TOLERANCE, WIDER_TOLERANCE), order):
@@ -127,14 +126,18 @@ def _alone(
         J, dx, length = components[i]
         only = [component._replace(length=0.0) for component in components]
         only[i] = _Component(J, speed * dx, speed * length)
-        alone = np.array([component.length for component in only])
         part = left * min(LEAD * lengths[i] / lengths.max(), 1.0)  # little of what is hardly asked
-        part *= 1.0 - steady.locked(only, alone, tolerance)
+        part *= 1.0 - steady.locked(only, tolerance)
         if part > 0.0:
-            executed = problem.executed(only, alone, np.zeros(len(lengths)), tolerance)
+            executed = problem.executed(only, np.zeros(len(lengths)), tolerance)
             mixed = mixed + part * (executed.dq[: len(dq)] - dq)
         left -= part
     return mixed
+
+
+def _lengths(components: Sequence[_Component]) -> np.ndarray:
+    """|dx_i| of each component, (g,)."""
+    return np.array([component.length for component in components])
 
 
 def _fractions(components: Sequence[_Component], dq: np.ndarray) -> np.ndarray:
@@ -195,7 +198,6 @@ class _WithFactors:
     def executed(
         self,
         components: Sequence[_Component],
-        lengths: np.ndarray,
         least: np.ndarray,
         tolerance: float = DIRECTION_TOLERANCE,
     ) -> Constrained:
@@ -203,7 +205,6 @@ class _WithFactors:
 
         Args:
             components: Of the first task.
-            lengths: |dx_i|, (g,).
             least: s_i of level 1, (g,).
             tolerance: Of their directions [rad].
         """
@@ -221,6 +222,7 @@ class _WithFactors:
             across.append(frame[1:].dot(J))
             rest.append(np.zeros(len(frame) - 1))
             cones.append(_cone(frame, J, tolerance))
+        lengths = _lengths(components)
         tasks = [
             (np.concatenate(along), np.zeros(len(along))),
             (lengths[:, None] * self._factors, lengths),
@@ -230,19 +232,16 @@ class _WithFactors:
         return self._solve(tasks, least, cones)
 
     def locked(
-        self,
-        components: Sequence[_Component],
-        lengths: np.ndarray,
-        tolerance: float = DIRECTION_TOLERANCE,
+        self, components: Sequence[_Component], tolerance: float = DIRECTION_TOLERANCE
     ) -> float:
         """How far the task velocity counts as locked, 0 to 1.
 
         Args:
             components: Of the first task.
-            lengths: |dx_i|, (g,).
             tolerance: Of their directions [rad].
         """
-        dq = self.executed(components, lengths, np.zeros(len(lengths)), tolerance).dq[: self._n]
+        lengths = _lengths(components)
+        dq = self.executed(components, np.zeros(len(lengths)), tolerance).dq[: self._n]
         return locked(_fractions(components, dq).dot(lengths**2) / lengths.dot(lengths))
 
     def _solve(

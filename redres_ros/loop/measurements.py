@@ -10,9 +10,10 @@ from redres_ros.command import Command
 from redres_ros.contact.contact_control import ContactControl
 from redres_ros.contact.settings import BASE
 from redres_ros.controller import Controller
-from redres_ros.errors import ArrayError, RedresError
+from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.robot_model import RobotState
+from redres_ros.vectors import check_finite
 
 _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
 
@@ -100,8 +101,7 @@ class Measurements:
             ArrayError: It is not finite.
         """
         self._check_age(name, stamp, time_of_day)
-        if not np.isfinite(value).all():
-            raise ArrayError(f'{name} is {value.tolist()}; every value must be finite')
+        check_finite(value, name)
         self._values[name] = _Measurement(value, self._time)
 
     def _check_age(self, name: str, stamp: int, time_of_day: int) -> None:
