@@ -11,8 +11,7 @@ def rotation_vector(R: np.ndarray) -> np.ndarray:
     """The logarithm of R (3, 3): its axis times its angle, (3,) [rad], the angle at most pi."""
     from redres_ros.kernels.rotation_error import rotation_error  # for which many need not wait
 
-    turn: np.ndarray = rotation_error(_NO_TURN, R)
-    return turn
+    return rotation_error(_NO_TURN, R)
 
 
 def rotation_matrix(vector: np.ndarray) -> np.ndarray:
@@ -22,8 +21,7 @@ def rotation_matrix(vector: np.ndarray) -> np.ndarray:
         return np.eye(3)
     x, y, z = (vector / angle).tolist()
     K = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # K v = axis x v
-    R: np.ndarray = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K.dot(K)
-    return R
+    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K.dot(K)
 
 
 def from_quaternion(quaternion: np.ndarray) -> np.ndarray:
@@ -41,8 +39,7 @@ def from_quaternion(quaternion: np.ndarray) -> np.ndarray:
 def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
     """Rz(yaw) Ry(pitch) Rx(roll), (3, 3), of (3,) [rad]: turns about the axes of the base."""
     roll, pitch, yaw = (rotation_matrix(turn) for turn in np.diag(angles))
-    R: np.ndarray = yaw.dot(pitch).dot(roll)
-    return R
+    return yaw.dot(pitch).dot(roll)
 
 
 def to_quaternion(R: np.ndarray) -> np.ndarray:

@@ -102,8 +102,7 @@ def _embodik(arm: Arm, T: float, limit_scale: float | None) -> Peer:
 
     def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
         task.set_target_velocity(dx)
-        dq: np.ndarray = solver.solve_velocity_dq(q, limit_scale is not None)
-        return dq
+        return solver.solve_velocity_dq(q, limit_scale is not None)
 
     return velocity
 
@@ -182,7 +181,7 @@ def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
     def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
         configuration.update(q)
         task.transform_target_to_world.translation = x_d
-        dq: np.ndarray = solve_ik(
+        return solve_ik(
             configuration,
             (task,),
             T,
@@ -191,7 +190,6 @@ def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
             limits=limits,
             safety_break=False,  # no look at the position limits before each call
         )
-        return dq
 
     return velocity
 
@@ -232,8 +230,7 @@ def floors(arm: Arm) -> dict[str, Floor]:
 
     def jacobian() -> np.ndarray:
         pin.updateFramePlacement(model, data, tip)
-        J: np.ndarray = pin.getFrameJacobian(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
-        return J
+        return pin.getFrameJacobian(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
 
     def kinematics(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         pin.computeJointJacobians(model, data, q)

@@ -82,8 +82,7 @@ class Admittance:
         if self._share >= 1.0:
             return new
         c, _ = quintic(self._share)
-        rate: np.ndarray = (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
-        return rate
+        return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
 
     def velocity(self, dx: np.ndarray, wrench: np.ndarray, state: RobotState) -> np.ndarray:
         """dx_d + de, (m,): the task velocity for the controller; then call record().
@@ -163,8 +162,7 @@ def desired_force(settings: AdmittanceSettings, state: RobotState) -> np.ndarray
         settings: Its frame counts.
         state: Of the arm.
     """
-    force: np.ndarray = _rotation(settings.frame, state) @ as_array(settings.force[:3])
-    return force
+    return _rotation(settings.frame, state) @ as_array(settings.force[:3])
 
 
 def _rotation(frame: str, state: RobotState) -> np.ndarray:
@@ -181,5 +179,4 @@ def _turned(R: np.ndarray, vector: np.ndarray) -> np.ndarray:
         R: Orientation of the axes it is given in, (3, 3).
         vector: (3,) or (6,).
     """
-    turned: np.ndarray = (vector.reshape(-1, 3) @ R.T).reshape(-1)
-    return turned
+    return (vector.reshape(-1, 3) @ R.T).reshape(-1)

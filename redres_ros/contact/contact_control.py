@@ -134,8 +134,7 @@ class ContactControl:
         self.warning = ''
         rate = self.admittance.rate(wrench, state)
         self._bound_search(rate, state)
-        velocity: np.ndarray = dx + rate
-        return velocity
+        return dx + rate
 
     def record(self, command: Command, dx: np.ndarray) -> None:
         """Take in what was executed.

@@ -113,5 +113,4 @@ def path_to(
 
 def _whole_turns(angle: np.ndarray, turning: np.ndarray) -> np.ndarray:
     """The whole turns in each angle (n,) [rad] of a turning joint, 0 for the others."""
-    turns: np.ndarray = np.where(turning, _TURN * np.round(angle / _TURN), 0.0)
-    return turns
+    return np.where(turning, _TURN * np.round(angle / _TURN), 0.0)

@@ -236,8 +236,7 @@ class Planner(ReferenceSource):
         size = float(np.linalg.norm(asked))
         if size == 0.0:
             return error
-        part: np.ndarray = (asked - unachieved) * (float(np.linalg.norm(error)) / size)
-        return part
+        return (asked - unachieved) * (float(np.linalg.norm(error)) / size)
 
     def _is_away(self, x_start: np.ndarray | None, R_start: np.ndarray | None) -> bool:
         """Whether the tip has to go to x_0 first."""

@@ -136,8 +136,7 @@ class TargetFollower(ReferenceSource):
         wanted = offset * (speed / distance) if distance > 0.0 else np.zeros(3)
         change = min(_DAMPING * _GAIN * dt, 1.0) * (wanted - v)
         excess = float(np.linalg.norm(change)) / max(acceleration * dt, 1e-12)
-        changed: np.ndarray = v + change / max(excess, 1.0)
-        return changed
+        return v + change / max(excess, 1.0)
 
 
 def _is_short(error: np.ndarray, tolerance: float) -> bool:

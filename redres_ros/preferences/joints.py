@@ -23,8 +23,7 @@ class JointCentering(Preference):
         width = state.model.q_max - state.model.q_min  # (n,) [rad]
         lower = np.where(np.isfinite(width), state.model.q_min, state.q)
         offset = np.where(np.isfinite(width), state.q - lower - width / 2.0, 0.0)
-        ddq_N: np.ndarray = -self.gain * offset / (len(offset) * width**2)
-        return ddq_N
+        return -self.gain * offset / (len(offset) * width**2)
 
 
 @dataclass(frozen=True)
@@ -44,8 +43,7 @@ class JointLimitAvoidance(Preference):
         predicted = state.q + self.horizon * state.dq_prev  # (n,) [rad]
         above = np.maximum(predicted - (state.model.q_max - self.margin), 0.0)
         below = np.maximum(state.model.q_min + self.margin - predicted, 0.0)
-        ddq_N: np.ndarray = self.gain * (below - above)
-        return ddq_N
+        return self.gain * (below - above)
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,7 @@ class Posture(Preference):
                 f'target of posture holds {target.size} angles; expected {state.q.size}, '
                 'one for each joint'
             )
-        ddq_N: np.ndarray = -self.gain * (state.q - target)
-        return ddq_N
+        return -self.gain * (state.q - target)
 
     def with_initial_targets(self, state: RobotState) -> Self:
         return replace(self, target=self.target or tuple(state.q.tolist()))

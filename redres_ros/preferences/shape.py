@@ -31,8 +31,7 @@ class Manipulability(Preference):
         J_pinv = np.linalg.solve(J.dot(J.T), J)  # (m, n), the transpose of J^#
         dJ = state.jacobian_derivatives('')[:, :m]  # (n, m, n)
         gradient = float(np.prod(s)) * np.einsum('imj,mj->i', dJ, J_pinv)  # w tr(J^# dJ/dq_i)
-        ddq_N: np.ndarray = self.gain * gradient
-        return ddq_N
+        return self.gain * gradient
 
 
 @dataclass(frozen=True)
@@ -48,5 +47,4 @@ class ElbowHeight(Preference):
             pull = math.copysign(1.0, self.height)
         else:
             pull = min(max(self.height, -_FARTHEST), _FARTHEST) - float(state.pose(frame)[0][2])
-        ddq_N: np.ndarray = self.gain * pull * slope
-        return ddq_N
+        return self.gain * pull * slope

@@ -54,8 +54,7 @@ def default_start(kinematics: Kinematics) -> np.ndarray:
     fewest = bent_joints == bent_joints[good].min()
     best = fewest & (conditioning > 0.99 * conditioning[fewest].max())
     tips = np.array([kinematics.position(q) for q in postures])  # (N, 3) [m]
-    chosen: np.ndarray = postures[np.argmax(np.where(best, tips[:, 0] + tips[:, 2], -np.inf))]
-    return chosen
+    return postures[np.argmax(np.where(best, tips[:, 0] + tips[:, 2], -np.inf))]
 
 
 def _bends(n: int) -> Iterator[np.ndarray]:
@@ -84,8 +83,7 @@ def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
     values = np.linalg.svd(jacobians[:, :rows], compute_uv=False)  # (N, k), descending
     largest = values[:, 0].max()
     rank = np.count_nonzero(values.max(axis=0) > 1e-6 * largest)
-    conditioning: np.ndarray = values[:, rank - 1] / largest
-    return conditioning
+    return values[:, rank - 1] / largest
 
 
 def default_elbow(kinematics: Kinematics) -> str:

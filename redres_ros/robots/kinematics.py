@@ -100,12 +100,10 @@ class Kinematics:
         """The tip's position in the base frame, (3,) [m], at q (n,) [rad] or [m]."""
         pin.forwardKinematics(self._model, self._data, q)
         tip = pin.updateFramePlacement(self._model, self._data, self._tip)
-        x: np.ndarray = tip.translation.copy()
-        return x
+        return tip.translation.copy()
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """The Jacobian of the tip in the base frame, (6, n), linear rows first, at q (n,)."""
-        J: np.ndarray = pin.computeFrameJacobian(
+        return pin.computeFrameJacobian(
             self._model, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
         )
-        return J

@@ -122,8 +122,7 @@ def _fit_column(figure: Figure) -> None:
 
 def _labels(ax: Axes) -> list[str]:
     """Of the curves of a panel."""
-    labels: list[str] = ax.get_legend_handles_labels()[1]
-    return labels
+    return ax.get_legend_handles_labels()[1]
 
 
 def _in_two_lines(label: str) -> str:

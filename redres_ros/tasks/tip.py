@@ -62,8 +62,7 @@ class Orientation(FrameTask):
         return state.jacobian_derivatives(self.frame)[:, 3:]
 
     def error(self, state: RobotState) -> np.ndarray:
-        e: np.ndarray = rotation_error(state.rotation(self.frame), self._wanted)
-        return e
+        return rotation_error(state.rotation(self.frame), self._wanted)
 
     def velocity(self, state: RobotState) -> np.ndarray:
         """dx = k e, in half the time of numpy's product."""
@@ -144,8 +143,7 @@ class Axis(FrameTask):
 
     def jacobian(self, state: RobotState) -> np.ndarray:
         across = state.pose(self.frame)[1].dot(_across(self.axis))  # (3, 2) in the base frame
-        J: np.ndarray = across.T.dot(state.jacobian(self.frame)[3:])
-        return J
+        return across.T.dot(state.jacobian(self.frame)[3:])
 
     def error(self, state: RobotState) -> np.ndarray:
         _, R = state.pose(self.frame)
@@ -159,8 +157,7 @@ class Axis(FrameTask):
             turn = turn * (angle / sine)
         elif angle > 0.0:
             turn = angle * across[:, 0]  # the opposite direction: any way round
-        e: np.ndarray = across.T.dot(turn)
-        return e
+        return across.T.dot(turn)
 
     def with_initial_targets(self, state: RobotState) -> Self:
         _, R = state.pose(self.frame)

@@ -197,5 +197,4 @@ def analytic() -> np.ndarray:
     sigma = _STEP_DAMPING / (2.0 * _MASS)
     omega = np.sqrt(STIFFNESS / _MASS - sigma**2)
     decay = np.exp(-sigma * t) * (np.cos(omega * t) + sigma / omega * np.sin(omega * t))
-    moved: np.ndarray = STEP / STIFFNESS * (1.0 - decay)
-    return moved
+    return STEP / STIFFNESS * (1.0 - decay)

@@ -71,16 +71,14 @@ class _SecondOrderImpedance:
         stiffness = self._stiffness
         inertia = self._mass + T * self._damping + T**2 * stiffness
         drive = force - self._force - self._damping * de - stiffness * (e + T * de)
-        dde: np.ndarray = drive / inertia
-        return dde
+        return drive / inertia
 
     def _bent(self, state: RobotState) -> np.ndarray:
         """dJ dq by Eq. (9), (3,) [m/s^2]."""
         J = state.J[:3]
         dJ = (J - (J if self._J_prev is None else self._J_prev)) / T
         self._J_prev = J
-        bent: np.ndarray = dJ @ state.dq_prev
-        return bent
+        return dJ @ state.dq_prev
 
 
 def by_scheme(law: str, settings: AdmittanceSettings, force: Force) -> PushedMotion:
