@@ -26,7 +26,6 @@ from redres_ros.bench.loop import (
     processor_seconds,
     round_trips,
 )
-from redres_ros.bench.report import write_json
 from redres_ros.bench.tick import (
     LIMITED,
     SAME,
@@ -38,6 +37,7 @@ from redres_ros.bench.tick import (
 from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, RoundTrips, Times, measure
 from redres_ros.cli import main
+from redres_ros.cli.bench import write_json
 from redres_ros.graph.mcap_file import RecordedMessage
 from redres_ros.nodes.wire import to_time
 

@@ -23,6 +23,7 @@ from std_msgs.msg import String
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
 from redres_ros.preflight import graph_snapshot
+from redres_ros.preflight.arm import ExpectedArm, Level, Verdict
 from redres_ros.preflight.graph import judge
 from redres_ros.preflight.graph_snapshot import (
     ACTIVITY,
@@ -34,7 +35,6 @@ from redres_ros.preflight.graph_snapshot import (
     SnapshotNode,
     StateSeen,
 )
-from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
 from redres_ros.robots import ARMS, find_arm
 from redres_ros.robots.joint_limits import JointLimits
 

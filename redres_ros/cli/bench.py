@@ -1,8 +1,12 @@
 """`redres bench`: how fast it is on this machine, beside other libraries."""
 
 import argparse
+import json
 import math
-from collections.abc import Callable
+import os
+import platform
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import made
@@ -13,6 +17,22 @@ from redres_ros.errors import RangeError, UnknownNameError
 _ROUNDS = 100.0  # of the ticks, per second of --duration
 _OPERATED = 40.0  # [s] of simulated teleoperation, per second of --duration
 _USUAL = 'tick,loop'  # the operators take an hour
+_PACKAGES = (  # whose versions are written down
+    'redres_ros',
+    'numpy',
+    'scipy',
+    'pin',
+    'mujoco',
+    'ros-jazzy-rclpy',
+    'embodik',
+    'roboplan-oink',
+    'pin-pink',
+    'mink',
+    'qpsolvers',
+    'quadprog',
+    'daqp',
+    'proxsuite',
+)
 
 
 def add(commands: Any) -> None:
@@ -39,7 +59,6 @@ def add(commands: Any) -> None:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from redres_ros.bench.report import write_json
     from redres_ros.simulation.report import print_tables, progress_bar
 
     parts = _names(options.only)
@@ -115,3 +134,52 @@ def _numbers(text: str) -> list[float]:
         if not RATES[0] <= rate <= RATES[1]:
             raise RangeError('--rates', rate, *RATES, 'Hz')
     return rates
+
+
+def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
+    """Write figures with units in their names, and the machine; null for what is no number.
+
+    Args:
+        results: Figures by the part of the bench that measured them.
+        path: Of the file.
+
+    Raises:
+        FileError: It cannot be written.
+    """
+    from redres_ros.files.text import writing
+
+    content = _finite({'machine': _machine(), **results})
+    with writing(path):
+        path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
+
+
+def _machine() -> dict[str, object]:
+    """Processor, cores, kernel, Python and packages."""
+    from redres_ros.files.installed import version_of
+
+    versions = {name: version_of(name) for name in _PACKAGES}
+    return {
+        'processor': _processor(),
+        'cores': len(os.sched_getaffinity(0)),
+        'kernel': platform.release(),
+        'python': platform.python_version(),
+        'versions': {name: found for name, found in versions.items() if found},
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path('/proc/cpuinfo').read_text().splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return models[0] if models else platform.processor() or 'unknown'
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for NaN and infinity, which JSON does not know."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

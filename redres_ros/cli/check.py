@@ -37,9 +37,9 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.loop.cycle_counter import RATES
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
+    from redres_ros.preflight.arm import ExpectedArm, Level
     from redres_ros.preflight.graph import judge
     from redres_ros.preflight.graph_snapshot import SnapshotNode
-    from redres_ros.preflight.verdict import ExpectedArm, Level
 
     if not _SHORTEST <= options.duration <= _LONGEST:
         raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')

@@ -24,8 +24,7 @@ from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.topics import NEWEST
 from redres_ros.nodes.wire import deserialised, to_nanoseconds
 from redres_ros.parameter import param
-from redres_ros.preferences import Preference
-from redres_ros.preferences.compliance import Compliance
+from redres_ros.preferences import Compliance, Preference
 from redres_ros.robot_model import RobotModel
 
 _PREFIX = 'admittance.'

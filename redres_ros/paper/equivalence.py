@@ -1,23 +1,29 @@
 """Difference of a velocity law from its second-order scheme, sampled and in continuous time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.controller import Controller
-from redres_ros.errors import RangeError
+from redres_ros.errors import RangeError, RedresError
+from redres_ros.interpolation import quintic
 from redres_ros.laws import make_law
-from redres_ros.paper.continuous import integrate
 from redres_ros.paper.second_order import Scheme, SecondOrderController, make_scheme, step
+from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
+from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.closed_loop import run
 
-ZERO = 1e-9  # [rad/s]; a difference up to here is taken for rounding
 SIMULATION_DYNAMICS = 'cylinders'  # the equal links of Section 5.2
 PERIODS = (0.004, 0.002, 0.001, 0.0005)  # [s]
+
+_RTOL = 1e-10
+_ATOL = 1e-12  # of q [rad] and dq [rad/s]; far below what a sampling time of 0.1 ms changes
 
 
 @dataclass(frozen=True)
@@ -134,7 +140,7 @@ class Convergence:
     @property
     def q_order(self) -> float:
         """The slope of log(error) over log(period): 1 for the differences (8), (9), (10), (13)."""
-        return _slope(self.periods, self.q_errors)
+        return float(np.polyfit(np.log(self.periods), np.log(self.q_errors), 1)[0])
 
 
 def convergence(
@@ -143,42 +149,127 @@ def convergence(
     task: WaypointTask,
     periods: tuple[float, ...] = PERIODS,
     *,
-    stretch: float = 3.0,
     model: RobotModel | None = None,
 ) -> Convergence:
-    """A law at several sampling times beside its scheme in continuous time.
+    """A law at several sampling times beside its scheme in continuous time, on the first segment.
 
     Args:
         law_name: In the table LAWS.
         damping: k_d [1/s]. It is the same at every sampling time.
-        task: Its segments have to be over in time at every sampling time.
+        task: Its first segment has to be over in time at every sampling time.
         periods: Sampling times [s].
-        stretch: How long the motion is watched from its beginning [s].
         model: Of the arm; None for the task's with the equal links of Section 5.2.
 
     Raises:
         UnknownNameError: The law has no scheme of second order.
-        RangeError: Damping, a sampling time or the stretch is not allowed.
+        RangeError: Damping or a sampling time is not allowed.
     """
-    if not 0.0 < stretch <= task.segments * task.segment_time:
-        raise RangeError('stretch', stretch, 0.0, task.segments * task.segment_time, 's')
     model = model or RobotModel.named(task.robot, dynamics=SIMULATION_DYNAMICS)
     scheme = make_scheme(law_name, damping)
     law = make_law(law_name, damping=damping)
     errors = []
-    part = replace(task, waypoints=task.waypoints[: int(np.ceil(stretch / task.segment_time)) + 1])
+    segment = replace(task, waypoints=task.waypoints[:2])
     for T in periods:
-        sampled = run(Controller(model, law, T), part)
-        watched = sampled['t'] <= stretch
-        exact = integrate(scheme, model, part, sampled['t'][watched])
+        sampled = run(Controller(model, law, T), segment)
+        watched = sampled['t'] <= task.segment_time
+        exact = integrate(scheme, model, segment, sampled['t'][watched])
         q_error = np.linalg.norm(sampled.vectors('q1')[watched] - exact.q, axis=1)  # (ticks,)
         dq_error = np.linalg.norm(sampled.vectors('dq1')[watched] - exact.dq, axis=1)
         errors.append((q_error.max(), dq_error.max()))
     return Convergence(np.array(periods), *np.transpose(errors))
 
 
-def _slope(periods: np.ndarray, errors: np.ndarray) -> float:
-    return float(np.polyfit(np.log(periods), np.log(errors), 1)[0])
+class LostMotionError(RedresError):
+    """A continuous motion that cannot be followed to its end."""
+
+
+class ContinuousMotion(NamedTuple):
+    """A motion in continuous time, at chosen times: q (N, n) [rad] and dq (N, n) [rad/s]."""
+
+    q: np.ndarray
+    dq: np.ndarray
+
+
+def integrate(
+    scheme: Scheme, model: RobotModel, task: WaypointTask, t: np.ndarray
+) -> ContinuousMotion:
+    """The task as a scheme executes it with dJ dq and ddx known exactly.
+
+    Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx
+    = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only
+    if the motion begins with it: where the start misses x_0, the arm starts with the least velocity
+    that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
+
+    Args:
+        scheme: Of second order.
+        model: Of the arm.
+        task: Its segments take exactly T_AB.
+        t: Ascending times up to the task's end, (N,) [s].
+
+    Raises:
+        RangeError: A time is outside the task.
+        LostMotionError: The motion cannot be followed.
+        ArrayError: J loses rank.
+    """
+    from scipy.integrate import solve_ivp  # an extra, which takes a while to load
+
+    T_AB = task.segment_time
+    T_end = task.segments * task.segment_time
+    if not 0.0 <= t[0] <= t[-1] <= T_end:
+        raise RangeError('t', t[0] if t[0] < 0.0 else t[-1], 0.0, T_end, 's')
+    segment_of = np.minimum(t // T_AB, task.segments - 1).astype(int)  # (N,)
+    y = _start(scheme, model, task)
+    rows: list[np.ndarray] = []  # (2n,), N of it
+    for segment in range(segment_of[-1] + 1):
+        span = (segment * T_AB, min((segment + 1) * T_AB, t[-1]))
+        flow = _flow(scheme, model, task, segment)
+        solution = solve_ivp(
+            flow, span, y, method='DOP853', rtol=_RTOL, atol=_ATOL, dense_output=True
+        )
+        if solution.sol is None or not solution.success:
+            raise LostMotionError(
+                f'no continuous motion beyond {solution.t[-1]:.3f} s: {solution.message}'
+            )
+        *within, y = solution.sol(np.append(t[segment_of == segment], span[1])).T
+        rows += within
+    return ContinuousMotion(*np.split(np.array(rows), 2, axis=1))
+
+
+def _start(scheme: Scheme, model: RobotModel, task: WaypointTask) -> np.ndarray:
+    """(q, dq) at t = 0, (2n,)."""
+    state = model.state(task.start, np.zeros(model.n))
+    dx = Planner(task).reference(state.x, 0.0).dx
+    return np.concatenate((state.q, scheme.pseudoinverse(state) @ dx))
+
+
+def _flow(
+    scheme: Scheme, model: RobotModel, task: WaypointTask, segment: int
+) -> Callable[[float, np.ndarray], np.ndarray]:
+    """The right side of (q, dq)' = (dq, ddq), (2n,), on one segment."""
+    A = task.waypoints[segment]
+    B = task.waypoints[segment + 1]
+    T_AB = task.segment_time
+
+    def flow(t: float, y: np.ndarray) -> np.ndarray:
+        q, dq = np.split(y, 2)
+        if np.abs(dq).max() > SPEED_LIMIT:
+            raise LostMotionError(
+                f'no continuous motion beyond {t:.3f} s: a joint speed above {SPEED_LIMIT:g} rad/s'
+            )
+        xi = t / T_AB - segment
+        state = model.state(q, dq)
+        dx_d = (B - A) / T_AB * quintic(xi)[1]  # Eq. (36)
+        ddx_d = (B - A) / T_AB**2 * _ddquintic(xi)
+        ddx = ddx_d + task.feedback_gain * (dx_d - state.J[:3] @ dq)  # derivative of Eq. (37)
+        dJ_dq = model.velocity_product(q, dq)[:3]
+        return np.concatenate((dq, scheme.acceleration(model, state, ddx, dJ_dq)))
+
+    return flow
+
+
+def _ddquintic(xi: float) -> float:
+    """Second derivative of s(xi), Eq. (36)."""
+    return 60.0 * xi * (1.0 + xi * (2.0 * xi - 3.0))
 
 
 class _Accompanied:

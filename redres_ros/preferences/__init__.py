@@ -3,10 +3,15 @@
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
 from redres_ros.parameter import make
-from redres_ros.preferences.compliance import Compliance
-from redres_ros.preferences.joints import JointCentering, JointLimitAvoidance, Posture
 from redres_ros.preferences.preference import Preference
-from redres_ros.preferences.shape import ElbowHeight, Manipulability
+from redres_ros.preferences.preferences import (
+    Compliance,
+    ElbowHeight,
+    JointCentering,
+    JointLimitAvoidance,
+    Manipulability,
+    Posture,
+)
 
 PREFERENCES: dict[str, type[Preference]] = {
     'joint_centering': JointCentering,

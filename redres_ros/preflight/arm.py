@@ -1,14 +1,17 @@
-"""Joints, positions, limits and frames: whether the arm is the expected one."""
+"""Verdicts of the check, and those on joints, positions, limits and frames: whether the arm is the
+expected one.
+"""
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from redres_ros.errors import RedresError
 from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
 from redres_ros.preflight.graph_snapshot import FORWARD, STATES, TWISTS, GraphSnapshot, StateSeen
-from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import arm_from_urdf, choose_arm
 from redres_ros.robots.joint_limits import JointLimits
@@ -16,6 +19,42 @@ from redres_ros.robots.joint_limits import JointLimits
 _NEAR = 0.05  # of a range, from its end
 _MOVING = 0.01  # [rad/s] or [m/s]
 _SAME = 1e-3  # [rad] by which two sources of limits may differ
+
+
+class Level(Enum):
+    """How a verdict counts; only a fault makes the check fail."""
+
+    OK = 'ok'
+    NOTE = 'note'
+    FAULT = 'FAULT'
+
+
+class Verdict(NamedTuple):
+    """A sentence on one subject."""
+
+    level: Level
+    subject: str
+    text: str
+
+    def __str__(self) -> str:
+        return f'{self.level.value:<6} {self.subject:<11} {self.text}'
+
+
+@dataclass(frozen=True)
+class ExpectedArm:
+    """The arm and the rate that are expected, from the controller's parameters or from the user.
+
+    Args:
+        robot: Name, path, or topic.
+        tip_frame: Empty: the arm's own.
+        rate: States a second [Hz].
+        margin: Kept from the ends of the ranges [rad].
+    """
+
+    robot: str
+    tip_frame: str = ''
+    rate: float = 500.0
+    margin: float = 0.0
 
 
 def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:

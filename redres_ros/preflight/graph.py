@@ -9,7 +9,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.session import COMMANDING
 from redres_ros.loop.settings import why_it_would_leap
 from redres_ros.nodes.topics import REASON, SESSION
-from redres_ros.preflight.arm import judge_arm
+from redres_ros.preflight.arm import ExpectedArm, Level, Verdict, judge_arm
 from redres_ros.preflight.graph_snapshot import (
     ACTIVITY,
     COMMANDS,
@@ -20,7 +20,6 @@ from redres_ros.preflight.graph_snapshot import (
     GraphSnapshot,
     StateSeen,
 )
-from redres_ros.preflight.verdict import ExpectedArm, Level, Verdict
 
 
 def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
