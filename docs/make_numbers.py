@@ -19,7 +19,7 @@ from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_tas
 from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation import batch
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.dampings import GOOD, Trials, draw_dampings, sweep
+from redres_ros.simulation.dampings import GOOD, Trials, sweep
 from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
@@ -39,6 +39,8 @@ RANDOM_TASKS = 300
 SWEEP_T = 0.01  # [s]
 
 _QUANTILES = {0.5: 'median of peak / best', 0.9: 'nine in ten below', 0.99: '99 in 100 below'}
+_DRAWN_QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # and their lines
+_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # marked, if they are on the axis
 _BLOCK = r'(<!-- numbers: {} -->\n)(.*?)(<!-- end -->)'
 # k_d [1/s], and from light to dark: the shade in which each is drawn
 _DRAWN_DAMPINGS = {0.0: -0.7, 2.0: -0.4, 10.0: 0.0, 20.0: 0.4, 50.0: 0.75}
@@ -297,6 +299,43 @@ def draw_rectangle_dampings(results: Results) -> Figure:
     ax.set(yscale='log', xlim=(-0.1, 9.3), ylim=(1e-2, 1e3))
     ax.set_ylabel(r'$\Vert\ddot q\Vert$ [rad/s$^2$]')
     legend_below(ax, ax)
+    return figure
+
+
+def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
+    """The fraction of the tasks on which a damping is good, and quantiles of the others.
+
+    Args:
+        results: One a law, of the same dampings.
+        title: Says what was tried.
+    """
+    figure = Figure(figsize=(9.0, 6.5), layout='constrained')
+    good, bad = figure.subplots(2, 1, sharex=True)
+    good.set_title(title)
+    fewest = min(results, key=lambda trials: len(trials.ratios))
+    fractions = {
+        fraction: style for fraction, style in _DRAWN_QUANTILES.items() if fewest.resolves(fraction)
+    }
+    for trials in results:
+        places = np.arange(len(trials.dampings))
+        colour = law_colour(trials.law)
+        good.plot(places, 100.0 * trials.good, 'o-', color=colour, label=trials.law)
+        for fraction, style in fractions.items():
+            bad.plot(places, trials.quantiles(fraction), style, color=colour)
+    good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
+    good.set_ylim(0.0, 105.0)
+    below = ', '.join(f'{100.0 * fraction:g}' for fraction in fractions)
+    bad.set_ylabel(f'peak / least peak [-]\n(of 100 tasks {below} are below)')
+    bad.set_yscale('log')
+    bad.minorticks_off()
+    top = max(bad.get_ylim()[1], _RATIOS[1])
+    shown = [ratio for ratio in _RATIOS if ratio <= top]
+    bad.set_yticks(shown, [f'{ratio:g}' for ratio in shown])
+    bad.set_xticks(places, [f'{damping:g}' for damping in results[0].dampings])
+    bad.set_xlabel(r'damping $k_d$ [s$^{-1}$]')
+    for ax in (good, bad):
+        ax.grid(alpha=0.3)
+    legend_below(bad, good)
     return figure
 
 

@@ -1,7 +1,5 @@
 """Which damping is good, over random tasks."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -61,13 +59,9 @@ def test_bad_options_get_one_line(
 
 
 @pytest.mark.slow
-def test_the_command_shows_a_table_and_draws(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    options = ['--tasks', '1', '--period', '0.01', '--out', str(tmp_path)]
-    assert main(['dampings', *options]) == 0
+def test_the_command_shows_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['dampings', '--tasks', '1', '--period', '0.01']) == 0
     assert 'median of peak / best' in capsys.readouterr().out
-    assert (tmp_path / 'dampings.png').stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(('tasks', 'head'), [(5, 'largest'), (20, 'nine in ten below')])

@@ -3,13 +3,12 @@
 import argparse
 from typing import Any
 
-from redres_ros.cli.options import add_laws, add_out, add_robot
+from redres_ros.cli.options import add_laws, add_robot
 from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import RangeError
 
 _LAWS = 'minimum_acceleration'
 _MOST = 100_000  # tasks
-_PICTURE = 'dampings'
 
 
 def add(commands: Any) -> None:
@@ -24,15 +23,12 @@ def add(commands: Any) -> None:
     add_laws(dampings, _LAWS, 'names of `redres laws`')
     option(dampings, '--tasks', 'N', 'random tasks', 200)
     option(dampings, '--period', 'S', 'sampling time T [s]', 0.005)
-    add_out(dampings, 'redres_dampings', 'the picture', plots=True)
     dampings.set_defaults(run=_dampings)
 
 
 def _dampings(options: argparse.Namespace) -> int:
-    from redres_ros.cli.files import pictures
     from redres_ros.simulation.case import Case
-    from redres_ros.simulation.dampings import damping_table, draw_dampings, sweep
-    from redres_ros.simulation.drawing import save
+    from redres_ros.simulation.dampings import damping_table, sweep
     from redres_ros.simulation.report import print_tables, progress_bar
 
     if not 1 <= options.tasks <= _MOST:
@@ -47,13 +43,10 @@ def _dampings(options: argparse.Namespace) -> int:
         elbow_frame=options.elbow or '',
         dynamics=options.dynamics,
     )
-    (picture,) = pictures(options.out, _PICTURE)
     with progress_bar(f'{options.tasks} tasks') as progress:
         results = sweep(base, laws, options.tasks, progress)
     title = f'{options.tasks} random tasks, {options.robot}, T = {1e3 * options.period:g} ms'
     print_tables(*(damping_table(trials, title) for trials in results))
-    save(draw_dampings(results, title), picture)
-    print(f'picture {picture}')
     return 0
 
 

@@ -5,21 +5,16 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from redres_ros.simulation.batch import batch
 from redres_ros.simulation.case import Case
-from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.drawing import legend_below
 from redres_ros.simulation.report import table
 
 DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # k_d [1/s]
 GOOD = 1.25  # times the least peak of a task
 
-_QUANTILES = {0.5: 'o-', 0.9: 'o:', 0.99: 'o--'}  # of the ratios, and how they are drawn
 _MOST = 0.9  # of the tasks, if there are enough of them
-_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # marked, if they are on the axis
 
 
 @dataclass(frozen=True)
@@ -119,40 +114,3 @@ def damping_table(trials: Trials, title: str) -> Table:
         'joints within limits',
     )
     return table(heads, rows, title=f'{trials.law}, {title}')
-
-
-def draw_dampings(results: Sequence[Trials], title: str) -> Figure:
-    """The fraction of the tasks on which a damping is good, and quantiles of the others.
-
-    Args:
-        results: One a law, of the same dampings.
-        title: Says what was tried.
-    """
-    figure = Figure(figsize=(9.0, 6.5), layout='constrained')
-    good, bad = figure.subplots(2, 1, sharex=True)
-    good.set_title(title)
-    fewest = min(results, key=lambda trials: len(trials.ratios))
-    fractions = {
-        fraction: style for fraction, style in _QUANTILES.items() if fewest.resolves(fraction)
-    }
-    for trials in results:
-        places = np.arange(len(trials.dampings))
-        colour = law_colour(trials.law)
-        good.plot(places, 100.0 * trials.good, 'o-', color=colour, label=trials.law)
-        for fraction, style in fractions.items():
-            bad.plot(places, trials.quantiles(fraction), style, color=colour)
-    good.set_ylabel(f'tasks within {GOOD:g} times\nthe least peak [%]')
-    good.set_ylim(0.0, 105.0)
-    below = ', '.join(f'{100.0 * fraction:g}' for fraction in fractions)
-    bad.set_ylabel(f'peak / least peak [-]\n(of 100 tasks {below} are below)')
-    bad.set_yscale('log')
-    bad.minorticks_off()
-    top = max(bad.get_ylim()[1], _RATIOS[1])
-    shown = [ratio for ratio in _RATIOS if ratio <= top]
-    bad.set_yticks(shown, [f'{ratio:g}' for ratio in shown])
-    bad.set_xticks(places, [f'{damping:g}' for damping in results[0].dampings])
-    bad.set_xlabel(r'damping $k_d$ [s$^{-1}$]')
-    for ax in (good, bad):
-        ax.grid(alpha=0.3)
-    legend_below(bad, good)
-    return figure
