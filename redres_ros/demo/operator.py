@@ -64,10 +64,6 @@ class SteeredPlanner(ReferenceSource):
         turn_left = rotation_error(R, R_d)
         return Reference(dx, goal.x, goal.x - x, number, finished, R_d, turn_left)
 
-    def is_due(self, t: float) -> bool:
-        """Never: no segment ends at a time t [s]."""
-        return False
-
     def time_left(self, t: float) -> float:
         """How long the operator still steers [s], whatever the time t of a task."""
         return self._duration - self.elapsed(t)

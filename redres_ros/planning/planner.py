@@ -14,6 +14,7 @@ from redres_ros.rotation import rotation_matrix
 
 LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
+_ROUNDING = 1e-9  # [s] of the time of a segment
 
 
 def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
@@ -80,11 +81,10 @@ class ReferenceSource(Protocol):
             rate: Factor on the velocity along the path, for a clock that is going slower.
         """
 
-    def is_due(self, t: float) -> bool:
-        """Whether the segment under way should be over at a time t of the task [s]."""
-
     def time_left(self, t: float) -> float:
-        """Time of the segment under way that is left at a time t of the task [s]."""
+        """Time of the segment under way that is left at a time t of the task [s]; 0 once it should
+        be over.
+        """
 
     def elapsed(self, t: float) -> float:
         """How much of the duration is over at a time t of the task [s]."""
@@ -163,13 +163,10 @@ class Planner(ReferenceSource):
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
-    def is_due(self, t: float) -> bool:
-        """Whether the segment under way should be over at a time t of the task [s]."""
-        return t - self._t_segment >= self._T_AB - 1e-9
-
     def time_left(self, t: float) -> float:
         """Time of the segment under way that is left at a time t of the task [s]."""
-        return 0.0 if self.is_due(t) else self._t_segment + self._T_AB - t
+        left = self._t_segment + self._T_AB - t
+        return left if left > _ROUNDING else 0.0
 
     @property
     def duration(self) -> float:
@@ -213,7 +210,7 @@ class Planner(ReferenceSource):
     def _is_over(
         self, x: np.ndarray, t: float, R: np.ndarray | None, unachieved: np.ndarray | None
     ) -> bool:
-        is_early = not self.is_due(t)
+        is_early = self.time_left(t) > 0.0
         if (is_early and self._task.switching == 'at_rest') or t <= self._t_segment:
             return False
         end = self._index + 1

@@ -62,7 +62,7 @@ class TargetFollower(ReferenceSource):
         """
         self._x_end = x
         self._R_end = R
-        self._whole = max(self._time_left(), 1e-9)  # [s]
+        self._whole = max(self.time_left(self._t), 1e-9)  # [s]
 
     def reference(
         self,
@@ -94,13 +94,13 @@ class TargetFollower(ReferenceSource):
         is_there &= _is_short(rotation_error(R, self._R_end), self._task.orientation_tolerance)
         return Reference(twist, self._x, error, 1, is_there, self._R, turn_left)
 
-    def is_due(self, t: float) -> bool:
-        """Never: there is no segment that ends at its time t [s]."""
-        return False
-
     def time_left(self, t: float) -> float:
-        """About how long the motion still takes at a time t [s]; 0 beside the target."""
-        return self._time_left()
+        """About how long the motion still takes, whatever the time t [s]; 0 beside the target."""
+        distance = float(np.linalg.norm(self._x_end - self._x))
+        if self._R is not None and self._R_end is not None:
+            angle = float(np.linalg.norm(rotation_error(self._R, self._R_end)))
+            distance = max(distance, LEVER * angle)
+        return distance / self._speed if distance > self._task.tolerance else 0.0
 
     @property
     def duration(self) -> float:
@@ -109,25 +109,13 @@ class TargetFollower(ReferenceSource):
 
     def elapsed(self, t: float) -> float:
         """How much of the duration is over at a time t of the task [s]."""
-        return max(self._whole - self._time_left(), 0.0)
-
-    def _time_left(self) -> float:
-        distance = float(np.linalg.norm(self._x_end - self._x))
-        if self._R is not None and self._R_end is not None:
-            angle = float(np.linalg.norm(rotation_error(self._R, self._R_end)))
-            distance = max(distance, LEVER * angle)
-        return distance / self._speed if distance > self._task.tolerance else 0.0
+        return max(self._whole - self.time_left(t), 0.0)
 
     def _next_velocity(
         self, offset: np.ndarray, v: np.ndarray, dt: float, scale: float
     ) -> np.ndarray:
-        """The velocity after dt [s], (3,).
-
-        Args:
-            offset: To the target, (3,).
-            v: The velocity now, (3,).
-            dt: [s].
-            scale: Of speed and acceleration: 1 for lengths, 1 / LEVER for turns.
+        """The velocity after dt [s], (3,), from v (3,) at an offset (3,) from the target; scale is
+        of speed and acceleration: 1 for lengths, 1 / LEVER for turns.
         """
         distance = float(np.linalg.norm(offset))
         acceleration = scale * self._acceleration

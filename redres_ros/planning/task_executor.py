@@ -99,10 +99,8 @@ class _Pursuit:
         return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _AWAY)
 
     def progress(self, t: float) -> float:
-        """The fraction of its duration that is over, 0 to 1.
-
-        Args:
-            t: Time of the part under way [s].
+        """The fraction of its duration that is over, 0 to 1, at the time t of the part under way
+        [s].
         """
         whole = self.goal.duration
         done = 0.0
@@ -234,7 +232,7 @@ class TaskExecutor:
     def is_due(self) -> bool:
         """Whether the segment under way should be over: what is lost matters only then."""
         planner = None if self._pursuit is None else self._pursuit.planner
-        return planner is not None and planner.is_due(self._task_clock.t)
+        return planner is not None and planner.time_left(self._task_clock.t) <= 0.0
 
     @property
     def progress(self) -> float:
@@ -418,14 +416,7 @@ class TaskExecutor:
         return Step(state.stamp, reference.dx, None, reference) if self._pursuit else None
 
     def _watch(self, pursuit: _Pursuit, segment: int, left: float, error: float) -> None:
-        """Give up a goal without progress.
-
-        Args:
-            pursuit: Of the goal.
-            segment: Number of the one under way.
-            left: Of its time [s].
-            error: Of the position.
-        """
+        """Give up a goal without progress; left [s] is of the time of the segment under way."""
         monitor = self._monitor
         monitor.enter(self._seconds, segment, left, error)
         if not monitor.is_stuck:
@@ -439,10 +430,8 @@ class TaskExecutor:
             self.state = TaskState.STUCK
 
     def _end_after(self, silence: float) -> None:
-        """End a goal of another robot, or of long ago: a person may be near the arm.
-
-        Args:
-            silence: From the last stamp to this one [s]; negative for another clock.
+        """End a goal of another robot, or of long ago: a person may be near the arm. The silence
+        [s] is from the last stamp to this one, negative for another clock.
         """
         patience = self._pursuit.goal.patience if self._pursuit else None
         if patience is None or 0.0 < silence <= patience:
