@@ -1,4 +1,4 @@
-"""Draws docs/collision.png: a planar arm and a ball in its way, without and with the limit.
+"""Draws docs/collision.png: a planar arm and a sphere in its path, without and with the limit.
 
 Run it with: python docs/make_collision.py
 """
@@ -19,7 +19,7 @@ from redres_ros.simulation.recording import Recording
 T = 0.01  # sampling time [s]
 LAW = 'minimum_acceleration'
 JOINTS = ('position', 'velocity', 'acceleration')
-BALL = (0.463, 0.0, -0.343, 0.05)  # centre and radius [m]
+SPHERE = (0.463, 0.0, -0.343, 0.05)  # centre and radius [m]
 SNAPSHOTS = 14
 LINKS = ('link_1', 'link_2', 'link_3', 'link_4', 'tool0')
 
@@ -29,10 +29,10 @@ def main() -> None:
     task = load_task('planar4r_hexagon')
     model = RobotModel.named(task.robot)
     law = make_law(LAW)
-    kept = CollisionLimit(model, spheres=BALL)
+    kept = CollisionLimit(model, spheres=SPHERE)
     runs = {
-        'limits of the joints': (JOINTS, '0.6'),
-        'and collision': ((*JOINTS, kept), law_colour(LAW)),
+        'joint limits': (JOINTS, '0.6'),
+        'joint limits and collision': ((*JOINTS, kept), law_colour(LAW)),
     }
     figure = Figure(figsize=(10.0, 4.0), layout='constrained')
     axes = figure.subplots(1, 3)
@@ -44,29 +44,29 @@ def main() -> None:
     axes[2].axhline(1e3 * kept.clearance, color='k', ls=':', lw=1.0, label='clearance')
     axes[2].set(xlabel='time [s]', ylabel='distance to the sphere [mm]', ylim=(-50.0, 320.0))
     axes[2].grid(alpha=0.3)
-    axes[2].legend(fontsize='small')
+    axes[2].legend(fontsize='small', loc='lower center', bbox_to_anchor=(0.5, 1.0))
     figure.savefig(Path(__file__).with_name('collision.png'), dpi=110)
 
 
 def draw_arm(ax: Axes, model: RobotModel, recording: Recording, color: str) -> None:
-    """Some postures from the side, the path of the tip, and the ball."""
+    """Some postures from the side, the path of the tip, and the sphere."""
     q = recording.vectors('q1')
     for k in np.linspace(0, len(q) - 1, SNAPSHOTS).astype(int):
         points = np.array([model.position(q[k], link) for link in LINKS])
         ax.plot(points[:, 0], points[:, 2], color=color, lw=3.0, alpha=0.25, solid_capstyle='round')
     ax.plot(recording['x'], recording['z'], color='k', lw=1.0)
-    ax.add_patch(Circle((BALL[0], BALL[2]), BALL[3], color='0.3'))
+    ax.add_patch(Circle((SPHERE[0], SPHERE[2]), SPHERE[3], color='0.3'))
     ax.set(xlabel='x [m]', ylabel='z [m]', aspect='equal')
 
 
 def distances(model: RobotModel, recording: Recording) -> np.ndarray:
-    """Of the arm from the ball, (ticks,) [m]."""
-    seen = CollisionLimit(model, spheres=BALL, influence=1.0, clearance=0.0)
+    """Of the arm from the sphere, (ticks,) [m]."""
+    seen = CollisionLimit(model, spheres=SPHERE, influence=1.0, clearance=0.0)
     still = np.zeros(model.n)
     found = []
     for q in recording.vectors('q1'):
         _, distance, who = seen.near(model.state(q, still))
-        found.append(distance[who[:, 1] < 0].min())
+        found.append(distance[who[:, 1] >= len(seen.bodies.links)].min())
     return np.array(found)
 
 

@@ -33,7 +33,7 @@ def main() -> None:
         joints.loglog(milliseconds, [away for away, _ in found], 'o-', label=name)
         errors.loglog(milliseconds, [1e3 * error for _, error in found], 'o-', label=name)
         print(name, [(f'{away:.2g} rad', f'{1e3 * error:.2g} mm') for away, error in found])
-    joints.set(xlabel='T [ms]', ylabel='from the continuous motion [rad]')
+    joints.set(xlabel='T [ms]', ylabel='deviation from continuous motion [rad]')
     errors.set(xlabel='T [ms]', ylabel='largest task error [mm]')
     for ax in (joints, errors):
         ax.grid(alpha=0.3, which='both')

@@ -208,7 +208,7 @@ def draw(results: Sequence[Result]) -> Figure:
     axes[0, 2].tick_params(labelbottom=True)  # nothing is drawn below it
     axes.flat[-1].axis('off')
     axes.flat[-1].legend(*axes.flat[0].get_legend_handles_labels(), loc='center')
-    figure.supxlabel('smallest singular value on the way / reach, under minimum_velocity')
+    figure.supxlabel('smallest singular value along the path / reach, under minimum_velocity')
     figure.supylabel(f'peak acceleration / that of {FIRST}')
     return figure
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from redres_ros import RobotModel, make_law
 from redres_ros.loop.null_space_stability import linearised
+from redres_ros.simulation.colours import law_colour
 
 DAMPING = 10.0  # k_d [1/s]
 LAWS = ('minimum_weighted_torque', 'dynamically_consistent', 'minimum_torque')
@@ -26,13 +27,13 @@ def main() -> None:
     axes = figure.subplots(1, len(SHOWN), sharex=True, sharey=True)
     for ax, (arm, T) in zip(axes, SHOWN, strict=True):
         draw_bound(ax)
-        for number, law in enumerate(LAWS):
-            draw_postures(ax, RobotModel.named(arm), law, T, f'C{number}')
+        for law in LAWS:
+            draw_postures(ax, RobotModel.named(arm), law, T)
         ax.set_title(f'{arm}, T = {1e3 * T:g} ms', fontsize='medium')
-        ax.set_xlabel('a T² / (2 - k_d T)')
+        ax.set_xlabel(r'$a\,T^2 / (2 - k_d T)$')
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel('|b| T / k_d')
-    axes[0].legend(fontsize='x-small', loc='lower right')
+    axes[0].set_ylabel(r'$|b|\,T / k_d$')
+    figure.legend(*axes[0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
     figure.savefig(Path(__file__).with_name('null_space_stability.png'), dpi=110)
 
 
@@ -43,7 +44,7 @@ def draw_bound(ax: Axes) -> None:
     ax.set(xlim=(1e-7, 1e2), ylim=(0.7 * LEAST, 1e1))
 
 
-def draw_postures(ax: Axes, model: RobotModel, law: str, T: float, colour: str) -> None:
+def draw_postures(ax: Axes, model: RobotModel, law: str, T: float) -> None:
     """The worst kappa of random postures: filled if the sampled loop is stable, else a ring.
 
     Args:
@@ -51,8 +52,8 @@ def draw_postures(ax: Axes, model: RobotModel, law: str, T: float, colour: str) 
         model: The arm.
         law: Its name.
         T: Sampling time [s].
-        colour: Of the law.
     """
+    colour = law_colour(law)
     random = np.random.default_rng(1)
     lower = np.maximum(model.q_min, -RANGE)
     upper = np.minimum(model.q_max, RANGE)

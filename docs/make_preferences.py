@@ -1,4 +1,4 @@
-"""Draws docs/preferences.png: what each preference wants, without and with it.
+"""Draws docs/preferences.png: the quantity of each preference, without and with it.
 
 Run it with: python docs/make_preferences.py
 """
@@ -37,7 +37,7 @@ def main() -> None:
             ax.plot(recording['t'][::EVERY], values, color=color, label=text)
         ax.set(xlabel='time [s]', ylabel=label)
         ax.grid(alpha=0.3)
-        ax.legend(fontsize='small')
+        ax.legend(fontsize='small', loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=2)
     figure.savefig(Path(__file__).with_name('preferences.png'), dpi=110)
 
 
@@ -48,14 +48,14 @@ def follow(model: RobotModel, name: str = '') -> Recording:
     return run(Controller(model, law, T, preferences=preferences), load_task('lwr4_square'))
 
 
-def off_the_middle(model: RobotModel, q: np.ndarray, start: np.ndarray) -> float:
+def joint_range_cost(model: RobotModel, q: np.ndarray, start: np.ndarray) -> float:
     """H, as joint_centering has it."""
     width = model.q_max - model.q_min
     middle = model.q_min + width / 2.0
     return float((((q - middle) / width) ** 2).sum() / (2 * model.n))
 
 
-def off_the_start(model: RobotModel, q: np.ndarray, start: np.ndarray) -> float:
+def posture_distance(model: RobotModel, q: np.ndarray, start: np.ndarray) -> float:
     """Distance from the posture of the start [rad]."""
     return float(np.linalg.norm(q - start))
 
@@ -73,8 +73,8 @@ def elbow_height(model: RobotModel, q: np.ndarray, start: np.ndarray) -> float:
 
 Measure = Callable[[RobotModel, np.ndarray, np.ndarray], float]
 MEASURES: dict[str, tuple[str, Measure]] = {
-    'joint_centering': ('distance from mid-range, H [-]', off_the_middle),
-    'posture': ('distance from the start posture [rad]', off_the_start),
+    'joint_centering': ('distance from mid-range, H [-]', joint_range_cost),
+    'posture': ('distance from start posture [rad]', posture_distance),
     'manipulability': ('manipulability [-]', manipulability),
     'elbow_height': ('height of the elbow [m]', elbow_height),
 }

@@ -23,7 +23,7 @@ SECOND = {(): '0.6', ('orientation',): law_colour(LAW)}
 
 def main() -> None:
     """Run the motions and draw them."""
-    figure = Figure(figsize=(9.0, 5.0), layout='constrained')
+    figure = Figure(figsize=(9.0, 5.2), layout='constrained')
     axes = figure.subplots(2, 2, sharex='col')
     for column, (name, title) in enumerate(TASKS.items()):
         task = load_task(name)
@@ -36,10 +36,10 @@ def main() -> None:
             axes[0, column].plot(t, turns(model, recording), color=color, label=label)
             axes[1, column].plot(t, 1e3 * recording['task_error'], color=color)
         axes[0, column].set_title(f'{name}: {title}', fontsize='medium')
-        axes[1, column].set(xlabel='time [s]', ylim=(0.0, 1.0))
+        axes[1, column].set(xlabel='time [s]', ylim=(0.0, 0.6))
     axes[0, 0].set_ylabel('rotation from the start [deg]')
     axes[1, 0].set_ylabel('position error [mm]')
-    axes[0, 0].legend(fontsize='small')
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside lower center', ncols=2)
     for ax in axes.flat:
         ax.grid(alpha=0.3)
     figure.savefig(Path(__file__).with_name('priorities.png'), dpi=110)

@@ -32,17 +32,17 @@ class Servo:
     def __init__(self, q: np.ndarray, bandwidth: float, delay: int = 0) -> None:
         self.q = q  # (n,) [rad]
         self._step = -np.expm1(-bandwidth * T)  # exact for a reference that is held
-        self._on_the_way = [q] * delay
+        self._delayed = [q] * delay
 
     def advance(self, q_ref: np.ndarray) -> None:
         """A cycle with a new reference, (n,) [rad]."""
-        self._on_the_way.append(q_ref)
-        self.q = self.q + self._step * (self._on_the_way.pop(0) - self.q)
+        self._delayed.append(q_ref)
+        self.q = self.q + self._step * (self._delayed.pop(0) - self.q)
 
 
 def main() -> None:
     """Measure and draw."""
-    figure = Figure(figsize=(11.0, 4.0), layout='constrained')
+    figure = Figure(figsize=(11.0, 4.2), layout='constrained')
     errors, accelerations, gains = figure.subplots(1, 3)
     for source, marker in zip(INTEGRATE_FROM, 'ox', strict=True):
         measured = [motion(source, bandwidth) for bandwidth in BANDWIDTHS]
@@ -52,21 +52,22 @@ def main() -> None:
     for formula, colour in ((lag, 'C0'), (creep, 'C1')):
         errors.loglog(BANDWIDTHS, [1e3 * formula(each) for each in BANDWIDTHS], colour, lw=0.8)
     errors.set(ylabel='largest task error [mm]')
-    accelerations.set(ylabel='RMS of the reference’s acceleration [rad/s²]')
+    accelerations.set(ylabel='RMS of reference acceleration [rad/s²]')
     for delay, marker in zip(DELAYS, 'osx', strict=True):
         found = [largest_gain(bandwidth, delay) for bandwidth in BANDWIDTHS]
         bounds = [gain_bound(bandwidth, delay) for bandwidth in BANDWIDTHS]
-        (line,) = gains.loglog(BANDWIDTHS, found, marker, label=f'{delay} cycles of delay')
+        (line,) = gains.loglog(BANDWIDTHS, found, marker, label=f'{delay}')
         gains.loglog(BANDWIDTHS, bounds, color=line.get_color(), lw=0.8)
         print(delay, found, bounds, flush=True)
     gains.axhline(GAIN, color='0.6')
-    gains.set(ylabel='largest stable K_P [1/s]')
+    gains.set(ylabel='largest stable $K_P$ [1/s]')
     for ax in (errors, accelerations, gains):
         ax.set(xlabel='bandwidth of the servos [rad/s]')
         ax.set_xticks(BANDWIDTHS, [f'{each:g}' for each in BANDWIDTHS])
         ax.minorticks_off()
         ax.grid(alpha=0.3)
-        ax.legend(fontsize='small')
+        title = 'delay [cycles]' if ax is gains else 'integrated from'
+        ax.legend(title=title, loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=3)
     figure.savefig(Path(__file__).with_name('servo_lag.png'), dpi=110)
 
 

@@ -1,4 +1,4 @@
-"""Lets long names in tables break, so that they leave the other columns room."""
+"""Lets names in tables break after _ and /, and long ones anywhere, to leave the others room."""
 
 import re
 
@@ -7,6 +7,7 @@ from sphinx.application import Sphinx
 
 LONG = 36  # letters that a column may take without a break
 _LONG_WORD = re.compile(rf'(\S{{{LONG + 1},}})')
+_WORD_ENDS = re.compile(r'(?<=[_/])(?=\w)')
 _CLASS = 'long'  # site.css knows it
 
 
@@ -22,9 +23,20 @@ def _mark(app: Sphinx, doctree: nodes.document) -> None:
         for literal in table.findall(nodes.literal):
             if len(literal.astext()) > LONG:  # code does not break at spaces either
                 literal['classes'].append(_CLASS)
+            _allow_breaks(literal)
         for text in list(table.findall(nodes.Text)):
             if not isinstance(text.parent, nodes.literal) and _LONG_WORD.search(text):
                 text.parent.replace(text, _in_pieces(text))
+
+
+def _allow_breaks(literal: nodes.literal) -> None:
+    """A narrow screen may break the name between its words."""
+    first, *others = _WORD_ENDS.split(literal.astext())
+    literal.clear()
+    literal += nodes.Text(first)
+    for other in others:
+        literal += nodes.raw('', '<wbr>', format='html')
+        literal += nodes.Text(other)
 
 
 def _in_pieces(text: str) -> list[nodes.Node]:
