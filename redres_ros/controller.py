@@ -99,7 +99,7 @@ class Controller:
         self.switch_time = switch_time
         self._integrate_from = integrate_from
         self.bridging = bridging
-        self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences
+        self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences and limits
         self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
         self.longest_gap = 1  # the same, once on the way to the end of a range
         self.moving = True  # whether the policy is followed, or being faded in; not after hold()

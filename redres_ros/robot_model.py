@@ -48,7 +48,7 @@ class RobotState:
     _n: np.ndarray | None = None
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
-    measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # by name, for preferences
+    measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # by name
     gap = 1  # cycles between two commands, with which a joint must be able to stop
     longest_gap = 1  # the same of the next command alone, which may be the last one for long
     correction: np.ndarray | None = None  # of dx, (m,): it holds what is not asked for

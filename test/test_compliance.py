@@ -6,9 +6,11 @@ from test_yielding import EPOCH, LIMITS
 
 from redres_ros import Compliance, Controller, Posture, RobotModel, make_law
 from redres_ros.errors import ArrayError
+from redres_ros.limits.joint import VelocityLimit
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 from redres_ros.paper.contact.scenes import PUSH, elbow_direction, elbow_pushed
+from redres_ros.policy import make_policy
 
 pytestmark = pytest.mark.slow
 
@@ -50,6 +52,17 @@ def test_the_acceleration_is_the_gain_times_the_torques_from_outside() -> None:
     state.measurements = {'external_torques': np.zeros(3)}
     with pytest.raises(ArrayError, match='expected 7 values'):
         compliance.acceleration(state)
+
+
+def test_a_policy_names_what_its_preferences_and_limits_measure() -> None:
+    class Watched(VelocityLimit):
+        measurement = 'person_distance'
+
+    model = RobotModel.named('fr3')
+    policy = make_policy(
+        model, 'minimum_acceleration', preferences=['compliance'], limits=[Watched(model)]
+    )
+    assert policy.measurements == {'external_torques', 'person_distance'}
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,16 @@ class Limit(ABC):
     A subclass is a frozen dataclass. Its figures come from the model; the fields that it declares
     with `param` are what users set.
 
+    One that uses a sensor names its `measurement` and finds it in `state.measurements` while it is
+    fresh, as a Preference does. Without a fresh value it must be on the safe side.
+
     Args:
         model: the arm.
         scale: the fraction of the arm's figures that is allowed.
     """
 
     order: ClassVar[int]  # among boxes, and among rows: a lower number is kept before a higher one
+    measurement: ClassVar[str] = ''
     scaled_by: ClassVar[str] = 'limit_scale'  # the parameter that sets `scale` of all such limits
 
     model: RobotModel = field(repr=False)

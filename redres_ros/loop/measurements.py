@@ -30,10 +30,10 @@ class _Measurement(NamedTuple):
 
 
 class Measurements:
-    """Wrenches for contact, other measurements for preferences.
+    """Wrenches for contact, other measurements for preferences and limits.
 
     Args:
-        controller: Gets the measurements for its preferences.
+        controller: Gets the measurements for its preferences and limits.
         contact: Gets the wrenches.
         cycles: The robot's clock.
     """
@@ -88,10 +88,10 @@ class Measurements:
         self.contact.sensor.enter(wrench, self._links[frame])
 
     def enter(self, name: str, stamp: int, value: np.ndarray, time_of_day: int = 0) -> None:
-        """Take in a measurement that a preference uses.
+        """Take in a measurement that a preference or limit uses.
 
         Args:
-            name: As the preference calls it.
+            name: As its user calls it.
             stamp: As of enter_wrench().
             value: Any finite vector.
             time_of_day: As of enter_wrench().

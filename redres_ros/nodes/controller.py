@@ -149,7 +149,7 @@ class ControllerNode(ManagedNode):
         self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.listen(self._loop, self._inputs)
-        self._sensors.apply({}, self._policy.policy.preferences)
+        self._sensors.apply({}, self._policy.policy.measurements)
         if self._loop.settings.twist_patience:
             create_steady_timer(self, _LOOK, self._on_look)
 
@@ -279,7 +279,7 @@ class ControllerNode(ManagedNode):
         policy = self._policy.adopt()
         if policy != before:
             self._controller.set_policy(policy)
-        self._sensors.apply(changes, policy.preferences)
+        self._sensors.apply(changes, policy.measurements)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
         self._loop.settings = with_changes(self._loop.settings, changes)

@@ -24,7 +24,7 @@ from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.topics import NEWEST
 from redres_ros.nodes.wire import deserialised, to_nanoseconds
 from redres_ros.parameter import param
-from redres_ros.preferences import Compliance, Preference
+from redres_ros.preferences import Compliance
 from redres_ros.robot_model import RobotModel
 
 _PREFIX = 'admittance.'
@@ -99,12 +99,12 @@ class Sensors:
         if settings.frame not in (BASE, TIP):
             self._model.position(np.zeros(self._model.n), settings.frame)
 
-    def apply(self, changes: dict[str, Any], preferences: Iterable[Preference]) -> None:
+    def apply(self, changes: dict[str, Any], measurements: Iterable[str]) -> None:
         """Take over changes of parameters.
 
         Args:
             changes: By name; those of other parameters do not matter.
-            preferences: In use.
+            measurements: Names of those that preferences and limits use.
         """
         if 'switch_time' in changes:
             self.contact.admittance.switch_time = changes['switch_time']
@@ -113,7 +113,7 @@ class Sensors:
             self.contact.set_settings(settings)
         if settings.enabled:
             self._subscribe('wrench', WrenchStamped, self._on_wrench)
-        for name in {preference.measurement for preference in preferences} - {''}:
+        for name in measurements:
             if name != _TORQUES:
                 self._subscribe(name, Float64MultiArray, partial(self._on_values, name))
             elif not self._from_effort:
@@ -152,7 +152,7 @@ class Sensors:
             self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
-        """Take in what a preference uses, of any length, under the name that it has for it."""
+        """Take in a measurement of any length that a preference or limit uses."""
         with self._judged(name):
             self._loop.measurements.enter(name, 0, np.array(message.data))
 

@@ -180,6 +180,12 @@ class Policy:
         """The standstill that this policy is left for."""
         return Hold(self.task, self.limits)
 
+    @property
+    def measurements(self) -> set[str]:
+        """Names of the measurements that its preferences and limits use."""
+        users = (*self.preferences, *(self.limits or ()))
+        return {user.measurement for user in users} - {''}
+
     @cached_property
     def for_joints(self) -> 'Policy':
         """The same with all joints as the first task, which leaves no null space."""

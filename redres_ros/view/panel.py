@@ -25,7 +25,7 @@ _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8p
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
 _ALMOST_ALL = 0.995  # of a velocity
-_SCALED = {'s': 'whole task s', 'translation': 'translation', 'rotation': 'rotation'}
+_SCALED = {'s': 'whole task', 'translation': 'translation', 'rotation': 'rotation'}
 _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
 
@@ -58,7 +58,7 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
 
 
 def limits_text(report: LimitReport) -> str:
-    """What limits leave of the commanded velocity as HTML, and which way leads out of them."""
+    """The task scaling as HTML, the acting limit, and the direction that leads away from it."""
     scaling = report.scaling if report.limit else {}
     shown = {_SCALED[name]: min(max(scaling.get(name, 1.0), 0.0), 1.0) for name in _SCALED}
     rows = [
@@ -68,7 +68,7 @@ def limits_text(report: LimitReport) -> str:
     if report.limit:
         line = f'<b>{_escaped(report.limit)}</b>'
         if report.away:
-            line += f'<br>leave it: move the tip along <b>{_escaped(report.away)}</b> of the base'
+            line += f'<br>free direction: <b>{_escaped(report.away)}</b> of the base'
     return f'<div style="{_STYLE} min-height: 3em;">{line}</div>{_table(rows)}'
 
 

@@ -106,9 +106,9 @@ class Page:
         """What is seen, on the left."""
         gui = self._server.gui
         seen = gui.add_panel()
-        with seen.add_tab('what happens'):
+        with seen.add_tab('state'):
             self._state = gui.add_html('')
-            with gui.add_folder('velocity that limits leave'):
+            with gui.add_folder('task scaling s'):
                 self._leave = gui.add_html('')
             with gui.add_folder('joint positions, active limits'):
                 self._bars = gui.add_html('')

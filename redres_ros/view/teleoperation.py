@@ -162,7 +162,7 @@ class Teleoperation:
         self._bindings.client.set_parameters('sim', {'push_link': link, **values})
 
     def _add_inputs(self, gui: viser.GuiApi) -> None:
-        with gui.add_folder('move it by hand'):
+        with gui.add_folder('move by hand'):
             mouse = _MOUSE if self._has_sim else _MOUSE[:2]
             self._mouse = gui.add_dropdown('the mouse', mouse, initial_value=_VIEW)
             self._speed = gui.add_slider('speed [m/s]', 0.005, _SPEED[1], 0.005, _SPEED[0])
@@ -197,7 +197,7 @@ class Teleoperation:
         """Add what pushes a link of the fake robot by a button, with the mouse's largest force."""
         with gui.add_folder('push the fake robot'):
             pushed = self._bindings.values['sim']['push_link']
-            link = gui.add_dropdown('link (empty: tip)', ('', *links), initial_value=pushed)
+            link = gui.add_dropdown('link (none: tip)', ('', *links), initial_value=pushed)
             self._bindings.add(link, 'sim', 'push_link')
             force = gui.add_slider('force [N]', 0.0, _MOST_FORCE, 5.0, initial_value=_FORCE)
             buttons = gui.add_button_group('0.4 s along', _AXES)
