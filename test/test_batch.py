@@ -1,6 +1,7 @@
 """Batches: the same figures wherever they run, and nothing is lost when a worker dies."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ import pytest
 from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch, run
 from redres_ros.cli import main
 from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.files.signals import handled
 from redres_ros.simulation import batch as module
 from redres_ros.simulation.batch import Result
 from redres_ros.simulation.case import grid
@@ -285,6 +287,24 @@ def test_the_command_goes_on_where_it_was_ended(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert '1 of 1 motions added' in shown
     assert '2 tasks; ratios to minimum_velocity' in shown  # those of the first run, too
+
+
+def test_a_batch_that_is_terminated_keeps_its_results(tmp_path, monkeypatch):
+    pytest.importorskip('pyarrow')  # a CSV file has each result at once
+
+    def terminated(cases: list[Case]) -> Iterator[Result]:
+        for result in batch(cases, InlineExecutor()):
+            yield result
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(module, 'batch', terminated)
+    study = tmp_path / 'study.yaml'
+    study.write_text(f'T: {T}\nseeds: 2\n')
+    out = tmp_path / 'study.parquet'
+    with handled(signal.SIG_IGN, signal.SIGTERM):  # else it would end the tests, if unhandled
+        assert main(['batch', str(study), '--out', str(out)]) == 1
+    with ResultsFile(out) as file:
+        assert len(file.results()) == 1
 
 
 def test_many_tasks_are_compared_by_ratios(capsys):

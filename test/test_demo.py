@@ -360,8 +360,8 @@ def test_sigterm_ends_the_demo_quietly_at_any_time(tmp_path: Path) -> None:
         time.sleep(patience)
         process.terminate()
         _, errors = process.communicate(timeout=PATIENCE)
-        # 0: it was over before; by the signal itself: Python was on its way out
-        assert process.returncode in (0, 143, -signal.SIGTERM)
+        # 0: it was over before; 143: while it drew; by the signal: Python was on its way out
+        assert process.returncode in (0, 130, 143, -signal.SIGTERM)
         assert errors == ''
         assert not [pid for pid in children if is_running(pid)]
 

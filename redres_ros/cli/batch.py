@@ -1,6 +1,7 @@
 """`redres batch`: many motions on all processors, from a file that says which."""
 
 import argparse
+import signal
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,18 +56,22 @@ def _batch(options: argparse.Namespace) -> int:
 
 
 def run_cases(cases: 'Sequence[Case]', file: 'ResultsFile | None' = None) -> 'list[Result]':
-    """The results of cases, with a progress bar; those so far if the user ends it with Ctrl-C.
+    """The results of cases, with a progress bar; those so far if Ctrl-C or SIGTERM ends it.
 
     Args:
         cases: The motions.
         file: Where each result goes at once; None: nowhere.
     """
+    from redres_ros.files.signals import handled
     from redres_ros.simulation.batch import batch
     from redres_ros.simulation.report import progress_bar
 
     results: list[Result] = []
     try:
-        with progress_bar(f'{len(cases)} motions') as progress:
+        with (
+            handled(signal.default_int_handler, signal.SIGTERM),  # of `timeout`, or of Slurm
+            progress_bar(f'{len(cases)} motions') as progress,
+        ):
             for result in batch(cases):
                 results.append(result)
                 if file is not None:

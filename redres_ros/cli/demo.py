@@ -3,7 +3,6 @@
 import argparse
 import os
 import signal
-import sys
 import textwrap
 from functools import partial
 from pathlib import Path
@@ -86,7 +85,7 @@ def _demo(options: argparse.Namespace) -> int:
 
     check_files(options.save or ())
     demo = _make_demo(options)
-    handle(lambda *_: sys.exit(143), signal.SIGTERM)  # by way of the clean-up
+    handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps what came of it
     with (
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {demo.options.rate:g} Hz') as progress,

@@ -91,7 +91,8 @@ def _watch(futures: Sequence[Future[Any]], fractions: Sequence[float], progress:
 
 
 def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
-    handle(signal.SIG_DFL, signal.SIGINT)  # Ctrl-C reaches all processes: end without words
+    # Ctrl-C and Slurm's SIGTERM reach all processes: end without words.
+    handle(signal.SIG_DFL, signal.SIGINT, signal.SIGTERM)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # else it would wait for ever
     if begin:
         begin(*args)
