@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
     option(check, '--duration', 'S', 'for how long to look', 4.0)
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot')
-    option(check, '--rate', 'HZ', 'states a second, with --robot', 500.0)
+    option(check, '--rate', 'HZ', 'rate of the states, with --robot', 500.0)
     option(check, '--states', 'TOPIC', states, 'joint_states', type=topic_name)
     add_domain(check)
     add_namespace(check)

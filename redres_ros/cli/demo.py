@@ -46,13 +46,13 @@ def _add_run(group: Any) -> None:
     """How the nodes run, and for how long."""
     plant = 'physics, or an ideal arm that follows every command exactly'
     lockstep = 'as fast as it goes and deterministic, instead of in real time'
-    duration = 'repeat the task for so long, by default the one named side_to_side; 0: once'
+    duration = 'repeat the task for this long, by default side_to_side; 0: once'
     teleop = (
-        'in place of a task, a simulated operator steers the tip to goals, who does not know the '
-        f'joints; for --duration, by default {_TELEOP:g} s'
+        'a simulated operator, who knows nothing of the joints, steers the tip to goals; for '
+        f'--duration, by default {_TELEOP:g} s'
     )
     domain = 'ROS domain; default: one that nobody uses on this machine'
-    switch = 'switch the law on the way; may be repeated'
+    switch = 'switch the law during the motion; may be repeated'
     option(group, '--period', 'S', 'sampling time T [s]', 0.002)
     option(group, '--switch', 'LAW@SECONDS', switch, action='append')
     option(group, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))

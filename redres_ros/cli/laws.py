@@ -29,7 +29,7 @@ def add(commands: Any) -> None:
     laws = add_command(
         commands,
         'laws',
-        'the laws, and what can be combined with them',
+        'laws, preferences, tasks, limits and arms by name',
         '# all that there is',
         '--plugin my_laws.py  # and yours',
     )

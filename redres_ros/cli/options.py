@@ -49,8 +49,8 @@ def add_robot(group: Any, default: str | None = None) -> None:
         group: Of the subcommand's options.
         default: The robot; None: that of the task.
     """
-    tip = "link that carries out the task; default: the robot's own, of a file the last link"
-    elbow = "link that counts as the elbow; default: the robot's own, of a file its middle joint"
+    tip = "link that carries out the task; default: the robot's own, for a file its last link"
+    elbow = "link of the elbow; default: the robot's own, for a file that of its middle joint"
     dynamics = "inertias: identified, or cylinders (the paper's Section 5.2)"
     option(group, '--robot', 'NAME|FILE.urdf', 'see `redres laws`, or any serial arm', default)
     option(group, '--tip', 'FRAME', tip)

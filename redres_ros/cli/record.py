@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
     )
     option(record, 'file', f'FILE{_SUFFIX}', 'overwritten if it exists', type=Path)
     add_watching_time(record)
-    topics = 'those that are recorded; default: all that there are'
+    topics = 'topics to record; default: all'
     option(record, '--topics', 'A,B,...', topics, (), type=_topic_names)
     add_domain(record)
     record.set_defaults(run=_record)

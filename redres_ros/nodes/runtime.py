@@ -152,9 +152,10 @@ def start(arguments: list[str] | None = None) -> None:
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
-        raise _StartError(
-            f'ROS 2 does not start ({type(error).__name__}): {" ".join(str(error).split())}'
-        ) from None
+        reason = ' '.join(str(error).split())
+        if 'logging' in reason:
+            reason += '; set ROS_LOG_DIR to a directory that can be written to'
+        raise _StartError(f'ROS 2 does not start ({type(error).__name__}): {reason}') from None
 
 
 def _made(make: Callable[[], N]) -> N:

@@ -98,9 +98,11 @@ def _table(rows: Iterable[str]) -> str:
 
 def _row(place: str, bar: str, limits: Iterable[str]) -> str:
     tags = ' '.join(_tag(limit) for limit in sorted(limits))
+    columns = 1 if bar else 2  # a long name takes the bar's place, too
+    cell = f'<td style="width: 45%;">{bar}</td>' if bar else ''
     return (
-        f'<tr><td style="{_DIM} white-space: nowrap; padding-right: 8px;">{escape(place)}</td>'
-        f'<td style="width: 45%;">{bar}</td>'
+        f'<tr><td colspan="{columns}" style="{_DIM} white-space: nowrap; padding-right: 8px;">'
+        f'{escape(place)}</td>{cell}'
         f'<td style="padding-left: 8px; width: 40%;">{tags}</td></tr>'
     )
 
