@@ -119,13 +119,7 @@ class Admittance:
         self._share += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
 
     def _rate_of(self, law: '_Law | None', wrench: np.ndarray, state: RobotState) -> np.ndarray:
-        """What a law asks for, (m,); nothing without one.
-
-        Args:
-            law: Mass, damping, stiffness, force and their frame.
-            wrench: As of rate().
-            state: Of the arm.
-        """
+        """What a law asks for, (m,), under a wrench as of rate(); nothing without a law."""
         if law is None:
             return np.zeros(len(self.e))
         R = _rotation(law.frame, state)
@@ -173,10 +167,5 @@ def _rotation(frame: str, state: RobotState) -> np.ndarray:
 
 
 def _turned(R: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A vector (3,), or two of them (6,), in other axes.
-
-    Args:
-        R: Orientation of the axes it is given in, (3, 3).
-        vector: (3,) or (6,).
-    """
+    """A vector (3,), or two of them (6,), from the axes of the orientation R (3, 3) into others."""
     return (vector.reshape(-1, 3) @ R.T).reshape(-1)

@@ -169,12 +169,7 @@ class ContactControl:
         return bool((np.abs(rate) > AT_REST).any())
 
     def _retreating(self, direction: np.ndarray, rows: int) -> np.ndarray:
-        """The velocity of a retreat, (m,). Raises ContactError once it is over.
-
-        Args:
-            direction: Where to, (3,).
-            rows: m.
-        """
+        """The velocity (rows,) of a retreat along (3,). Raises ContactError once it is over."""
         settings = self.settings
         usual = settings.retreat_distance / (settings.retreat_speed * self._T)  # ticks
         self._ticks += 1
@@ -185,14 +180,8 @@ class ContactControl:
         return velocity
 
     def _bound_search(self, rate: np.ndarray, state: RobotState) -> None:
-        """Bound speed and distance while force is asked for and nothing touches.
-
-        Args:
-            rate: de, (m,) [m/s]; changed.
-            state: Of the arm.
-
-        Raises:
-            ContactError: No contact was found.
+        """Bound the speed in rate (m,), and the distance, while force is asked for and nothing
+        touches. Raises ContactError if no contact was found.
         """
         settings = self.settings
         desired = desired_force(settings, state)

@@ -120,12 +120,8 @@ class ForceSensor:
 
 
 def _to_tip(wrench: np.ndarray, frame: str, state: RobotState) -> np.ndarray:
-    """A wrench (6,) of a link, about the tip in the axes of the base.
-
-    Args:
-        wrench: Along the link's axes, about its origin.
-        frame: The link; '' is the tip.
-        state: Of the arm.
+    """A wrench (6,) about the tip in the axes of the base, of one about a link's origin in its
+    own axes; '' is the tip.
     """
     x, R = state.pose(frame)
     force = R @ wrench[:3]
@@ -134,13 +130,7 @@ def _to_tip(wrench: np.ndarray, frame: str, state: RobotState) -> np.ndarray:
 
 
 def _from_tip(wrench: np.ndarray, frame: str, state: RobotState) -> np.ndarray:
-    """The reverse of _to_tip().
-
-    Args:
-        wrench: About the tip, along the axes of the base.
-        frame: The link; '' is the tip.
-        state: Of the arm.
-    """
+    """The reverse of _to_tip()."""
     x, R = state.pose(frame)
     force = wrench[:3]
     moment = wrench[3:] - np.cross(x - state.x, force)

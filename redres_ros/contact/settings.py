@@ -134,14 +134,10 @@ class AdmittanceSettings:
                 raise RangeError('damping', value, math.ceil(bound), 1e6, 'N s/m')
 
     def _payload_bound(self, mass: float, T: float) -> float:
-        """D_d below which the tip shakes by the payload's own inertia [N s/m].
+        """D_d below which the tip shakes by the payload's own inertia [N s/m], for M_d = mass [kg].
 
         The payload m acts on the sensor with -m times the acceleration. From one cycle to the next
         that is at most 2 m/T times the velocity, less by the filter; M_d resists it.
-
-        Args:
-            mass: M_d of a direction [kg].
-            T: Sampling time [s].
         """
         shown = self.payload_mass * T / (T + 2.0 * self.filter_time)
         return 2.0 * (shown - mass) / T

@@ -48,9 +48,7 @@ def read_yaml(path: Path) -> Any:
 def _size(node: yaml.Node, known: dict[int, float]) -> float:
     """Number of nodes, a shared one counted as often as it is used; infinite for one within itself.
 
-    Args:
-        node: Where to begin.
-        known: Sizes of the nodes that were counted already, by their identity.
+    Known are the sizes of the nodes that were counted already, by their identity.
     """
     if id(node) not in known:
         known[id(node)] = float('inf')  # until it is counted: a node found here contains itself

@@ -76,15 +76,8 @@ def end_of_reach(
 def _fastest(
     i: int, H: np.ndarray, s: np.ndarray, Vt: np.ndarray, ddq_max: np.ndarray, near: float
 ) -> float:
-    """The speed from which the arm can stop before direction i ends; infinite where it does not.
-
-    Args:
-        i: Of the singular directions.
-        H: (n, n) curvature of the way in this direction, symmetric.
-        s: (k,) singular values.
-        Vt: (n, n) right singular vectors in its rows.
-        ddq_max: (n,) [rad/s^2].
-        near: As of end_of_reach.
+    """The speed from which the arm can stop before direction i ends, infinite where it does not, by
+    the curvature H (n, n) of the path there, and the singular values s (k,) and vectors Vt (n, n).
     """
     v = Vt[i]
     h = -float(v.dot(H).dot(v))

@@ -106,14 +106,8 @@ def _alone(
     order: np.ndarray,
     dq: np.ndarray,
 ) -> np.ndarray:
-    """The velocity that executes the first component that can go on without the others.
-
-    Args:
-        problem: Within all limits.
-        steady: The same without those on accelerations.
-        components: Of the first task.
-        order: In which they are tried, (g,).
-        dq: What is commanded if no component can go on, (n,) [rad/s].
+    """The velocity that executes the first component, in an order (g,), that can go on without the
+    others; dq (n,) [rad/s] where none can. Steady is the problem without limits on accelerations.
     """
     lengths = _lengths(components)
     left = 1.0  # the part of the mixture that the next one gets
@@ -151,16 +145,7 @@ def _fractions(components: Sequence[_Component], dq: np.ndarray) -> np.ndarray:
 
 
 class _WithFactors:
-    """A constrained problem in z = (dq, a), with one factor a_i for each component.
-
-    Args:
-        dq_free: (n,) [rad/s] the optimum without limits.
-        W: The law's weight.
-        tasks: The secondary tasks.
-        box: Of dq.
-        rows: Groups of other limits.
-        count: Number of components, g.
-    """
+    """A constrained problem in z = (dq, a), with a factor a_i for each of count components."""
 
     def __init__(
         self,
@@ -181,13 +166,7 @@ class _WithFactors:
         self._factors = np.eye(self._n + count)[self._n :]  # (g, n + g), that are a in z
 
     def largest_factors(self, task: Level, sizes: Sequence[int], least: np.ndarray) -> np.ndarray:
-        """The factors s_i of level 1, (g,).
-
-        Args:
-            task: The first one.
-            sizes: Number of rows of each component.
-            least: The largest common factor, (g,).
-        """
+        """The factors s_i of level 1, (g,), of which the least are given, (g,)."""
         J, dx = task
         rows = self._widened(J)
         component = np.repeat(np.arange(len(sizes)), sizes)
@@ -201,12 +180,8 @@ class _WithFactors:
         least: np.ndarray,
         tolerance: float = DIRECTION_TOLERANCE,
     ) -> Constrained:
-        """The optimum of the levels 2 to 5, with z in place of dq.
-
-        Args:
-            components: Of the first task.
-            least: s_i of level 1, (g,).
-            tolerance: Of their directions [rad].
+        """The optimum of the levels 2 to 5 with z in place of dq, for the least factors s_i (g,) of
+        level 1 and a tolerance of the directions [rad].
         """
         along = []
         across = []
@@ -234,12 +209,7 @@ class _WithFactors:
     def locked(
         self, components: Sequence[_Component], tolerance: float = DIRECTION_TOLERANCE
     ) -> float:
-        """How far the task velocity counts as locked, 0 to 1.
-
-        Args:
-            components: Of the first task.
-            tolerance: Of their directions [rad].
-        """
+        """How far the task velocity counts as locked, 0 to 1, with a tolerance as of executed()."""
         lengths = _lengths(components)
         dq = self.executed(components, np.zeros(len(lengths)), tolerance).dq[: self._n]
         return locked(_fractions(components, dq).dot(lengths**2) / lengths.dot(lengths))

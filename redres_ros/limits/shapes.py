@@ -92,12 +92,7 @@ def _half_spaces(numbers: Sequence[float]) -> Iterator[DrawnShape]:
 
 
 def _turned_plate(normal: np.ndarray, centre: np.ndarray) -> DrawnShape:
-    """A plate that is turned from z to a normal.
-
-    Args:
-        normal: Of any length, (3,).
-        centre: (3,) [m].
-    """
+    """A plate at a centre (3,) [m] that is turned from z to a normal (3,) of any length."""
     n = normal / np.linalg.norm(normal)
     half = np.array((-n[1], n[0], 0.0, 1.0 + n[2]))  # z x n, 1 + z n
     if half[3] < 1e-9:

@@ -42,11 +42,8 @@ class _Walls(NamedTuple):
     sides: np.ndarray
 
     def seen_from(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distances of points from the walls, (points, walls) [m], positive on the allowed side;
-        and the directions in which they become smaller, (points, walls, 3).
-
-        Args:
-            x: (points, 3) [m].
+        """Distances of points (points, 3) [m] from the walls, (points, walls) [m], positive on the
+        allowed side; and the directions in which they become smaller, (points, walls, 3).
         """
         planes = self.offsets - x @ self.normals.T
         to_planes = np.broadcast_to(self.normals, (len(x), *self.normals.shape))

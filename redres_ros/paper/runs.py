@@ -126,12 +126,7 @@ class Setup:
         return runs.reversed_task if self.is_reversed else runs.task
 
     def _client(self, model: RobotModel, **options: Any) -> Client:
-        """What responds to the robot's states.
-
-        Args:
-            model: Of the arm.
-            options: Of the Controller.
-        """
+        """What responds to the robot's states; the options are of a Controller."""
         damping = self.damping or 0.0
         if self.is_scheme:
             return SecondOrderController(model, make_scheme(self.law, damping), self.T)
@@ -254,14 +249,7 @@ def _difference(
     dynamics: str = SIMULATION_DYNAMICS,
     preference: Preference | None = None,
 ) -> Computation:
-    """A law beside its scheme.
-
-    Args:
-        law: In the table LAWS.
-        damping: k_d [1/s].
-        dynamics: Of the model.
-        preference: Of both.
-    """
+    """A law beside its scheme, both with the same damping [1/s] and preference."""
 
     def compute(runs: Runs) -> Difference:
         model = RobotModel.named(runs.task.robot, dynamics=dynamics)

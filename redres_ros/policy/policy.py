@@ -215,13 +215,6 @@ class Policy:
     ) -> np.ndarray:
         """dq, or where a singularity leaves little of the task velocity, one that executes its
         first component, and of the other what is possible beside it, (n,) [rad/s].
-
-        Args:
-            dq: The optimum for both together, (n,) [rad/s].
-            b: The law's bias, (n,) [rad/s].
-            W: Its weight.
-            levels: (J, dx) of each task, with comparable rows.
-            state: Of the arm at this tick.
         """
         J, dx = levels[0]
         asked = _asked(dx, state)

@@ -131,8 +131,7 @@ def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
 def _mend(urdf: Urdf, link: str) -> bool:
     """Give a link the mean of its principal moments, where no body can have them; whether.
 
-    Of any body, none is negative, and none larger than the sum of the other two. MuJoCo insists on
-    that; many a URDF does not care.
+    Of any body, none is negative, and none larger than the sum of the other two: MuJoCo insists.
     """
     _write_zeros(urdf.links[link].find('inertial'))
     diagonal = np.diag(_tensor(urdf, link))

@@ -115,12 +115,7 @@ def grid(values: Mapping[str, Any]) -> list[Case]:
 
 
 def _choices(value: Any, is_list: bool) -> list[Any]:
-    """The values of a field, one after the other.
-
-    Args:
-        value: As given.
-        is_list: Whether a single value of this field is a list itself.
-    """
+    """The values of a field, of which a single one may be a list itself (is_list)."""
     if not isinstance(value, list):
         return [value]
     if is_list and not any(isinstance(each, list) for each in value):

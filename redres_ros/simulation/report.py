@@ -111,12 +111,7 @@ def _is_cut(shown: Table, console: Console) -> bool:
 
 
 def _turned(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """A table of the same cells with a column for each row.
-
-    Args:
-        heads: Of the columns that become rows; one without any figure is left out.
-        rows: They become columns; the first cell is the head.
-    """
+    """A table of the same cells with a column for each row; a head without figures is left out."""
     names, *figures = zip(*rows, strict=True)
     lines = [(head, *cells) for head, cells in zip(heads[1:], figures, strict=True) if any(cells)]
     return table([heads[0], *names], lines)

@@ -300,12 +300,8 @@ def reactions(runs: Runs) -> Finding:
 def _until_it_ends(
     settings: AdmittanceSettings, first: np.ndarray, wrench: np.ndarray | None
 ) -> tuple[float, str]:
-    """How far the tip moves [m] until the motion ends, and why it does.
-
-    Args:
-        settings: Of the admittance.
-        first: Wrench of the first 0.1 s, (6,).
-        wrench: That of the next 10 s, (6,); None: none comes.
+    """How far the tip moves [m] until the motion ends, and why it does: with one wrench (6,) for
+    0.1 s, and then another; None: none comes.
     """
     model = RobotModel.named('fr3')
     controller = Controller(model, make_law('minimum_acceleration'), _T, limits=LIMITS)

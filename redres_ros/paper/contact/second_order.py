@@ -26,13 +26,7 @@ from redres_ros.robot_model import RobotModel, RobotState
 
 
 class _SecondOrderImpedance:
-    """Impedance and force control by a scheme of second order, sampled.
-
-    Args:
-        model: Of the arm.
-        scheme: On the level of acceleration or torque.
-        settings: Mass, damping, stiffness and force in the axes of the base.
-    """
+    """Impedance and force control by a scheme of second order, sampled."""
 
     def __init__(self, model: RobotModel, scheme: Scheme, settings: AdmittanceSettings) -> None:
         self._model = model
@@ -46,13 +40,8 @@ class _SecondOrderImpedance:
     def acceleration(
         self, state: RobotState, e: np.ndarray, de: np.ndarray, force: np.ndarray
     ) -> np.ndarray:
-        """ddq of the scheme, (n,) [rad/s^2]; of a torque scheme by the arm's dynamics, Eq. (6).
-
-        Args:
-            state: Of the arm, with its joint velocities.
-            e: x - x_d, (3,) [m].
-            de: Its velocity, (3,) [m/s].
-            force: f on the tip, (3,) [N].
+        """ddq of the scheme, (n,) [rad/s^2], for e = x - x_d (3,) [m], its velocity de (3,) [m/s]
+        and the force on the tip (3,) [N]; of a torque scheme by the arm's dynamics, Eq. (6).
         """
         dde = self._task_acceleration(e, de, force)
         return self._scheme.acceleration(self._model, state, dde, self._bent(state))
