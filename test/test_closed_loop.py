@@ -196,13 +196,6 @@ def test_with_a_delay_each_reference_is_taken_up_so_many_ticks_late():
         assert q[delay + 1 :] == pytest.approx(references[: -delay - 1], abs=1e-12)
 
 
-def test_switches_act_from_their_tick_on():
-    plain = short()
-    switched = short(switches={500: make_law('minimum_kinetic_energy')})
-    assert (plain.data[:500] == switched.data[:500]).all()
-    assert np.linalg.norm(switched.vectors('dq1')[500] - plain.vectors('dq1')[500]) > 0.1
-
-
 def test_progress_goes_from_nothing_to_all():
     shares: list[float] = []
     short(progress=shares.append)

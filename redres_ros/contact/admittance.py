@@ -1,7 +1,5 @@
 """Admittance: a task velocity that yields to the measured force like a mass, damper and spring."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from redres_ros.command import Command
@@ -33,13 +31,12 @@ class Admittance:
         self.T = T
         self.switch_time = switch_time
         self.settings = settings  # the requested ones
-        self._law = _Law.of(settings)
         self.restart()
 
     def restart(self) -> None:
         """From rest, at x = x_d; the admittance is faded in again."""
-        self._old: _Law | None = None  # that is faded out; None: nothing
-        self._new: _Law | None = None
+        self._old: AdmittanceSettings | None = None  # that are faded out; None: it was off
+        self._new: AdmittanceSettings | None = None
         self._share = 1.0  # of the fade that is over
         m = len(self.settings.damping)
         self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
@@ -67,7 +64,6 @@ class Admittance:
         """
         settings.check(len(self.settings.damping), self.T)
         self.settings = settings
-        self._law = _Law.of(settings)
 
     def rate(self, wrench: np.ndarray, state: RobotState) -> np.ndarray:
         """de of this tick in the base frame, (m,) [m/s], [rad/s].
@@ -110,7 +106,7 @@ class Admittance:
         """One cycle on in a fade; begin one if other settings are asked for."""
         if self._share >= 1.0:
             self._old = None
-            desired = self._law if self.settings.enabled else None
+            desired = self.settings if self.settings.enabled else None
             if desired == self._new:
                 return
             self._old = self._new
@@ -118,35 +114,22 @@ class Admittance:
             self._share = 0.0
         self._share += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
 
-    def _rate_of(self, law: '_Law | None', wrench: np.ndarray, state: RobotState) -> np.ndarray:
-        """What a law asks for, (m,), under a wrench as of rate(); nothing without a law."""
-        if law is None:
+    def _rate_of(
+        self, settings: AdmittanceSettings | None, wrench: np.ndarray, state: RobotState
+    ) -> np.ndarray:
+        """What settings ask for, (m,), under a wrench as of rate(); nothing while it is off."""
+        if settings is None:
             return np.zeros(len(self.e))
-        R = _rotation(law.frame, state)
+        R = _rotation(settings.frame, state)
         f = _turned(R.T, wrench[: len(self.e)])
         e = _turned(R.T, self.e)
         de = _turned(R.T, self._de)
-        mass = as_array(law.mass) / self.T
-        damping = as_array(law.damping)
-        stiffness = as_array(law.stiffness)
+        mass = as_array(settings.mass) / self.T
+        damping = as_array(settings.damping)
+        stiffness = as_array(settings.stiffness)
         resistance = mass + damping + stiffness * self.T
-        force = mass * de + f - as_array(law.force) - stiffness * e
+        force = mass * de + f - as_array(settings.force) - stiffness * e
         return _turned(R, force / resistance)
-
-
-class _Law(NamedTuple):
-    """What a fade goes from and to."""
-
-    frame: str
-    mass: tuple[float, ...]
-    damping: tuple[float, ...]
-    stiffness: tuple[float, ...]
-    force: tuple[float, ...]
-
-    @classmethod
-    def of(cls, settings: AdmittanceSettings) -> '_Law':
-        """The part of the settings that is faded."""
-        return cls(*(getattr(settings, name) for name in cls._fields))
 
 
 def desired_force(settings: AdmittanceSettings, state: RobotState) -> np.ndarray:

@@ -1,15 +1,13 @@
 """The paper's ideal loop: planner, controller, and an ideal arm."""
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from redres_ros.command import Command, norm
-from redres_ros.controller import Controller
-from redres_ros.errors import DivergedError, RangeError, RedresError
-from redres_ros.laws import Law
+from redres_ros.errors import DivergedError, RangeError
 from redres_ros.planning.path_speed import PathSpeed
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.waypoints import WaypointTask
@@ -48,7 +46,6 @@ def run(
     *,
     delay: int = 0,
     greedy: bool = True,
-    switches: Mapping[int, Law] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """The task from its start until the last point is reached, which adds no row.
@@ -63,23 +60,18 @@ def run(
             robot that takes up at tick k + 1 what was computed from the state at tick k.
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
             leave; False: brake the path as the planner node does (planning/path_speed.py).
-        switches: Tick -> law to go over to.
         progress: Called with the fraction of the nominal duration that is over.
 
     Raises:
         RangeError: A delay below zero.
-        RedresError: A law is to be switched, and the controller is none of laws.
     """
     if delay < 0:
         raise RangeError('delay', delay, 0, np.inf, 'ticks')
-    laws = switches or {}
     T = controller.T
     nominal = task.segments * task.segment_time  # [s]
     loop = _Loop(controller, task, delay, greedy)
     for k in range(int(PATIENCE * nominal / T) + 1):
         t = k * T
-        if k in laws:
-            _switch(controller, laws[k])
         try:
             if loop.advance(t):
                 return loop.recording(f'reached the last point after {t:.3f} s', finished=True)
@@ -90,14 +82,6 @@ def run(
         if progress and k % 100 == 0:
             progress(t / nominal)
     return loop.recording(f'did not reach the last point within {PATIENCE * nominal:g} s')
-
-
-def _switch(controller: Client, law: Law) -> None:
-    if not isinstance(controller, Controller):
-        raise RedresError(
-            f'{type(controller).__name__} has no law to switch; expected a Controller'
-        )
-    controller.switch_law(law)
 
 
 class _Loop:

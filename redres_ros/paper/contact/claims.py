@@ -50,11 +50,7 @@ _SHARE_LEFT = 0.15  # of it, six seconds later
 
 
 def same_as_scheme(law: str) -> Finding:
-    """Impedance and force control by a law and by its scheme, in the ideal loop.
-
-    Args:
-        law: Its name.
-    """
+    """Impedance and force control by a law and by its scheme, in the ideal loop."""
     differences = []
     for settings, force in ((IMPEDANCE, pushed_tip), (FORCE_CONTROL, wall_below)):
         apart = by_velocity(law, settings, force).dq - by_scheme(law, settings, force).dq
@@ -67,13 +63,8 @@ def same_as_scheme(law: str) -> Finding:
     )
 
 
-def level_claim(law: str, says: str) -> Claim:
-    """That a law and its scheme are the same while a hand pushes tip and elbow.
-
-    Args:
-        law: Its name.
-        says: The claim in words.
-    """
+def _level_claim(law: str, says: str) -> Claim:
+    """That a law and its scheme are the same while a hand pushes tip and elbow."""
     return Claim('level', says, lambda runs: same_as_scheme(law), CONTACT)
 
 
@@ -138,14 +129,8 @@ def step_response(runs: Runs) -> Finding:
     )
 
 
-def press_claim(says: str, rms: float, *cases: Pressing) -> Claim:
-    """That the tip presses and slides without a bounce.
-
-    Args:
-        says: The claim in words.
-        rms: Largest error of the force [N].
-        cases: Surfaces and dampings.
-    """
+def _press_claim(says: str, rms: float, *cases: Pressing) -> Claim:
+    """That the tip presses and slides without a bounce, with a force error of at most rms [N]."""
 
     def measure(runs: Runs) -> Finding:
         held = True
@@ -181,13 +166,8 @@ def _yields(
     return held, f'{shown}, RMS {run.rms:.3f} N, tip {1e3 * along:.2f} mm'
 
 
-def elbow_claim(says: str, **cases: tuple[Any, ...]) -> Claim:
-    """That an elbow yields.
-
-    Args:
-        says: The claim in words.
-        cases: Arguments of _yields(), by what the tip does.
-    """
+def _elbow_claim(says: str, **cases: tuple[Any, ...]) -> Claim:
+    """That an elbow yields; cases: arguments of _yields(), by what the tip does."""
 
     def measure(runs: Runs) -> Finding:
         found = {name: _yields(*case) for name, case in cases.items()}
@@ -206,16 +186,16 @@ def _elbow_claims() -> Iterator[Claim]:
             f'{arm}: 30 N on the elbow for a second while the tip presses 20 N: it gives 30 mm and '
             'comes back, RMS below 0.05 N, tip within 0.4 mm; in free space within 0.2 mm'
         )
-        yield elbow_claim(says, pressing=(arm, True), free=(arm, False))
+        yield _elbow_claim(says, pressing=(arm, True), free=(arm, False))
     for power, (law, gains) in enumerate(TORQUE_LAWS.items()):
         carrying = make_law(law, damping=10.0, gravity=0.0)
         for arm, gain in gains.items():
             says = f'{arm}, {law}: pressing, the same with gravity 0, inertia_power {power}, '
             compliance = Compliance(gain=gain, inertia_power=power)
-            yield elbow_claim(f'{says}gain {gain:g}', pressing=(arm, True, carrying, compliance))
+            yield _elbow_claim(f'{says}gain {gain:g}', pressing=(arm, True, carrying, compliance))
 
 
-def gravity_claim(law: str) -> Claim:
+def _gravity_claim(law: str) -> Claim:
     """That gravity, if a law minimises it, moves the elbow without any push."""
 
     def measure(runs: Runs) -> Finding:
@@ -359,37 +339,37 @@ def keeps_limits(runs: Runs) -> Finding:
 
 
 CONTACT_CLAIMS: tuple[Claim, ...] = (
-    level_claim(
+    _level_claim(
         'minimum_acceleration',
         'The admittance with law (23) is impedance and force control on the acceleration level, '
         '(22)',
     ),
-    level_claim(
+    _level_claim(
         'dynamically_consistent',
         'With law (32) it is that on the torque level, with a dynamically consistent null space, '
         '(29)',
     ),
-    level_claim(
+    _level_claim(
         'minimum_weighted_torque',
         'With law (27) it is that with the torque of least norm M^-2, (25)',
     ),
     on_plant,
     step_response,
-    press_claim(
+    _press_claim(
         'Pressing 20 N and sliding 0.3 m at 50 mm/s: RMS at most 0.02 N, peak at most 25 N, no '
         'bounce',
         0.02,
         Pressing(stiffness=1e4),
         Pressing(stiffness=1e5),
     ),
-    press_claim(
+    _press_claim(
         'The same with 1 N of noise: RMS at most 0.2 N',
         0.2,
         Pressing(stiffness=1e4, noise=1.0),
         Pressing(stiffness=1e5, damping=3000.0, noise=1.0),
     ),
     *_elbow_claims(),
-    *map(gravity_claim, TORQUE_LAWS),
+    *map(_gravity_claim, TORQUE_LAWS),
     without_history,
     bound,
     reactions,
