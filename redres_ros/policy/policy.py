@@ -13,8 +13,7 @@ from redres_ros.preferences import Preference
 from redres_ros.resolution import Level, Solution, Weight, resolve_in_order, resolve_one, scaled
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.singularity import escape_direction, locked
-from redres_ros.tasks import Task
-from redres_ros.tasks.joints import Configuration
+from redres_ros.tasks import Configuration, Task
 
 if TYPE_CHECKING:
     from redres_ros.limits import Limits

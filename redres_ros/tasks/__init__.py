@@ -3,9 +3,16 @@
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
 from redres_ros.parameter import make
-from redres_ros.tasks.joints import Configuration, Elbow, Joint
 from redres_ros.tasks.task import Task
-from redres_ros.tasks.tip import Axis, Orientation, Pose, Position
+from redres_ros.tasks.tasks import (
+    Axis,
+    Configuration,
+    Elbow,
+    Joint,
+    Orientation,
+    Pose,
+    Position,
+)
 
 TASKS: dict[str, type[Task]] = {
     'position': Position,

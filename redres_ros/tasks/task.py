@@ -1,7 +1,7 @@
 """The base class of tasks: the Jacobian J of one aim, and its task velocity."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -17,15 +17,19 @@ class Task(ABC):
 
     The first task of a controller gets its dx from outside. The others hold their targets. A target
     that is left open, (), becomes the value at the start of the motion. A subclass is a frozen
-    dataclass whose fields are declared with `param`.
+    dataclass whose fields are declared with `param`, its target among them.
     """
 
     size: ClassVar[int]  # m, the number of rows
+    target_size: ClassVar[int] = 0  # how many numbers the target has; 0: as many as rows
     components: ClassVar[tuple[int, ...]] = ()  # rows of translation, of rotation; empty: one only
     gain: float = param(10.0, 'k in dx = k e, of the error to the target [1/s]', 0.0, 1e3)
+    target: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        name = f'target of {type(self).__name__.lower()}'
+        check_length(name, self.target, self.target_size or self.size)
 
     def rows(self, model: RobotModel) -> int:
         """m, the number of rows for an arm."""
@@ -36,12 +40,16 @@ class Task(ABC):
         """J, (m, n)."""
 
     @abstractmethod
+    def value(self, state: RobotState) -> np.ndarray:
+        """Where the task is at this state, in the form of a target, (target_size,)."""
+
     def error(self, state: RobotState) -> np.ndarray:
         """The task error e, (m,), towards the target, which is set."""
+        return np.array(self.target) - self.value(state)
 
-    @abstractmethod
     def with_initial_targets(self, state: RobotState) -> Self:
         """A copy with an unset target taken from the current state."""
+        return replace(self, target=self.target or tuple(self.value(state).tolist()))
 
     def velocity(self, state: RobotState) -> np.ndarray:
         """dx = k e, (m,)."""
@@ -66,19 +74,18 @@ class FrameTask(Task):
     frame: str = param('', 'frame of the task; empty: the tip')
 
 
-def check_target(name: str, target: tuple[float, ...], *lengths: int) -> None:
-    """Refuse a target that does not suit a task.
+def check_length(name: str, values: tuple[float, ...], length: int) -> None:
+    """Refuse a target, or another vector, that does not suit a task.
 
     Args:
         name: What an error calls it.
-        target: () where it is open.
-        *lengths: Those that are allowed.
+        values: () where it is open.
+        length: The one that is allowed; 0: any.
 
     Raises:
         ArrayError: It has another length, or is not finite.
     """
-    allowed = ' or '.join(str(length) for length in lengths)
-    if target and len(target) not in lengths:
-        raise ArrayError(f'{name} holds {len(target)} numbers; expected {allowed}, or none')
-    if not np.isfinite(target).all():
-        raise ArrayError(f'{name} is {target}; every value must be finite')
+    if values and length and len(values) != length:
+        raise ArrayError(f'{name} holds {len(values)} numbers; expected {length}, or none')
+    if not np.isfinite(values).all():
+        raise ArrayError(f'{name} is {values}; every value must be finite')

@@ -1,17 +1,17 @@
-"""Tasks of a frame, most often the tip: position and orientation."""
+"""The tasks: position and orientation of a frame, most often the tip; the elbow; joints."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.errors import ArrayError
+from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.kernels.rotation_error import part_of_turn, rotation_error
 from redres_ros.parameter import param
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion, rotation_matrix, to_quaternion
-from redres_ros.tasks.task import FrameTask, check_target
+from redres_ros.tasks.task import FrameTask, Task, check_length
 
 
 @dataclass(frozen=True)
@@ -23,22 +23,14 @@ class Position(FrameTask):
         (), 'desired position in the base frame [m]; none: that of the start'
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_target('target of position', self.target, 3)
-
     def jacobian(self, state: RobotState) -> np.ndarray:
         return state.jacobian(self.frame)[:3]
 
     def derivatives(self, state: RobotState) -> np.ndarray:
         return state.jacobian_derivatives(self.frame)[:, :3]
 
-    def error(self, state: RobotState) -> np.ndarray:
-        return np.array(self.target) - state.pose(self.frame)[0]
-
-    def with_initial_targets(self, state: RobotState) -> Self:
-        x, _ = state.pose(self.frame)
-        return replace(self, target=self.target or tuple(x.tolist()))
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.pose(self.frame)[0]
 
 
 @dataclass(frozen=True)
@@ -46,13 +38,13 @@ class Orientation(FrameTask):
     """Orientation of a frame: 3 rows [rad/s]; the error is the rotation vector to the target."""
 
     size: ClassVar[int] = 3
+    target_size: ClassVar[int] = 4
     target: tuple[float, ...] = param(
         (), 'desired quaternion x, y, z, w [1]; none: that of the start'
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_target('target of orientation', self.target, 4)
         _check_direction('target of orientation', self.target)
 
     def jacobian(self, state: RobotState) -> np.ndarray:
@@ -61,23 +53,22 @@ class Orientation(FrameTask):
     def derivatives(self, state: RobotState) -> np.ndarray:
         return state.jacobian_derivatives(self.frame)[:, 3:]
 
+    def value(self, state: RobotState) -> np.ndarray:
+        return to_quaternion(state.rotation(self.frame))
+
     def error(self, state: RobotState) -> np.ndarray:
-        return rotation_error(state.rotation(self.frame), self._wanted)
+        return rotation_error(state.rotation(self.frame), self._desired)
 
     def velocity(self, state: RobotState) -> np.ndarray:
         """dx = k e, in half the time of numpy's product."""
         dx = np.empty(3)
-        part_of_turn(self.gain, state.rotation(self.frame), self._wanted, dx)
+        part_of_turn(self.gain, state.rotation(self.frame), self._desired, dx)
         return dx
 
     @cached_property
-    def _wanted(self) -> np.ndarray:
+    def _desired(self) -> np.ndarray:
         """The target as a matrix, (3, 3)."""
         return from_quaternion(np.array(self.target))
-
-    def with_initial_targets(self, state: RobotState) -> Self:
-        _, R = state.pose(self.frame)
-        return replace(self, target=self.target or tuple(to_quaternion(R).tolist()))
 
 
 @dataclass(frozen=True)
@@ -85,6 +76,7 @@ class Pose(FrameTask):
     """Position and orientation of a frame: 3 rows [m/s], then 3 rows [rad/s]."""
 
     size: ClassVar[int] = 6
+    target_size: ClassVar[int] = 7
     components: ClassVar[tuple[int, ...]] = (3, 3)
     target: tuple[float, ...] = param(
         (), 'desired position [m] and quaternion x, y, z, w [1]; none: those of the start'
@@ -92,7 +84,6 @@ class Pose(FrameTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_target('target of pose', self.target, 7)
         _check_direction('target of pose', self.target[3:])
 
     def jacobian(self, state: RobotState) -> np.ndarray:
@@ -101,20 +92,19 @@ class Pose(FrameTask):
     def derivatives(self, state: RobotState) -> np.ndarray:
         return state.jacobian_derivatives(self.frame)
 
+    def value(self, state: RobotState) -> np.ndarray:
+        x, R = state.pose(self.frame)
+        return np.concatenate((x, to_quaternion(R)))
+
     def error(self, state: RobotState) -> np.ndarray:
         x, R = state.pose(self.frame)
-        turn = rotation_error(R, self._wanted)
+        turn = rotation_error(R, self._desired)
         return np.concatenate((np.array(self.target[:3]) - x, turn))
 
     @cached_property
-    def _wanted(self) -> np.ndarray:
+    def _desired(self) -> np.ndarray:
         """The target's orientation as a matrix, (3, 3)."""
         return from_quaternion(np.array(self.target[3:]))
-
-    def with_initial_targets(self, state: RobotState) -> Self:
-        x, R = state.pose(self.frame)
-        here = (*x.tolist(), *to_quaternion(R).tolist())
-        return replace(self, target=self.target or here)
 
     def row_scale(self, model: RobotModel) -> np.ndarray:
         """1 / reach for the linear rows: a turn of the stretched arm then counts alike in both."""
@@ -129,6 +119,7 @@ class Axis(FrameTask):
     """
 
     size: ClassVar[int] = 2
+    target_size: ClassVar[int] = 3
     axis: tuple[float, ...] = param((0.0, 0.0, 1.0), 'axis in the frame [1]')
     target: tuple[float, ...] = param(
         (0.0, 0.0, -1.0), 'desired direction in the base frame [1]; none: that of the start'
@@ -136,32 +127,92 @@ class Axis(FrameTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_target('axis', self.axis, 3)
-        check_target('target of axis', self.target, 3)
+        check_length('axis', self.axis, 3)
         _check_direction('axis', self.axis or (0.0,))
         _check_direction('target of axis', self.target)
 
     def jacobian(self, state: RobotState) -> np.ndarray:
-        across = state.pose(self.frame)[1].dot(_across(self.axis))  # (3, 2) in the base frame
+        across = state.rotation(self.frame).dot(_across(self.axis))  # (3, 2) in the base frame
         return across.T.dot(state.jacobian(self.frame)[3:])
 
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.rotation(self.frame).dot(_unit(self.axis))
+
     def error(self, state: RobotState) -> np.ndarray:
-        _, R = state.pose(self.frame)
-        now = R.dot(_unit(self.axis))
-        wanted = _unit(self.target)
-        turn = np.cross(now, wanted)  # sin(angle) times the axis to turn about
+        now = self.value(state)
+        desired = _unit(self.target)
+        turn = np.cross(now, desired)  # sin(angle) times the axis to turn about
         sine = float(np.linalg.norm(turn))
-        angle = np.arctan2(sine, now.dot(wanted))
-        across = R.dot(_across(self.axis))
+        angle = np.arctan2(sine, now.dot(desired))
+        across = state.rotation(self.frame).dot(_across(self.axis))
         if sine > 0.0:
             turn = turn * (angle / sine)
         elif angle > 0.0:
             turn = angle * across[:, 0]  # the opposite direction: any way round
         return across.T.dot(turn)
 
-    def with_initial_targets(self, state: RobotState) -> Self:
-        _, R = state.pose(self.frame)
-        return replace(self, target=self.target or tuple(R.dot(_unit(self.axis)).tolist()))
+
+@dataclass(frozen=True)
+class Elbow(Task):
+    """Where the arm's elbow is: 3 rows [m/s], of which those that it cannot follow are left."""
+
+    size: ClassVar[int] = 3
+    target: tuple[float, ...] = param(
+        (), 'desired position of the elbow in the base frame [m]; none: that of the start'
+    )
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        return state.jacobian(state.model.elbow_frame)[:3]
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.pose(state.model.elbow_frame)[0]
+
+
+@dataclass(frozen=True)
+class Joint(Task):
+    """The angle of one joint: 1 row [rad/s]."""
+
+    size: ClassVar[int] = 1
+    joint: str = param('', 'name of the joint; empty: the first one')
+    target: tuple[float, ...] = param((), 'desired angle [rad]; none: that of the start')
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        J = np.zeros((1, len(state.q)))
+        J[0, self._index(state.model)] = 1.0
+        return J
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.q[[self._index(state.model)]]
+
+    def _index(self, model: RobotModel) -> int:
+        names = model.joint_names
+        name = self.joint or names[0]
+        if name not in names:
+            raise UnknownNameError('joint', name, names)
+        return names.index(name)
+
+
+@dataclass(frozen=True)
+class Configuration(Task):
+    """All joints: n rows [rad/s]. Nothing is left for a law, a preference or a lower task.
+
+    Below another task it keeps the joints as near to its target as that one lets them, so that a
+    closed path of the tip ends with the joints with which it began.
+    """
+
+    size: ClassVar[int] = 0  # that of the arm
+    target: tuple[float, ...] = param((), 'desired angles [rad]; none: those of the start')
+
+    def rows(self, model: RobotModel) -> int:
+        return model.n
+
+    def jacobian(self, state: RobotState) -> np.ndarray:
+        n = len(state.q)
+        check_length('target of configuration', self.target, n)
+        return np.eye(n)
+
+    def value(self, state: RobotState) -> np.ndarray:
+        return state.q
 
 
 def _check_direction(name: str, values: tuple[float, ...]) -> None:
