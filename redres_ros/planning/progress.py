@@ -33,11 +33,20 @@ class ProgressMonitor:
     def begin(self) -> None:
         """A motion begins."""
         self.idle = 0.0  # [s] without progress
+        self.remark = ''  # why there is none; empty unless it is stuck
         self._segment = -1
         self._left = 0.0
         self._error = 0.0
+        self._distance = ''  # from the end, in words
+        self._limits = ''  # that acted last, in words
 
-    def enter(self, seconds: float, segment: int, left: float, error: float) -> None:
+    def set_active_limits(self, limits: str) -> None:
+        """Take in which joints are at which limits; empty for none."""
+        self._limits = limits or self._limits
+
+    def enter(
+        self, seconds: float, segment: int, left: float, error: float, distance: str = ''
+    ) -> None:
         """Update the progress.
 
         Args:
@@ -45,7 +54,9 @@ class ProgressMonitor:
             segment: Number of the one under way.
             left: Of its time [s]; 0 once it should be over.
             error: Of the position, in any unit.
+            distance: The same in words.
         """
+        self._distance = distance
         goes_on = left < self._left - _STEP or (left <= 0.0 < self._left)
         comes_nearer = left <= 0.0 and error < _FRACTION * self._error
         if segment != self._segment or goes_on or comes_nearer:
@@ -53,8 +64,12 @@ class ProgressMonitor:
             self._left = left
             self._error = error
             self.idle = 0.0
+            self.remark = ''
+            self._limits = ''
         else:
             self.idle += seconds
+        if self.is_stuck and not self.remark:
+            self.remark = self.reason(self.stuck_after)
 
     @property
     def is_stuck(self) -> bool:
@@ -65,6 +80,11 @@ class ProgressMonitor:
     def is_hopeless(self) -> bool:
         """Whether there was no progress for give_up_after."""
         return self.idle >= self.give_up_after
+
+    def reason(self, seconds: float) -> str:
+        """In words, for how many seconds there is no progress, and what keeps the motion back."""
+        parts = filter(None, (self._limits, self._distance))
+        return f'no progress for {seconds:g} s: {"; ".join(parts)}'
 
 
 class Standstill:

@@ -74,8 +74,6 @@ class _Pursuit:
         x_d: Of the tip's path, asked for last, (3,) [m].
         waited: For the controller, without a break [s].
         held: Of that in the controller's present mode [s].
-        distance: From what is asked for, in words.
-        limits: That acted last, in words.
     """
 
     goal: Goal
@@ -86,13 +84,6 @@ class _Pursuit:
     x_d: np.ndarray | None = None
     waited: float = 0.0
     held: float = 0.0
-    distance: str = ''
-    limits: str = ''
-
-    @property
-    def reason(self) -> str:
-        """What keeps the goal from its end."""
-        return f'{self.limits}; {self.distance}' if self.limits else self.distance
 
     def is_away(self, x: np.ndarray) -> bool:
         """Whether the tip at x (3,) [m] is far from the last reference."""
@@ -146,7 +137,7 @@ class TaskExecutor:
         self._cycles = CycleCounter(round(NANOSECONDS * T))
         self._mode = ''  # of the controller; empty: unknown
         self._stopped = ''  # why the robot has stopped
-        self._remark = ''  # why the goal makes no progress, or was over before its end
+        self._ending = ''  # why the goal was over before its end
         self._pursuit: _Pursuit | None = None
         self._step: Step | None = None
         self._arm: _ArmState | None = None  # at the newest state
@@ -191,7 +182,6 @@ class TaskExecutor:
         pursuit.goal = goal
         pursuit.path = None
         self.state = TaskState.MOVING
-        self._remark = ''
         self._monitor.begin()
         return True
 
@@ -199,7 +189,7 @@ class TaskExecutor:
         """Drop the goal."""
         self._pursuit = None
         self._step = None
-        self._remark = ''
+        self._ending = ''
         self._monitor.begin()
         self.state = TaskState.IDLE
 
@@ -215,8 +205,7 @@ class TaskExecutor:
 
     def set_active_limits(self, limits: str) -> None:
         """Take in which joints are at which limits; empty for none."""
-        if self._pursuit is not None and limits:
-            self._pursuit.limits = limits
+        self._monitor.set_active_limits(limits)
 
     def set_stop_reason(self, reason: str) -> None:
         """Take in why the robot has stopped; empty: it has not."""
@@ -244,7 +233,7 @@ class TaskExecutor:
     @property
     def remark(self) -> str:
         """Why the goal makes no progress, or ended early; empty while all is well."""
-        return self._remark
+        return self._ending or self._monitor.remark
 
     @property
     def is_paused(self) -> bool:
@@ -369,10 +358,10 @@ class TaskExecutor:
         self.state = TaskState.HOMING
         left = max(path.duration - t, 0.0)
         error = float(np.abs(reference.error).max())
-        pursuit.distance = f'a joint is {error:.3g} rad from the start of the task'
+        distance = f'a joint is {error:.3g} rad from the start of the task'
         if left > 0.0:
-            pursuit.distance = f'{left:.3g} s before the start of the task'
-        self._watch(pursuit, 0, left, error)
+            distance = f'{left:.3g} s before the start of the task'
+        self._watch(0, left, error, distance)
         return Step(state.stamp, dq=reference.dq) if self._pursuit else None
 
     def _follow_path(
@@ -405,28 +394,21 @@ class TaskExecutor:
         self.state = TaskState.MOVING
         left = planner.time_left(t)
         error = float(np.linalg.norm(reference.error))
-        pursuit.distance = f'the tip is {error:.3g} m from the next point'
+        distance = f'the tip is {error:.3g} m from the next point'
         if reference.orientation_error is not None:
             angle = float(np.linalg.norm(reference.orientation_error))
-            pursuit.distance += f', and turned by {angle:.3g} rad'
+            distance += f', and turned by {angle:.3g} rad'
             error = max(error, LEVER * angle)
         if left > 0.0:
-            pursuit.distance = f'{left:.3g} s before the next point'
-        self._watch(pursuit, reference.segment, left, error)
+            distance = f'{left:.3g} s before the next point'
+        self._watch(reference.segment, left, error, distance)
         return Step(state.stamp, reference.dx, None, reference) if self._pursuit else None
 
-    def _watch(self, pursuit: _Pursuit, segment: int, left: float, error: float) -> None:
-        """Give up a goal without progress; left [s] is of the time of the segment under way."""
-        monitor = self._monitor
-        monitor.enter(self._seconds, segment, left, error)
-        if not monitor.is_stuck:
-            self._remark = ''
-        elif not self._remark:
-            self._remark = f'no progress for {monitor.stuck_after:g} s: {pursuit.reason}'
-        if monitor.idle == 0.0:
-            pursuit.limits = ''
-        if monitor.is_hopeless:
-            self._end(f'no progress for {monitor.give_up_after:g} s: {pursuit.reason}')
+    def _watch(self, segment: int, left: float, error: float, distance: str) -> None:
+        """Give up a goal without progress; arguments as of ProgressMonitor.enter()."""
+        self._monitor.enter(self._seconds, segment, left, error, distance)
+        if self._monitor.is_hopeless:
+            self._end(self._monitor.reason(self._monitor.give_up_after))
             self.state = TaskState.STUCK
 
     def _end_after(self, silence: float) -> None:
@@ -447,4 +429,4 @@ class TaskExecutor:
         is_task = self._pursuit is not None and self._pursuit.goal.goes_on
         self.stop()
         what = 'the task is over; planner/start begins it again' if is_task else 'the goal is over'
-        self._remark = f'{reason}: {what}'
+        self._ending = f'{reason}: {what}'
