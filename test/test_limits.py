@@ -318,7 +318,8 @@ def test_an_arm_without_acceleration_limits_needs_an_argument(model):
     other = RobotModel(replace(model.arm, acceleration_limit=()))
     with pytest.raises(ArrayError, match='acceleration'):
         make_limits(('acceleration',), other)
-    assert len(make_limits(('acceleration',), other, acceleration=(10.0,) * 7)) == 1
+    made = AccelerationLimit(other, acceleration=(10.0,) * 7)
+    assert len(make_limits((made,), other)) == 1
 
 
 def test_a_margin_that_leaves_nothing_of_a_range_is_refused(model):

@@ -1,7 +1,7 @@
 """The limits by name. A new limit is one small class and one line in this table."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +21,7 @@ from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.torque import TorqueLimit
 from redres_ros.limits.workspace import WorkspaceLimit
-from redres_ros.parameter import check_once, gain_key, name_of, parameters
+from redres_ros.parameter import check_once, gain_key, name_of, own_gains, parameters
 from redres_ros.robot_model import RobotModel
 
 LIMITS: dict[str, type[Limit]] = {
@@ -44,7 +44,6 @@ def make_limits(
     *,
     limit_scale: float = 1.0,
     torque_scale: float = 1.0,
-    acceleration: tuple[float, ...] = (),
     gains: Mapping[str, Any] = MappingProxyType({}),
 ) -> Limits:
     """The limits of those names, to be kept together.
@@ -54,7 +53,6 @@ def make_limits(
         model: the arm, from which they have their figures.
         limit_scale: the fraction of its velocities and accelerations that is allowed.
         torque_scale: the fraction of its torques that is allowed.
-        acceleration: (n,) [rad/s^2], for an arm whose table has none.
         gains: as {'position.margin': 0.02}; those of limits that are not asked for do nothing.
 
     Raises:
@@ -69,29 +67,26 @@ def make_limits(
     for gain in gains:
         if gain not in known:
             raise UnknownNameError('gain of a limit', gain, known)
-    given = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
-    made = []
-    for name in names:
-        if isinstance(name, Limit):
-            _check_arm(name, model)
-            made.append(name)
-            continue
-        if name not in LIMITS:
-            raise UnknownNameError('limit', name, LIMITS)
-        cls = LIMITS[name]
-        values: dict[str, Any] = {'scale': given[cls.scaled_by]}
-        if any(field.name == 'acceleration' for field in fields(cls)):
-            values['acceleration'] = acceleration
-        for gain in gains:
-            limit, _, field_name = gain.partition('.')
-            if limit == name:
-                values[field_name] = gains[gain]
-        try:
-            made.append(cls(model, **values))
-        except RangeError as error:
-            called = cls.scaled_by if error.name == 'scale' else gain_key(name, error.name)
-            raise error.about(called) from None
+    scales = {'limit_scale': limit_scale, 'torque_scale': torque_scale}
+    made = [_made(name, model, scales, gains) for name in names]
     return Limits(_with_the_acceleration_in_force(made))
+
+
+def _made(
+    name: str | Limit, model: RobotModel, scales: Mapping[str, float], gains: Mapping[str, Any]
+) -> Limit:
+    """The limit of that name; one that was made already is checked, and taken as it is."""
+    if isinstance(name, Limit):
+        _check_arm(name, model)
+        return name
+    if name not in LIMITS:
+        raise UnknownNameError('limit', name, LIMITS)
+    cls = LIMITS[name]
+    try:
+        return cls(model, scale=scales[cls.scaled_by], **own_gains(LIMITS, name, gains))
+    except RangeError as error:
+        called = cls.scaled_by if error.name == 'scale' else gain_key(name, error.name)
+        raise error.about(called) from None
 
 
 def _with_the_acceleration_in_force(limits: list[Limit]) -> list[Limit]:
