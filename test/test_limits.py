@@ -12,6 +12,7 @@ from redres_ros.constrained import solve_constrained
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
+from redres_ros.limits.joint import AccelerationLimit
 from redres_ros.resolution import resolve
 from redres_ros.robot_model import RobotState
 
