@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,14 @@ TIP = 'tip'
 _ELBOW = 'elbow'
 
 _FARTHEST = 100.0  # [m]
-_NO_SHAPE = {4: (0.0,) * 4, 6: (0.0,) * 6}  # of that many numbers: ROS knows no empty array
 _SHORTEST = 1e-12  # [m] of a vector that has a direction
 _FACES = ('-x', '-y', '-z', '+x', '+y', '+z')  # of a box
 _INWARDS = np.concatenate((np.eye(3), -np.eye(3)))  # from each of them
+
+
+def _shapes(size: int, description: str) -> Any:
+    """A field of shapes, of so many numbers each; zeros for none: ROS knows no empty array."""
+    return param((0.0,) * size, description, -_FARTHEST, _FARTHEST, live=True)
 
 
 class _Walls(NamedTuple):
@@ -95,41 +99,17 @@ class WorkspaceLimit(ClearanceLimit):
         'points that are kept inside: tip, elbow or names of links, separated by commas',
         live=True,
     )
-    half_spaces: tuple[float, ...] = param(
-        _NO_SHAPE[4],
-        'a x + b y + c z <= d: a, b, c and d [m] of each; a = b = c = 0 for none',
-        -_FARTHEST,
-        _FARTHEST,
-        live=True,
+    half_spaces: tuple[float, ...] = _shapes(
+        4, 'a x + b y + c z <= d: a, b, c and d [m] of each; a = b = c = 0 for none'
     )
-    inside_boxes: tuple[float, ...] = param(
-        _NO_SHAPE[6],
-        'least x, y, z and largest x, y, z [m] of each box to stay in; of no size for none',
-        -_FARTHEST,
-        _FARTHEST,
-        live=True,
+    inside_boxes: tuple[float, ...] = _shapes(
+        6, 'least x, y, z and largest x, y, z [m] of each box to stay in; of no size for none'
     )
-    outside_boxes: tuple[float, ...] = param(
-        _NO_SHAPE[6],
-        'the same of each box to stay out of',
-        -_FARTHEST,
-        _FARTHEST,
-        live=True,
+    outside_boxes: tuple[float, ...] = _shapes(6, 'the same of each box to stay out of')
+    inside_spheres: tuple[float, ...] = _shapes(
+        4, 'x, y, z of the centre and the radius [m] of each sphere to stay in; radius 0 for none'
     )
-    inside_spheres: tuple[float, ...] = param(
-        _NO_SHAPE[4],
-        'x, y, z of the centre and the radius [m] of each sphere to stay in; radius 0 for none',
-        -_FARTHEST,
-        _FARTHEST,
-        live=True,
-    )
-    outside_spheres: tuple[float, ...] = param(
-        _NO_SHAPE[4],
-        'the same of each sphere to stay out of',
-        -_FARTHEST,
-        _FARTHEST,
-        live=True,
-    )
+    outside_spheres: tuple[float, ...] = _shapes(4, 'the same of each sphere to stay out of')
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -160,7 +140,7 @@ class WorkspaceLimit(ClearanceLimit):
 
     @cached_property
     def _walls(self) -> _Walls:
-        half_spaces = self._shapes('half_spaces', 4)
+        half_spaces = self._shapes_in('half_spaces', 4)
         lengths = np.linalg.norm(half_spaces[:, :3], axis=1)
         half_spaces = half_spaces[lengths > 0.0] / lengths[lengths > 0.0, None]
         inside = self._boxes('inside_boxes')  # (2, b, 3)
@@ -187,7 +167,7 @@ class WorkspaceLimit(ClearanceLimit):
             np.repeat((1.0, -1.0), (len(spheres_in), len(spheres_out))),
         )
 
-    def _shapes(self, name: str, size: int) -> np.ndarray:
+    def _shapes_in(self, name: str, size: int) -> np.ndarray:
         """The shapes in a field, (shapes, size)."""
         values = getattr(self, name)
         if len(values) % size:
@@ -196,12 +176,12 @@ class WorkspaceLimit(ClearanceLimit):
 
     def _spheres(self, name: str) -> np.ndarray:
         """Centre and radius of the spheres in a field, (s, 4) [m]."""
-        spheres = self._shapes(name, 4)
+        spheres = self._shapes_in(name, 4)
         return spheres[spheres[:, 3] > 0.0]
 
     def _boxes(self, name: str) -> np.ndarray:
         """Least and largest x, y, z of the boxes in a field, (2, b, 3) [m]."""
-        boxes = self._shapes(name, 6).reshape(-1, 2, 3)
+        boxes = self._shapes_in(name, 6).reshape(-1, 2, 3)
         for lower, upper in boxes:
             if not (lower <= upper).all():
                 raise ArrayError(
