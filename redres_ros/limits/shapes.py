@@ -43,7 +43,7 @@ def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
     """
     limits = value('limits')
     if 'collision' in limits:
-        yield _floor(value('collision.floor'))
+        yield _plate(np.array((0.0, 0.0, value('collision.floor') - _THICKNESS / 2.0)))
         yield from _spheres(value('collision.spheres'), keeps_in=False)
     if 'workspace' in limits:
         for side in ('inside', 'outside'):
@@ -99,10 +99,6 @@ def _turned_plate(normal: np.ndarray, centre: np.ndarray) -> DrawnShape:
         half = np.array((1.0, 0.0, 0.0, 0.0))
     turn = tuple((half / np.linalg.norm(half)).tolist())
     return _plate(centre)._replace(quaternion=turn)
-
-
-def _floor(height: float) -> DrawnShape:
-    return _plate(np.array((0.0, 0.0, height - _THICKNESS / 2.0)))
 
 
 def _plate(centre: np.ndarray) -> DrawnShape:

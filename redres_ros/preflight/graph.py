@@ -176,7 +176,7 @@ def _judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
     if forward and listeners:
         yield from _judge_forwarding(seen)
     for other in (COMMANDS, FORWARD):
-        rivals = [name for name in seen.publishers.get(other, ()) if not _is_controller(name)]
+        rivals = [name for name in seen.publishers.get(other, ()) if Path(name).name != CONTROLLER]
         if rivals:
             text = f'{", ".join(rivals)} publishes {other} too; only the controller may'
             yield Verdict(Level.FAULT, 'commands', text)
@@ -208,10 +208,6 @@ def _judge_forwarding(seen: GraphSnapshot) -> Iterator[Verdict]:
         if state != 'active':
             command = f'ros2 control set_hardware_component_state {name} active'
             yield Verdict(Level.NOTE, 'hardware', f'{name} is {state}: {command}')
-
-
-def _is_controller(name: str) -> bool:
-    return Path(name).name == CONTROLLER
 
 
 def _judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:

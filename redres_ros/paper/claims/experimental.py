@@ -3,12 +3,9 @@
 import numpy as np
 
 from redres_ros.paper.claims.claim import Finding, claim
-from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.runs import Runs
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion, differentiate
 from redres_ros.paper.velocity_difference import VelocityDifference
-from redres_ros.planning.waypoints import WaypointTask
-from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
 
 # fraction of the largest velocity up to which two experiments count as practically the same
@@ -51,7 +48,8 @@ def seen(runs: Runs) -> Finding:
 def finishes(runs: Runs) -> Finding:
     """The run of Figs. 11 and 12."""
     tried = runs['measured_23']
-    error = _end_error(tried, runs.experiment_model, runs.task)
+    end, _ = runs.experiment_model.tip(tried.q[-1])
+    error = float(np.linalg.norm(end - runs.task.waypoints[-1]))
     return Finding(
         tried.recording.finished and error < 0.001,
         f'{tried.recording.ending}, {1e3 * error:.3f} mm from it',
@@ -182,7 +180,3 @@ def _filtered(recording: Recording) -> float:
 
 def _until(recording: Recording, t: float) -> np.ndarray:
     return recording.vectors('q1')[: round(t / recording.T)]
-
-
-def _end_error(tried: Experiment, model: RobotModel, task: WaypointTask) -> float:
-    return float(np.linalg.norm(model.tip(tried.q[-1])[0] - task.waypoints[-1]))

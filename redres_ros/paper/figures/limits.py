@@ -1,6 +1,7 @@
 """Figures 17 and 18, not in the paper: the same laws within the limits of the joints."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +18,7 @@ from redres_ros.simulation.recording import Recording
 _SIZE = (10.0, 7.4)  # [in]
 _HEIGHTS = (2.0, 1.0, 1.0)  # of the panels
 _LEAST = 1e-3  # of the logarithmic axis
+_ALLOWED: dict[str, Any] = {'color': 'black', 'ls': ':', 'lw': 1.2}
 _COLOURS = ('0.6', law_colour('minimum_velocity'))  # of the law without and with more limits
 
 
@@ -27,14 +29,12 @@ def figure_17(runs: Runs) -> Figure:
         'position, velocity, acceleration': runs['within_limits'],
     }
     heading = f'{title(17, "measured_2")},\nwithout and within limits'
-    figure, panels = time_panels(3, heading, _SIZE, _HEIGHTS)
-    _draw_usage(panels[0], tried, lambda each: acceleration_usage(each, runs.experiment_model))
-    panels[0].set_ylabel('largest acceleration\n[fraction of the limit]')
-    panels[0].set_yscale('log')
-    panels[0].set_ylim(bottom=_LEAST)
-    _draw_limit(panels[0], 1.0, 'limit')
-    _draw_rest(panels, tried)
-    legend_below(panels[-1], panels[0])
+    figure, ax = _draw(heading, tried, lambda each: acceleration_usage(each, runs.experiment_model))
+    ax.set_ylabel('largest acceleration\n[fraction of the limit]')
+    ax.set_yscale('log')
+    ax.set_ylim(bottom=_LEAST)
+    ax.axhline(1.0, label='limit', **_ALLOWED)
+    legend_below(figure.axes[-1], ax)
     return figure
 
 
@@ -45,13 +45,11 @@ def figure_18(runs: Runs) -> Figure:
         f'and torque, {TORQUE_SCALE:g} of the torque limits': runs['within_torques'],
     }
     heading = f'{title(18, "within_torques")},\ntorque limits kept through a position interface'
-    figure, panels = time_panels(3, heading, _SIZE, _HEIGHTS)
-    _draw_usage(panels[0], tried, lambda each: torque_usage(each, runs.experiment_model))
-    panels[0].set_ylabel('largest torque\n[fraction of the limit]')
-    panels[0].set_ylim(bottom=0.0)
-    _draw_limit(panels[0], TORQUE_SCALE, 'allowed')
-    _draw_rest(panels, tried)
-    legend_below(panels[-1], panels[0])
+    figure, ax = _draw(heading, tried, lambda each: torque_usage(each, runs.experiment_model))
+    ax.set_ylabel('largest torque\n[fraction of the limit]')
+    ax.set_ylim(bottom=0.0)
+    ax.axhline(TORQUE_SCALE, label='allowed', **_ALLOWED)
+    legend_below(figure.axes[-1], ax)
     return figure
 
 
@@ -68,27 +66,21 @@ def torque_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     return np.abs(tau / model.tau_max).max(axis=1)
 
 
-def _draw_usage(
-    ax: Axes, tried: dict[str, Experiment], usage: Callable[[Recording], np.ndarray]
-) -> None:
+def _draw(
+    heading: str, tried: dict[str, Experiment], usage: Callable[[Recording], np.ndarray]
+) -> tuple[Figure, Axes]:
+    """How much of a limit is used, in the panel that is returned; below it how fast the task goes
+    on, and how far from its path the tip is.
+    """
+    figure, (limit, scaling, error) = time_panels(3, heading, _SIZE, _HEIGHTS)
     for (label, each), color in zip(tried.items(), _COLOURS, strict=True):
         recording = each.recording
-        ax.plot(recording['t'], usage(recording), color=color, lw=1.2, label=label)
+        t = recording['t']
+        limit.plot(t, usage(recording), color=color, lw=1.2, label=label)
+        scaling.plot(t, recording['task_scaling'], color=color, lw=1.2)
+        error.plot(t, 1e3 * recording['task_error'], color=color, lw=1.2)
         if each.stop_reason:
-            end = recording['t'][-1]
-            ax.axvline(end, color='tab:red', ls='--', lw=1.2, label=f'stopped at {end:.2f} s')
-
-
-def _draw_limit(ax: Axes, usage: float, name: str) -> None:
-    ax.axhline(usage, color='black', ls=':', lw=1.2, label=name)
-
-
-def _draw_rest(panels: list[Axes], tried: dict[str, Experiment]) -> None:
-    """How fast the task goes on, and how far from its path the tip is."""
-    _, scaling, error = panels
-    for each, color in zip(tried.values(), _COLOURS, strict=True):
-        recording = each.recording
-        scaling.plot(recording['t'], recording['task_scaling'], color=color, lw=1.2)
-        error.plot(recording['t'], 1e3 * recording['task_error'], color=color, lw=1.2)
+            limit.axvline(t[-1], color='tab:red', ls='--', label=f'stopped at {t[-1]:.2f} s')
     scaling.set_ylabel('task scaling $s$ [-]')
     error.set_ylabel('task error [mm]')
+    return figure, limit

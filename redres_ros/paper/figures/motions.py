@@ -37,7 +37,8 @@ def draw(number: int, name: str, runs: Runs) -> Figure:
         model = runs.experiment_model
     task = MOTIONS[name].task(runs)
     figure = Figure(figsize=(13.0, 7.0), layout='constrained')
-    figure.suptitle(f'{title(number, name)}\n{_ending(recording)}')
+    ending = recording.ending.replace('rad/s^2', 'rad/s²')
+    figure.suptitle(f'{title(number, name)}\n{ending}')
     left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.0, 1.35)))
     ax = left.add_subplot(projection='3d')
     draw_paths(ax, recording, model, task)
@@ -67,10 +68,6 @@ def _draw_pictures(
         ax.imshow(picture)
         ax.set_title(f't = {t:.2f} s', fontsize='medium')
         ax.set_axis_off()
-
-
-def _ending(recording: Recording) -> str:
-    return recording.ending.replace('rad/s^2', 'rad/s²')
 
 
 def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: WaypointTask) -> Film:
