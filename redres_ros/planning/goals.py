@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from redres_ros.errors import RedresError
+from redres_ros.interpolation import PEAK_SPEED
 from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param
@@ -230,10 +231,9 @@ def way_to(
     """
     distance = float(np.linalg.norm(x_end - x))
     angle = float(np.linalg.norm(rotation_error(R, R_end))) if turns else 0.0
-    peak = 15.0 / 8.0  # of Eq. (36), over the mean
     return replace(
         task,
         waypoints=np.array((x, x_end)),
         orientations=np.array((R, R_end)) if turns else None,
-        segment_time=max(peak * max(distance, LEVER * angle) / speed, _SHORTEST),
+        segment_time=max(PEAK_SPEED * max(distance, LEVER * angle) / speed, _SHORTEST),
     )

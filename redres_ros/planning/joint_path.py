@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.interpolation import quintic
+from redres_ros.interpolation import PEAK_ACCELERATION, PEAK_SPEED, quintic
 from redres_ros.robot_model import RobotModel
 
-_PEAK_SPEED = 15.0 / 8.0  # of Eq. (36): largest ds/dxi
-_PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)  # largest d2s/dxi2
 _SHORTEST = 0.5  # [s]
 _GAIN = 10.0  # k_P of the feedback [1/s]
 _TOLERANCE = 0.005  # [rad] at which the end counts as reached
@@ -64,8 +62,8 @@ class JointPath:
         self._velocity = velocity
         self._turning = np.zeros(len(q_start), bool) if turning is None else turning
         distance = np.abs(self._delta)
-        by_speed = _PEAK_SPEED * distance / velocity  # (n,) [s]
-        by_acceleration = np.sqrt(_PEAK_ACCELERATION * distance / acceleration)  # (n,) [s]
+        by_speed = PEAK_SPEED * distance / velocity  # (n,) [s]
+        by_acceleration = np.sqrt(PEAK_ACCELERATION * distance / acceleration)  # (n,) [s]
         self.duration = float(max(by_speed.max(), by_acceleration.max(), _SHORTEST))  # [s]
 
     def reference(self, q: np.ndarray, t: float, rate: float = 1.0) -> JointReference:

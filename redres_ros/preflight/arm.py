@@ -79,13 +79,9 @@ def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
 def _model_of(expected: ExpectedArm, description: str) -> RobotModel:
     if expected.robot != TOPIC:
         return RobotModel(choose_arm(expected.robot, expected.tip_frame))
-    return RobotModel(arm_from_urdf(_published(description), expected.tip_frame))
-
-
-def _published(description: str) -> str:
     if not description:
         raise RedresError(f'the arm comes from {DESCRIPTION}, which has no publisher')
-    return description
+    return RobotModel(arm_from_urdf(description, expected.tip_frame))
 
 
 def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> Iterator[Verdict]:

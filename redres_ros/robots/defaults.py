@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from redres_ros.interpolation import PEAK_ACCELERATION, PEAK_SPEED
 from redres_ros.robots.kinematics import Kinematics
 
 _REVOLUTE_ACCELERATION = 10.0  # [rad/s^2]
@@ -189,7 +190,7 @@ def _nearest(kinematics: Kinematics, q: np.ndarray, x: np.ndarray) -> np.ndarray
 def _segment_time(kinematics: Kinematics, path: np.ndarray, acceleration: np.ndarray) -> float:
     """Time a side [s], to a tenth, from how far each joint goes for a side at its fastest."""
     rates = np.abs(np.diff(path, axis=0)).max(axis=0) * _SIDE_STEPS  # (n,) [rad] or [m] a side
-    by_velocity = 1.875 * rates / (_USED * kinematics.velocity)  # 15/8: peak of ds, Eq. (36)
-    by_acceleration = np.sqrt(5.774 * rates / (_USED * acceleration))  # 10/sqrt(3): of dds
+    by_velocity = PEAK_SPEED * rates / (_USED * kinematics.velocity)
+    by_acceleration = np.sqrt(PEAK_ACCELERATION * rates / (_USED * acceleration))
     longest = max(_SHORTEST, float(by_velocity.max()), float(by_acceleration.max()))
     return float(np.ceil(10.0 * longest) / 10.0)
