@@ -1,8 +1,115 @@
-"""What the arm is to do: a policy, how it is made from names, and the crossfade to another one."""
+"""What the arm is to do: a policy, made here from names and gains, and the crossfade to another."""
 
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from redres_ros.laws import LAWS, Law
+from redres_ros.parameter import (
+    as_tuple,
+    check_once,
+    gain_key,
+    make,
+    own_gains,
+    parameters,
+    resolve_entry,
+)
 from redres_ros.policy.crossfade import Crossfade, advanced
-from redres_ros.policy.from_names import make_policy
 from redres_ros.policy.policy import SCALING, SPEED_LIMIT, Hold, Motion, Policy
+from redres_ros.preferences import PREFERENCES, Preference
+from redres_ros.robot_model import RobotModel
+from redres_ros.tasks import TASKS, Task
+
+if TYPE_CHECKING:
+    from redres_ros.limits import Limits
+    from redres_ros.limits.limit import Limit
+
+
+def make_policy(
+    model: RobotModel,
+    law: str | Law,
+    *,
+    task: str | Task = 'position',
+    limits: 'Iterable[str | Limit]' = (),
+    limit_scale: float = 1.0,
+    torque_scale: float = 1.0,
+    preferences: Iterable[str | Preference] = (),
+    secondary_tasks: Iterable[str | Task] = (),
+    scaling: str = 'task',
+    gains: Mapping[str, Any] = MappingProxyType({}),
+) -> Policy:
+    """A policy from names and gains.
+
+    Args:
+        model: The arm.
+        law: A name in LAWS, or a law.
+        task: The first task: a name in TASKS, or a task.
+        limits: Names in LIMITS, or limits.
+        limit_scale: Factor on the arm's velocity and acceleration limits.
+        torque_scale: Factor on its torque limits.
+        preferences: Names in PREFERENCES, or preferences.
+        secondary_tasks: Names in TASKS, or tasks, in order of priority.
+        scaling: One of SCALING: what limits scale.
+        gains: Of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
+            building blocks that are not in use do nothing.
+
+    Raises:
+        UnknownNameError: A name that is in no table.
+        RangeError: A gain or a scale outside its range.
+        RepeatedNameError: A limit, preference or task that is named twice.
+        ArrayError: Limits that the arm has no figures for, a target that does not fit.
+    """
+    policy = Policy(
+        _entry('law', LAWS, Law, law, gains),
+        _entry('task', TASKS, Task, task, {}),
+        _entries('preference', PREFERENCES, Preference, preferences, gains),
+        _entries('task', TASKS, Task, secondary_tasks, gains),
+        _limits(model, limits, limit_scale, torque_scale, gains),
+        scaling,
+    )
+    policy.check(model)
+    return policy
+
+
+def _entry(
+    kind: str, table: Mapping[str, Any], base: type, entry: Any, gains: Mapping[str, Any]
+) -> Any:
+    if isinstance(entry, str) and entry in table:
+        return make(kind, table, entry, own_gains(table, entry, gains))
+    return resolve_entry(kind, table, base, entry)
+
+
+def _entries(
+    kind: str, table: Mapping[str, Any], base: type, entries: Any, gains: Mapping[str, Any]
+) -> tuple[Any, ...]:
+    given = as_tuple(entries)
+    check_once(kind, given)
+    return tuple(_entry(kind, table, base, entry, gains) for entry in given)
+
+
+def _limits(
+    model: RobotModel,
+    limits: 'Iterable[str | Limit]',
+    limit_scale: float,
+    torque_scale: float,
+    gains: Mapping[str, Any],
+) -> 'Limits | None':
+    given = as_tuple(limits)
+    others = gains.keys() - {*_gain_keys(LAWS), *_gain_keys(PREFERENCES), *_gain_keys(TASKS)}
+    if not given and not others:
+        return None
+    from redres_ros.limits import gain_names, make_limits  # compiled: loaded only if in use
+
+    own = {key: gains[key] for key in gains.keys() & (others | set(gain_names()))}
+    made = make_limits(
+        given, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
+    )  # refuses gains of nothing
+    return made if given else None
+
+
+def _gain_keys(table: Mapping[str, type]) -> set[str]:
+    return {gain_key(name, field.name) for name in table for field in parameters(table[name])}
+
 
 __all__ = [
     'SCALING',
