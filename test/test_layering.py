@@ -13,10 +13,10 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own subpackage.
 LAYERS = (
-    {'errors'},
+    {'errors', 'interpolation'},
     {'files'},
     {'kernels'},
-    {'parameter', 'rotation', 'interpolation', 'robots'},
+    {'parameter', 'rotation', 'robots'},
     {'vectors'},
     {'resolution', 'robot_model'},
     {'constrained', 'singularity'},
