@@ -19,11 +19,11 @@ from redres_ros import LAWS, Controller, Effort, Recording, RobotModel, load_tas
 from redres_ros.paper.figures.architecture import figure_1
 from redres_ros.simulation import batch
 from redres_ros.simulation.colours import law_colour
-from redres_ros.simulation.dampings import GOOD, Trials, sweep
 from redres_ros.simulation.drawing import legend_below, time_panels
 from redres_ros.simulation.effort import acceleration_usage
 from redres_ros.simulation.parallel import in_parallel
 from redres_ros.simulation.report import progress_bar
+from redres_ros.simulation.summary import GOOD, Trials, sweep
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / 'README.md', ROOT / 'docs' / 'choosing_a_law.md', ROOT / 'docs' / 'limits.md')

@@ -7,8 +7,8 @@ from redres_ros import RobotModel
 from redres_ros.cli import main
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.case import Case
-from redres_ros.simulation.dampings import GOOD, Trials, damping_table, sweep
 from redres_ros.simulation.random_tasks import random_task
+from redres_ros.simulation.summary import GOOD, Trials, damping_table, sweep
 
 
 @pytest.mark.slow

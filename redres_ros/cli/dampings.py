@@ -28,8 +28,8 @@ def add(commands: Any) -> None:
 
 def _dampings(options: argparse.Namespace) -> int:
     from redres_ros.simulation.case import Case
-    from redres_ros.simulation.dampings import damping_table, sweep
     from redres_ros.simulation.report import print_tables, progress_bar
+    from redres_ros.simulation.summary import damping_table, sweep
 
     if not 1 <= options.tasks <= _MOST:
         raise RangeError('tasks', options.tasks, 1, _MOST)
