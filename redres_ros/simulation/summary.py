@@ -1,5 +1,5 @@
-"""What many motions say together: each law beside the first one, or each damping beside the best, on
-the same tasks.
+"""What many motions of the same tasks say together: each law beside the first one, each damping
+beside the best.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
