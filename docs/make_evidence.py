@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from make_numbers import replaced
+from make_numbers import markdown, write
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -47,12 +47,13 @@ def main() -> None:
     short = read(options.short)
     long = read(options.long)
     draw(short).savefig(FOLDER / 'evidence.png', dpi=110)
-    page = PAGE.read_text(encoding='utf-8')
-    page = replaced(page, 'evidence_sample', sample(short, long))
-    page = replaced(page, 'evidence', default_table(short))
-    page = replaced(page, 'evidence_laws', table(short))
-    page = replaced(page, 'evidence_long', long_table(long))
-    PAGE.write_text(page, encoding='utf-8')
+    blocks = {
+        'evidence_sample': sample(short, long),
+        'evidence': default_table(short),
+        'evidence_laws': table(short),
+        'evidence_long': long_table(long),
+    }
+    write(blocks, [PAGE])
 
 
 def read(path: Path) -> list[Result]:
@@ -104,11 +105,11 @@ def distance(result: Result) -> float:
 
 def default_table(results: Sequence[Result]) -> str:
     """The default beside the first law, by how near the task comes to a singularity."""
-    lines = [
-        '| σ_min / reach | limits | tasks | peak ‖q̈‖ | 20 % lower | 25 % higher '
-        '| finished within limits | mean time lost [s] |',
-        '|---|---|---|---|---|---|---|---|',
-    ]
+    heads = (
+        'σ_min / reach | limits | tasks | peak ‖q̈‖ | 20 % lower | 25 % higher '
+        '| finished within limits | mean time lost [s]'
+    )
+    rows = []
     near = distances(results)
     for lower, upper in pairwise(EDGES):
         for limited in (False, True):
@@ -126,17 +127,17 @@ def default_table(results: Sequence[Result]) -> str:
                 f'{_share(ours)}; {_share(firsts)}',
                 f'{_time_lost(ours)}; {_time_lost(firsts)}' if limited else '–',
             ]
-            lines.append(f'| {" | ".join(cells)} |')
-    return '\n'.join(lines) + '\n'
+            rows.append(cells)
+    return markdown(heads, rows)
 
 
 def table(results: Sequence[Result]) -> str:
     """All laws, far from singularities and near them; accelerations also with limits."""
-    lines = [
-        '| σ_min / reach | law | within limits | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
-        '| limits on: peak ‖q̈‖ | mean time lost [s] |',
-        '|---|---|---|---|---|---|---|---|---|',
-    ]
+    heads = (
+        'σ_min / reach | law | within limits | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
+        '| limits on: peak ‖q̈‖ | mean time lost [s]'
+    )
+    rows = []
     free = pairs(results, limited=False)
     limited = pairs(results, limited=True)
     near = distances(results)
@@ -152,17 +153,17 @@ def table(results: Sequence[Result]) -> str:
                 shown(ratios(kept, 'peak |ddq|')),
                 _time_lost([each for each, _ in kept]),
             ]
-            lines.append(f'| {" | ".join(cells)} |')
-    return '\n'.join(lines) + '\n'
+            rows.append(cells)
+    return markdown(heads, rows)
 
 
 def long_table(results: Sequence[Result]) -> str:
     """All laws on long tasks, with limits."""
-    lines = [
-        '| law | finished | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
-        '| closure [rad] | mean time lost [s] |',
-        '|---|---|---|---|---|---|---|---|',
-    ]
+    heads = (
+        'law | finished | peak ‖q̈‖ | RMS ‖q̈‖ | peak ‖τ‖ | energy '
+        '| closure [rad] | mean time lost [s]'
+    )
+    rows = []
     for law, found in pairs(results, limited=True).items():
         closures = [each.closure for each, _ in found if each.finished]
         cells = [
@@ -172,8 +173,8 @@ def long_table(results: Sequence[Result]) -> str:
             f'{np.median(closures):.2f}',
             _time_lost([each for each, _ in found]),
         ]
-        lines.append(f'| {" | ".join(cells)} |')
-    return '\n'.join(lines) + '\n'
+        rows.append(cells)
+    return markdown(heads, rows)
 
 
 def distances(results: Sequence[Result]) -> dict[Task, float]:

@@ -123,7 +123,7 @@ def effort_table(results: Results) -> str:
         damping = f'{case.damping:g}' if LAWS[case.law].has_memory else '–'
         figures = [_figure(getattr(effort, name), least[name]) for name in _EFFORT]
         rows.append([f'`{case.law}`', damping, *figures])
-    return _table(heads, rows)
+    return markdown(heads, rows)
 
 
 def limits_table(results: Results) -> str:
@@ -132,7 +132,7 @@ def limits_table(results: Results) -> str:
     for law in LAWS:
         cells = [_cell(results, law, task) for task in TASKS]
         rows.append([f'`{law}`', *cells])
-    return _table('law | ' + ' | '.join(f'`{task}`' for task in TASKS), rows)
+    return markdown('law | ' + ' | '.join(f'`{task}`' for task in TASKS), rows)
 
 
 def damping_table(results: Results) -> str:
@@ -146,7 +146,7 @@ def damping_table(results: Results) -> str:
         ['within the limits?', *kept],
         ['end with limits on [s]', *ends],
     ]
-    return _table(heads, rows)
+    return markdown(heads, rows)
 
 
 def headline(results: Results) -> str:
@@ -201,7 +201,7 @@ def sweep_table(results: Sequence[Trials]) -> str:
             rows.append(['', name, *(f'{ratio:.3g}' for ratio in trials.quantiles(share))])
         kept = [f'{share:.0%}' for share in trials.kept.mean(axis=0)]
         rows.append(['', "within the joints' limits", *kept])
-    return _table(heads, rows)
+    return markdown(heads, rows)
 
 
 def _cell(results: Results, law: str, task: str) -> str:
@@ -228,7 +228,13 @@ def _figure(value: float, least: float) -> str:
     return f'**{text}**' if value == least else text
 
 
-def _table(heads: str, rows: Sequence[Sequence[str]]) -> str:
+def markdown(heads: str, rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown.
+
+    Args:
+        heads: Of the columns, with ' | ' between them.
+        rows: Of cells.
+    """
     rule = '|'.join('---' for _ in heads.split(' | '))
     lines = [f'| {heads} |', f'|{rule}|', *(f'| {" | ".join(row)} |' for row in rows)]
     return '\n'.join(lines) + '\n'
@@ -361,9 +367,9 @@ def block(page: str, name: str) -> str:
     return found[2]
 
 
-def write(blocks: dict[str, str]) -> None:
+def write(blocks: dict[str, str], pages: Sequence[Path] = PAGES) -> None:
     """Write blocks into whichever pages have them."""
-    for path in PAGES:
+    for path in pages:
         page = path.read_text(encoding='utf-8')
         for name, text in blocks.items():
             page = replaced(page, name, text)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from make_numbers import replaced
+from make_numbers import markdown, write
 from matplotlib.figure import Figure
 
 from redres_ros import RobotModel
@@ -58,15 +58,12 @@ class WatchedOperator(GoalOperator):
 
 def table(content: dict) -> str:
     """The runs of a bench.json as a table, one row each."""
-    lines = [f'| operator, arm | controller | {" | ".join(HEADS)} |']
-    lines.append('|' + '---|' * (len(HEADS) + 2))
+    rows = []
     for name, figures in content['runs'].items():
         operator, arm, controller = name.split(', ', 2)
-        row = ' | '.join(cells(OperatorFigures(**figures)))
-        lines.append(f'| {operator}, {arm} | {controller} | {row} |')
-    lines.append('')
-    lines.append(f'*{content["duration_s"]:g} s each, seeds: {content["seeds"]}.*')
-    return '\n'.join(lines) + '\n'
+        rows.append((f'{operator}, {arm}', controller, *cells(OperatorFigures(**figures))))
+    runs = markdown(' | '.join(('operator, arm', 'controller', *HEADS)), rows)
+    return f'{runs}\n*{content["duration_s"]:g} s each, seeds: {content["seeds"]}.*\n'
 
 
 def recorded(scaling: str, model: RobotModel) -> Recording:
@@ -139,8 +136,7 @@ def draw(motions: dict[str, Recording]) -> Figure:
 def main() -> None:
     """Write the table and draw."""
     content = json.loads(Path(sys.argv[1]).read_text(encoding='utf-8'))['teleoperation']
-    page = PAGE.read_text(encoding='utf-8')
-    PAGE.write_text(replaced(page, 'teleoperation', table(content)), encoding='utf-8')
+    write({'teleoperation': table(content)}, [PAGE])
     model = RobotModel.named('fr3')
     motions = {scaling: recorded(scaling, model) for scaling in COLOURED_AS}
     draw(motions).savefig(PAGE.with_suffix('.png'), dpi=110)

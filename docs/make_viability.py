@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from make_numbers import replaced
+from make_numbers import markdown, write
 
 from redres_ros import Controller, RobotModel
 from redres_ros.limits import make_limits
@@ -29,10 +29,8 @@ Excess = Callable[[np.ndarray, np.ndarray, np.ndarray], float]
 
 def main() -> None:
     """Measure, and write the table."""
-    lines = [
-        '| arm | limits | states | no next velocity | beyond a limit later | at most by |',
-        '|---|---|---|---|---|---|',
-    ]
+    heads = 'arm | limits | states | no next velocity | beyond a limit later | at most by'
+    rows = []
     for name in ARMS:
         model = RobotModel.named(name)
         for label, limits, scales, excess in (
@@ -43,11 +41,8 @@ def main() -> None:
             ('half of all limits', (*BOX, 'torque'), (0.5, 0.5), torque_excess(model, 0.5)),
         ):
             arm = f'`{name}`' if label == 'joints' else ''
-            lines.append(f'| {arm} | {label} | {measured(model, limits, scales, excess)} |')
-    table = '\n'.join(lines) + '\n'
-    PAGE.write_text(
-        replaced(PAGE.read_text(encoding='utf-8'), 'viability', table), encoding='utf-8'
-    )
+            rows.append((arm, label, measured(model, limits, scales, excess)))
+    write({'viability': markdown(heads, rows)}, [PAGE])
 
 
 def measured(
