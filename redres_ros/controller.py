@@ -83,7 +83,7 @@ class Controller:
         Raises:
             RangeError: For T, switch_time, a scale or the law's damping.
             UnknownNameError: For a name that is in no table, and for a frame or a joint of a task
-                that the arm has not got.
+                that the arm does not have.
             ArrayError: For limits that the arm has no figures for, and for a target that does not
                 fit the arm.
         """
@@ -100,7 +100,7 @@ class Controller:
         self._integrate_from = integrate_from
         self.bridging = bridging
         self.measurements: Mapping[str, np.ndarray] = {}  # by name, for preferences and limits
-        self.gap = 1  # cycles between two commands, at most: joints stop in time all the same
+        self.gap = 1  # cycles between two commands, at most: joints still stop in time
         self.longest_gap = 1  # the same, once on the way to the end of a range
         self.moving = True  # whether the policy is followed, or being faded in; not after hold()
         self._multi_turn = np.flatnonzero(model.q_max - model.q_min > _TURN)  # joints
@@ -137,7 +137,7 @@ class Controller:
     def reference(self) -> np.ndarray:
         """The last position reference, (n,) [rad]. Raises RedresError before the first."""
         if self._q_ref is None:
-            raise RedresError('the arm stands nowhere yet; expected an update() or a place() first')
+            raise RedresError('there is no reference yet; expected an update() or a place() first')
         return self._q_ref
 
     def set_policy(self, policy: Policy) -> None:
@@ -225,7 +225,7 @@ class Controller:
     def reset(self) -> None:
         """Restart at the measured position, at rest.
 
-        With a limit on the acceleration an arm in motion brakes first, and begins anew where its
+        With a limit on the acceleration an arm in motion brakes first, and starts again where its
         reference is by then, without velocity history: nothing steps.
         """
         limits = self.policy.limits

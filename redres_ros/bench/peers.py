@@ -317,7 +317,7 @@ def _pink_twists(arm: Arm, T: float) -> TwistPeer:
 
 
 def _mink_twists(arm: Arm, T: float) -> TwistPeer:
-    """Without a limit on accelerations, which it has not got."""
+    """Without a limit on accelerations, which it does not have."""
     from mink import SE3, SO3, Configuration, FrameTask, solve_ik
     from mink.limits import ConfigurationLimit, VelocityLimit
 

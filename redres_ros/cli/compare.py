@@ -146,7 +146,7 @@ def _compare_one(options: argparse.Namespace) -> int:
     if writes_data:
         print(f'every tick in {options.out}/*.csv')
     if options.limits == NONE:
-        print(f'no limits were kept; as in a demo: --limits {DEMO_LIMITS}')
+        print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
     if not motion.name:
         print('one square says little; on random tasks: --tasks 20 --kind near_singular')
     for remark in motion.model.arm.remarks():

@@ -85,7 +85,7 @@ def _demo(options: argparse.Namespace) -> int:
 
     check_files(options.save or ())
     demo = _make_demo(options)
-    handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps what came of it
+    handle(signal.default_int_handler, signal.SIGTERM)  # as Ctrl-C, which keeps the results
     with (
         own_domain(options.domain) as domain,
         progress_bar(f'{options.law} at {demo.options.rate:g} Hz') as progress,
@@ -96,9 +96,7 @@ def _demo(options: argparse.Namespace) -> int:
         )
         ending = demo.run(progress, _say)
     if ending.interrupted:
-        print(
-            f'ended; what came of it goes to {options.out}, unless Ctrl-C comes again', flush=True
-        )
+        print(f'ended; results go to {options.out}, unless Ctrl-C comes again', flush=True)
     # No process is left to end, and a library would turn the exception into another error.
     with handled(partial(_end_at_once, demo), signal.SIGINT, signal.SIGTERM):
         outcome = demo.outcome(ending)

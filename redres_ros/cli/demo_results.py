@@ -139,7 +139,7 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
     until the terminal is free again.
 
     Args:
-        outcome: What came of the run.
+        outcome: Of the run.
         demo: The run.
         options: The command line.
     """

@@ -20,7 +20,7 @@ def add(commands: Any) -> None:
         'watch',
         'the live state of running nodes; switches their law',
         '--domain 42',
-        '--set law=minimum_velocity  # another law, and what comes of it',
+        '--set law=minimum_velocity  # another law, and its effect',
         '--set limit_scale=0.5 --duration 0  # sets it, and ends',
         '--duration 10 > watch.txt  # a line a second where no terminal is',
     )

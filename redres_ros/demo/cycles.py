@@ -47,11 +47,11 @@ class CycleCounts:
         total = max(self.total, 1)
         rows: list[tuple[str, ...]] = [
             ('cycles of the robot',),
-            ('in all', f'{self.total}, and the clock stood still for {self.stood_still:.3f} s'),
+            ('in all', f'{self.total}; the simulated clock paused for {self.stood_still:.3f} s'),
         ]
         rows += [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
         if self.in_time < _QUIET * total:
-            rows.append(('why', 'this computer was busy; while the clock waits, no motion is lost'))
+            rows.append(('why', 'this computer was busy; no motion is lost while the clock pauses'))
         return rows
 
 

@@ -173,7 +173,7 @@ class Session:
         self._take(self._timing_event())
 
     def refuse(self, error: CommandError) -> None:
-        """Count a refused command. Its cycle is recorded all the same."""
+        """Count a refused command. Its cycle is still recorded."""
         self._refusals[error.kind] += 1
         self._command_error = error
 

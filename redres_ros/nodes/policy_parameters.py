@@ -101,7 +101,7 @@ class PolicyParameters:
 
         Raises:
             RedresError: A value that is not allowed, limits that the arm has no figures for, or a
-                frame or joint that it has not got.
+                frame or joint that it does not have.
         """
         self._next = (self._settings, self._gains, self.policy)
         settings = with_changes(self._settings, changes)

@@ -141,7 +141,7 @@ class Planner(ReferenceSource):
 
         The next segment begins at the first tick at which this one is over, WaypointTask.switching
         saying when that is. A point that can be reached no better, because of what is unachieved,
-        does not keep a segment from ending; the last point must be reached all the same.
+        does not keep a segment from ending; the last point must still be reached.
         """
         if R is not None and self._turns is None:
             self._hold(R)

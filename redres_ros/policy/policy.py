@@ -162,7 +162,7 @@ class Policy:
 
         Raises:
             RangeError: A damping outside [0, 1/T].
-            RedresError: A frame or a joint that the arm has not got, or too few angles.
+            RedresError: A frame or a joint that the arm does not have, or too few angles.
         """
         if T is not None:
             self.law.check_damping(T)

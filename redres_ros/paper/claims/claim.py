@@ -1,4 +1,4 @@
-"""A claim of the paper, and what came of measuring it."""
+"""A claim of the paper, and the measured result."""
 
 import csv
 import textwrap
