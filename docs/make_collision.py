@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.limits.collision import CollisionLimit
+from redres_ros.limits.clearance import CollisionLimit
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.simulation.recording import Recording

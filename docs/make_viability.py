@@ -11,7 +11,7 @@ from make_numbers import markdown, write
 
 from redres_ros import Controller, RobotModel
 from redres_ros.limits import make_limits
-from redres_ros.limits.collision import CollisionLimit
+from redres_ros.limits.clearance import CollisionLimit
 from redres_ros.robots.joint_limits import JointLimits
 
 PAGE = Path(__file__).with_name('limits.md')

@@ -14,7 +14,7 @@ from redres_ros import Command, Controller, RobotModel, RobotState, make_law
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.distances import FLOOR
 from redres_ros.limits import make_limits
-from redres_ros.limits.collision import CollisionLimit
+from redres_ros.limits.clearance import CollisionLimit
 from redres_ros.robots import ARMS, Arm
 from redres_ros.robots.urdf import Urdf
 

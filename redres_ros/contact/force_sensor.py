@@ -79,10 +79,8 @@ class ForceSensor:
         return ''
 
     def at_tip(self, state: RobotState) -> np.ndarray:
-        """Force and moment about the tip in the axes of the base, (6,) [N], [Nm]; once a tick.
-
-        Args:
-            state: Of the arm; a usable wrench has come.
+        """Force and moment about the tip in the axes of the base, (6,) [N], [Nm]; once a tick, if a
+        usable wrench has come.
         """
         measured = self._recent[-1]
         wrench = _to_tip(measured.wrench - self._bias, measured.frame, state)

@@ -11,13 +11,10 @@ _OURS = b'[redres_ros.'  # how a group of ours begins in a declaration
 
 
 def installed(kind: str) -> dict[str, Any]:
-    """Name to class, of every entry point in the group redres_ros.KIND.
+    """Name to class, of every entry point in the group redres_ros.KIND, such as 'laws'.
 
     A package declares one as `wrist_first = my_package.laws:WristFirst`. One that cannot be loaded
     is left out with a warning, so that a stranger's fault does not stop an arm that needs it not.
-
-    Args:
-        kind: Laws, preferences, tasks or limits.
     """
     if not _any_declared():
         return {}

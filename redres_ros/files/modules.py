@@ -5,11 +5,7 @@ import sys
 
 
 def module_command(name: str) -> list[str]:
-    """The beginning of a command line that runs a module.
-
-    Args:
-        name: Of the module, 'redres_ros.…'.
-    """
+    """The beginning of a command line that runs a module 'redres_ros.…'."""
     return [sys.executable, '-P', '-m', name]
 
 

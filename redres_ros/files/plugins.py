@@ -41,11 +41,8 @@ def load_plugins(paths: Iterable[str | Path]) -> None:
 def load_plugin(path: str | Path) -> tuple[str, ...]:
     """Enter every law, preference, task and limit that a file defines into its table.
 
-    A class is called as it is in the tables: `WristFirst` becomes wrist_first. A file that was
-    loaded before is not loaded again.
-
-    Args:
-        path: Of a Python file, which is executed as any program is.
+    A class is called as it is in the tables: `WristFirst` becomes wrist_first. The Python file is
+    executed as any program is, but only once.
 
     Returns:
         The names under which they can be used now.

@@ -8,18 +8,17 @@ from typing import Any
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.files.installed import installed
 from redres_ros.files.plugins import register
-from redres_ros.limits.clearance import ClearanceLimit
-from redres_ros.limits.collision import CollisionLimit
+from redres_ros.limits.clearance import ClearanceLimit, CollisionLimit
 from redres_ros.limits.joint import (
     AccelerationLimit,
     EndSpeedLimit,
     JerkLimit,
     PositionLimit,
+    TorqueLimit,
     VelocityLimit,
 )
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
-from redres_ros.limits.torque import TorqueLimit
 from redres_ros.limits.workspace import WorkspaceLimit
 from redres_ros.parameter import check_once, gain_key, name_of, own_gains, parameters
 from redres_ros.robot_model import RobotModel

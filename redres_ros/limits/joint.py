@@ -1,4 +1,4 @@
-"""Limits of single joints: acceleration, velocity and position. Each is a box."""
+"""Limits of the joints: acceleration, velocity and position, each a box, and torque as rows."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.constrained import Box
+from redres_ros.constrained import Box, Rows
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes
-from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState
+from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes, within
+from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.parameter import param
 
 # What a robot may be shown of its limits. It judges differences of positions, whose 16 digits leave
@@ -257,3 +257,39 @@ class EndSpeedLimit(AccelerationFigures, JointLimit):
         touching = v * A / (D - A)  # the speed at which both curves touch [rad/s]
         before = v**2 / (2.0 * (D - A)) + _CYCLE * touching
         return np.stack((lower + before, upper - before, A))
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueLimit(RowLimit):
+    """-tau_max <= M (dq - dq_prev) / T + n <= tau_max, Eq. (6) with Eq. (13).
+
+    Raises:
+        ArrayError: A joint has no effort limit above zero.
+    """
+
+    order = 1
+    scaled_by = 'torque_scale'
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, tau in zip(self.model.joint_names, self.model.tau_max, strict=True):
+            if not tau > 0.0:
+                raise ArrayError(
+                    f'joint {name} has the effort limit {tau:g} in its URDF; '
+                    'the torque limit needs one above zero'
+                )
+
+    @cached_property
+    def tau_max(self) -> np.ndarray:
+        """The torque that is allowed, (n,) [Nm]."""
+        return self.scale * self.model.tau_max
+
+    def rows(self, state: ReferenceState, T: float) -> Rows:
+        C = state.M / T  # (n, n)
+        rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
+        return C, -self.tau_max - rest, self.tau_max - rest
+
+    def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        ddq = (dq - state.dq_prev) / T  # Eq. (13)
+        tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
+        return bool(within(tau, -self.tau_max, self.tau_max))

@@ -36,11 +36,7 @@ class DrawnShape(NamedTuple):
 
 
 def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
-    """The shapes of the limits that are on.
-
-    Args:
-        value: Of a parameter of the controller by its name: `limits`, or a gain of a limit.
-    """
+    """The shapes of the limits that are on, by the value of each of the controller's parameters."""
     limits = value('limits')
     if 'collision' in limits:
         yield _plate(np.array((0.0, 0.0, value('collision.floor') - _THICKNESS / 2.0)))
@@ -54,10 +50,8 @@ def shapes_of(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
 
 
 def touched(value: Callable[[str], Any]) -> Iterator[DrawnShape]:
-    """The surface that the tip can touch, where it touches it.
-
-    Args:
-        value: Of a parameter of the fake robot by its name.
+    """The surface that the tip can touch, where it touches it, by the value of each of the fake
+    robot's parameters.
     """
     shape = value('contact_shape')
     centre = np.array(value('contact_position'))

@@ -51,13 +51,11 @@ class Sensing:
 
 
 def as_in_the_paper(seed: int) -> Sensing:
-    """Encoders and a recorder like those of Section 6, and a start between two states.
+    """Encoders and a recorder like those of Section 6, and a start between two states; each
+    experiment has a seed of its own.
 
     The paper names rounding, experiments that are not synchronised, and ROS, which does not
     guarantee that all joint positions are taken at the same time.
-
-    Args:
-        seed: Of the noise and of the start; each experiment has one of its own.
     """
     phase = float(np.random.default_rng(seed).uniform())
     return Sensing(Faults(encoder_step=_STEP, encoder_noise=_NOISE), _LATE, phase, seed)

@@ -68,10 +68,8 @@ class Runs(dict[str, Any]):
         return self[name]
 
     def prepare(self, progress: Callable[[float], None]) -> None:
-        """Run everything on all processors, the longest runs first.
-
-        Args:
-            progress: Receives the completed fraction.
+        """Run everything on all processors, the longest runs first; progress receives the completed
+        fraction.
         """
         names = sorted(RUNS, key=lambda name: RUNS[name].seconds, reverse=True)
 

@@ -124,10 +124,8 @@ class SnapshotNode(GraphMonitor):
             self.samples.add(ACTIVITY, self._activity_type, LATCHED)
 
     def look(self, seconds: float) -> GraphSnapshot:
-        """A snapshot over that time, longer while states or a controller are missing.
-
-        Args:
-            seconds: How long to look at least; the node must be spun elsewhere.
+        """A snapshot over that time [s], longer while states or a controller are missing; the node
+        must be spun elsewhere.
         """
         self._collect(seconds)
         if not (self._states and self._count(CONTROLLER)):

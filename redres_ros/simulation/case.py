@@ -93,12 +93,11 @@ class Case:
 
 
 def grid(values: Mapping[str, Any]) -> list[Case]:
-    """Cases for all combinations of values.
+    """Cases for all combinations of values, by the fields of a case.
 
-    Args:
-        values: By the fields of a case; a list stands for one value after the other, of a field
-            that is a list itself a list of lists. 'seeds': 3 is short for 'seed': [0, 1, 2], and
-            changes last: a batch that is stopped has as many tasks of each kind.
+    A list stands for one value after the other, of a field that is a list itself a list of lists.
+    'seeds': 3 is short for 'seed': [0, 1, 2], and changes last: a batch that is stopped has as many
+    tasks of each kind.
 
     Raises:
         RedresError: A field that does not exist, or a value that is none.

@@ -44,10 +44,8 @@ _LINE_STYLES = ('-', '--', ':', '-.')  # of several motions under one law
 
 
 def law_colour(name: str) -> str:
-    """The colour of a law, as '#rrggbb'.
-
-    Args:
-        name: In the table LAWS; what follows a comma, such as its damping, makes no difference.
+    """The colour of a law, as '#rrggbb'; what follows a comma in its name, such as its damping,
+    makes no difference.
     """
     law = name.partition(',')[0]
     if law in _LAW_COLOURS:
@@ -58,10 +56,8 @@ def law_colour(name: str) -> str:
 
 
 def line_styles(names: list[str]) -> dict[str, dict[str, Any]]:
-    """Colour and line style of motions by their names, for `Axes.plot`.
-
-    Args:
-        names: Of the motions, as law_colour takes them. Several of one law differ in their lines.
+    """Colour and line style of motions by their names, for `Axes.plot`. The names are as law_colour
+    takes them; several of one law differ in their lines.
     """
     styles: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}

@@ -162,11 +162,7 @@ def _marked(efforts: Mapping[str, Effort], name: str) -> dict[str, str]:
 
 
 def conclusion(efforts: Mapping[str, Effort]) -> str:
-    """The conclusion of a comparison, in a line; empty for a single law.
-
-    Args:
-        efforts: By law.
-    """
+    """The conclusion of a comparison of efforts by law, in a line; empty for a single law."""
     finished = {law: effort for law, effort in efforts.items() if effort.finished}
     if len(finished) < 2:
         return ''

@@ -113,11 +113,7 @@ class ResultsFile:
         return _key(_case_row(case)) in self._done
 
     def add(self, result: Result) -> None:
-        """Add a result. Raises OSError where the disk is full.
-
-        Args:
-            result: Of a case.
-        """
+        """Add the result of a case. Raises OSError where the disk is full."""
         row = _as_row(result)
         if self._file is None:
             self._rows.append(row)

@@ -38,19 +38,11 @@ class Summary:
     results: dict[str, Result] = field(default_factory=dict)
 
     def fraction(self, holds: Callable[[Result], bool]) -> float:
-        """The fraction of all motions for which something holds.
-
-        Args:
-            holds: Of one motion.
-        """
+        """The fraction of all motions for which something holds."""
         return float(np.mean([holds(result) for result in self.results.values()]))
 
     def median(self, figure: Callable[[Result], float]) -> float:
-        """Of the finished motions; NaN where there is none.
-
-        Args:
-            figure: Of one motion.
-        """
+        """The median of a figure over the finished motions; NaN where there is none."""
         values = [figure(result) for result in self.results.values() if _finished(result)]
         return float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
 
@@ -72,11 +64,7 @@ class Summary:
 
 
 def summaries(results: Iterable[Result]) -> dict[str, dict[str, Summary]]:
-    """Results by all that their cases have in common but law, damping and seed; below it by law.
-
-    Args:
-        results: In any order.
-    """
+    """Results by all that their cases have in common but law, damping and seed; below it by law."""
     groups: dict[str, dict[str, Summary]] = {}
     for result in sorted(results, key=lambda result: result.case.law != 'minimum_velocity'):
         laws = groups.setdefault(_title(result.case), {})
@@ -105,10 +93,8 @@ def _plain(value: Any) -> str:
 
 
 def summary_tables(groups: Mapping[str, Mapping[str, Summary]]) -> list[Table]:
-    """A table for each arm and kind of task, with the ratios of each law to the first.
-
-    Args:
-        groups: As `summaries` makes them.
+    """A table for each arm and kind of task, with the ratios of each law to the first; the groups
+    are as `summaries` makes them.
     """
     return [_table(title, laws) for title, laws in groups.items()]
 
@@ -135,10 +121,8 @@ def _table(title: str, laws: Mapping[str, Summary]) -> Table:
 
 
 def conclusion(laws: Mapping[str, Summary]) -> str:
-    """What the peaks of acceleration say about the choice of a law, in a sentence.
-
-    Args:
-        laws: Summaries by law; the others are compared with the first.
+    """What the peaks of acceleration say about the choice of a law, in a sentence; the laws are
+    compared with the first of them.
     """
     first, *others = laws
     medians = {}

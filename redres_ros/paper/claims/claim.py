@@ -66,11 +66,7 @@ def claim(
 
 
 def same_velocities(largest: float) -> Finding:
-    """Whether a law and a scheme give the same velocities, each in its own closed loop.
-
-    Args:
-        largest: Difference of theirs [rad/s].
-    """
+    """Whether a law and a scheme, each in its own closed loop, differ by rounding only [rad/s]."""
     return Finding(
         largest <= ROUNDING, f'largest |dq_I - dq_II| {largest:.1e} rad/s over the whole task'
     )
