@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel, load_task, run
-from redres_ros.planning.path_speed import FALL, RESUME, PathSpeed
+from redres_ros.planning.task_clock import FALL, RESUME, PathSpeed
 
 T = 0.002  # [s]
 ROUNDING = 1e-9

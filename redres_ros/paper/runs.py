@@ -11,7 +11,7 @@ from redres_ros.controller import Controller
 from redres_ros.fake_robot.command_validator import ValidatorSettings
 from redres_ros.laws import make_law
 from redres_ros.paper.equivalence import SIMULATION_DYNAMICS, Difference, convergence, difference
-from redres_ros.paper.experiment import Experiment, as_in_the_paper, experiment
+from redres_ros.paper.experiment import Experiment, VelocityDifference, as_in_the_paper, experiment
 from redres_ros.paper.saturation import (
     LWR,
     LWR_DAMPED,
@@ -21,7 +21,6 @@ from redres_ros.paper.saturation import (
     run_benchmark,
 )
 from redres_ros.paper.second_order import SecondOrderController, make_scheme
-from redres_ros.paper.velocity_difference import VelocityDifference
 from redres_ros.planning.waypoints import WaypointTask, load_task
 from redres_ros.preferences import JointCentering, Preference
 from redres_ros.robot_model import RobotModel

@@ -182,23 +182,19 @@ def _nodes(value: Any, path: Path) -> dict[str, dict[str, Any]]:
     """Parameters by node. What they are, the nodes judge themselves."""
     mappings = list(value.values()) if isinstance(value, dict) else [value]
     if not all(isinstance(mapping, dict) for mapping in mappings):
-        raise FileError(
-            f'{path}: nodes is {quoted(value)}; expected parameters below the names of nodes'
-        )
+        raise _unexpected('nodes', value, 'parameters below the names of nodes', path)
     return {_node(name, path): _parameters(own) for name, own in value.items()}
 
 
 def _events(value: Any, path: Path) -> tuple[TaskEvent, ...]:
     if not isinstance(value, list):
-        raise FileError(f'{path}: events is {quoted(value)}; expected a list')
+        raise _unexpected('events', value, 'a list', path)
     return tuple(_event(event, path) for event in value)
 
 
 def _event(value: Any, path: Path) -> TaskEvent:
     if not (isinstance(value, dict) and {'at', 'node'} < value.keys()):
-        raise FileError(
-            f'{path}: an event is {quoted(value)}; expected at [s], node, and parameters'
-        )
+        raise _unexpected('an event', value, 'at [s], node, and parameters', path)
     own = {key: value[key] for key in value if key not in ('at', 'node')}
     at = _number(value['at'], 'at', path)
     return TaskEvent(at, _node(value['node'], path), _parameters(own))
@@ -261,7 +257,7 @@ _FORMS: dict[str, tuple[int, float, Callable[[np.ndarray], np.ndarray]]] = {
 
 def _name(value: Any, key: str, path: Path) -> str:
     if not isinstance(value, str):
-        raise FileError(f'{path}: {key} is {quoted(value)}; expected a name')
+        raise _unexpected(key, value, 'a name', path)
     return value
 
 
@@ -271,7 +267,7 @@ def _number(value: Any, key: str, path: Path) -> float:
             return float(value)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise FileError(f'{path}: {key} is {quoted(value)}; expected a number')
+    raise _unexpected(key, value, 'a number', path)
 
 
 def _numbers(value: Any, key: str, dimensions: int, largest: float, path: Path) -> np.ndarray:
@@ -282,5 +278,9 @@ def _numbers(value: Any, key: str, dimensions: int, largest: float, path: Path) 
     if array.ndim != dimensions or not (np.abs(array) <= largest).all():
         shape = 'a list' if dimensions == 1 else 'rows'
         expected = f'{shape} of finite numbers, none beyond {largest:g}'
-        raise FileError(f'{path}: {key} is {quoted(value)}; expected {expected}')
+        raise _unexpected(key, value, expected, path)
     return array
+
+
+def _unexpected(key: str, value: Any, expected: str, path: Path) -> FileError:
+    return FileError(f'{path}: {key} is {quoted(value)}; expected {expected}')

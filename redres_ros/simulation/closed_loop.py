@@ -8,8 +8,8 @@ import numpy as np
 
 from redres_ros.command import Command, norm
 from redres_ros.errors import DivergedError, RangeError
-from redres_ros.planning.path_speed import PathSpeed
 from redres_ros.planning.planner import Planner
+from redres_ros.planning.task_clock import PathSpeed
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.robot_model import RobotModel, RobotState
@@ -59,7 +59,7 @@ def run(
         delay: Ticks by which the arm uses a reference late; 0 is q_{k+1} = q_k + T dq_k, 1 is a
             robot that takes up at tick k + 1 what was computed from the state at tick k.
         greedy: Ask for the nominal speed of the path in every tick, however little of it limits
-            leave; False: brake the path as the planner node does (planning/path_speed.py).
+            leave; False: brake the path as the planner node does (planning/task_clock.py).
         progress: Called with the fraction of the nominal duration that is over.
 
     Raises:
