@@ -211,7 +211,9 @@ def test_a_peer_gives_the_velocities_of_the_least_velocity_law(
     if name in peers.missing_peers():
         pytest.skip(f'{name} is not installed')
     stretch = recorded(model, 50)
-    mine = {label: peer for label, peer in peers.peers(model.arm, TICK).items() if name in label}
+    mine = {
+        label: peer for label, peer in peers.peers(model.arm, TICK, 0.05).items() if name in label
+    }
     assert mine
     for label, peer in mine.items():
         if 'proxqp' not in label:  # which stops earlier; the bench says so of each run

@@ -50,46 +50,32 @@ def missing_peers() -> tuple[str, ...]:
     return tuple(name for name, package in _PACKAGES.items() if find_spec(package) is None)
 
 
-def peers(arm: Arm, T: float) -> dict[str, Peer]:
+def peers(arm: Arm, T: float, acting_scale: float) -> dict[str, Peer]:
     """Every installed peer, pink and mink with every installed solver, each in the fastest way that
     it documents, twice: once with the limits that it has by default, once without, as a law of the
     paper is. By default mink keeps positions, pink and embodik velocities too; embodik gets
-    acceleration limits as well, and OInK all three.
+    acceleration limits as well, and OInK all three: these two also under limits that act.
 
     Args:
         arm: That all of them get.
         T: Length of a tick [s].
+        acting_scale: The fraction of its velocities and accelerations with which limits act.
     """
     missing = missing_peers()
     made: dict[str, Peer] = {}
     if 'embodik' not in missing:
         made['embodik'] = _embodik(arm, T, 1.0)
         made['embodik, no limits'] = _embodik(arm, T, None)
+        made['embodik, limits acting'] = _embodik(arm, T, acting_scale)
     if 'roboplan' not in missing:
         made['roboplan OInK'] = _oink(arm, T, 1.0)
         made['roboplan OInK, no limits'] = _oink(arm, T, None)
+        made['roboplan OInK, limits acting'] = _oink(arm, T, acting_scale)
     for library, make in {'pink': _pink, 'mink': _mink}.items():
         for solver in _SOLVERS:
             if not {library, solver} & set(missing):
                 made[f'{library}, {solver}'] = make(arm, T, solver, None)
                 made[f'{library}, {solver}, no limits'] = make(arm, T, solver, [])
-    return made
-
-
-def limited_peers(arm: Arm, T: float, limit_scale: float) -> dict[str, Peer]:
-    """The peers that keep acceleration limits too, under limits narrow enough to act.
-
-    Args:
-        arm: As for `peers`.
-        T: Length of a tick [s].
-        limit_scale: The fraction of its velocities and accelerations that is allowed.
-    """
-    missing = missing_peers()
-    made: dict[str, Peer] = {}
-    if 'embodik' not in missing:
-        made['embodik, limits acting'] = _embodik(arm, T, limit_scale)
-    if 'roboplan' not in missing:
-        made['roboplan OInK, limits acting'] = _oink(arm, T, limit_scale)
     return made
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from redres_ros.bench.peers import Peer, floors, limited_peers, missing_peers, peers
+from redres_ros.bench.peers import Peer, floors, missing_peers, peers
 from redres_ros.bench.timing import Times, measure
 from redres_ros.controller import Controller
 from redres_ros.laws import LAWS, make_law
@@ -124,7 +124,8 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
     model = RobotModel.named(load_task('rectangle').robot)
     stretch = recorded(model)
     laws = controllers(model)
-    others = peers(model.arm, T)
+    _, scale = LIMITED['limits acting']
+    others = peers(model.arm, T, scale)
     bare = floors(model.arm)
     calls: dict[tuple[str, str], Callable[[int], object]] = {}
     for name, controller in laws.items():
@@ -135,11 +136,6 @@ def measure_tick(rounds: int, progress: Callable[[float], None]) -> TickResult:
         calls['peers', name] = _over(peer, stretch.q, stretch.x_d, stretch.dx)
     # First, because a peer with acceleration limits remembers the last velocity of a round.
     deviations = {name: deviation(peer, model, stretch) for name, peer in others.items()}
-    _, scale = LIMITED['limits acting']
-    for name, peer in limited_peers(model.arm, T, scale).items():
-        others[name] = peer
-        deviations[name] = deviation(peer, model, stretch)
-        calls['peers', name] = _over(peer, stretch.q, stretch.x_d, stretch.dx)
     times = measure(calls, rounds, progress)
     return TickResult(
         laws={name: times['laws', name] for name in laws},
