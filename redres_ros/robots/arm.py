@@ -65,7 +65,6 @@ class Arm:
         effort_limit: Of each joint, (n,) [Nm], or [N] of a prismatic one; empty: the URDF's own.
         start: Joint positions at which the default task begins, (n,) [rad]; empty: not chosen.
         task: Name of the default task in config/tasks; empty: none.
-        pose_task: The same with orientations, from the same start.
         assumptions: What was assumed of the arm, a sentence each.
 
     Raises:
@@ -86,7 +85,6 @@ class Arm:
     end_speeds: tuple[EndSpeed, ...] = ()
     start: tuple[float, ...] = ()
     task: str = ''
-    pose_task: str = ''
     assumptions: tuple[str, ...] = ()
     other_tips: tuple[str, ...] = ()
     effort_limit: tuple[float, ...] = ()

@@ -32,7 +32,6 @@ _LWR4 = Arm(
     acceleration_limit=_radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
     start=_radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
     task='lwr4_square',
-    pose_task='lwr4_pose',
 )
 
 _LWR4_PAPER = replace(  # Section 5
@@ -41,7 +40,6 @@ _LWR4_PAPER = replace(  # Section 5
     tool_offset=0.135,
     start=_radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
     task='rectangle',
-    pose_task='lwr4_paper_pose',
 )
 
 _IIWA7 = Arm(
@@ -53,7 +51,6 @@ _IIWA7 = Arm(
     acceleration_limit=(10.0,) * 7,
     start=_radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
     task='iiwa7_square',
-    pose_task='iiwa7_pose',
 )
 
 _FR3 = Arm(
@@ -77,7 +74,6 @@ _FR3 = Arm(
     ),
     start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',
-    pose_task='fr3_pose',
 )
 
 _GEN3 = Arm(
@@ -90,7 +86,6 @@ _GEN3 = Arm(
     # Kinova's home, but with joint 3 away from 180 degrees, where its driver jumps by a turn.
     start=_radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
     task='gen3_square',
-    pose_task='gen3_pose',
 )
 
 _PLANAR4R = Arm(
@@ -143,4 +138,4 @@ def _with_another_tip(arm: Arm) -> Arm:
     n = bare.kinematics().n
     figures = {field: getattr(arm, field)[:n] for field in OF_EACH_JOINT}
     body_radius = arm.body_radius[: n + 1]
-    return replace(arm, task='', pose_task='', body_radius=body_radius, **figures)
+    return replace(arm, task='', body_radius=body_radius, **figures)
