@@ -148,8 +148,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         further = brake(state.q, dq_prev, state.gap, self.A, T, q_stop, v, slope)
         at_rest = self.approaches(q_stop, self.clearance + self.lever * further)
         figures = (dq_prev, v, slope, self.A, T, state.gap, self._rate, self.clearance)
-        rows: _ClearanceRows = clearance_rows(*near, *at_rest, *figures)
-        return rows
+        return clearance_rows(*near, *at_rest, *figures)
 
     @property
     def _rate(self) -> float:
@@ -231,8 +230,7 @@ class CollisionLimit(ClearanceLimit):
         return balls[balls[:, 3] > 0.0]
 
     def approaches(self, q: np.ndarray, reach: float) -> Near:
-        found: Near = _distances().approaches(q, *self._scene, reach)
-        return found
+        return _distances().approaches(q, *self._scene, reach)
 
     def name_of_pair(self, one: int, other: int) -> str:
         return f'{self.bodies.links[one]} to {self._name(other)}'

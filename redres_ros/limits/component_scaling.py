@@ -246,15 +246,13 @@ def _split(task: Level, sizes: Sequence[int], held: Sequence[bool]) -> Iterator[
 def _frame(direction: np.ndarray) -> np.ndarray:
     """Orthonormal rows (k, k), of which the first is a unit vector (k,)."""
     Q, R = np.linalg.qr(np.column_stack((direction, np.eye(len(direction)))))
-    F: np.ndarray = Q.T * np.copysign(1.0, R[0, 0])
-    return F
+    return Q.T * np.copysign(1.0, R[0, 0])
 
 
 def _cone(frame: np.ndarray, J: np.ndarray, tolerance: float) -> np.ndarray:
     """Rows C (2 (k - 1), n) with C dq <= 0 within the tolerance: a pyramid inside the cone."""
     along = frame[0] * np.tan(tolerance) / np.sqrt(max(len(frame) - 1, 1))
-    C: np.ndarray = np.concatenate((frame[1:] - along, -frame[1:] - along)).dot(J)
-    return C
+    return np.concatenate((frame[1:] - along, -frame[1:] - along)).dot(J)
 
 
 def _with_ones(W: Weight, n: int, count: int) -> Weight:

@@ -240,7 +240,7 @@ class Limits:
         figures = self._figures
         for k in self._given:
             figures[k, :2] = self.box_limits[k].box(state, T)
-        found: tuple[bool, bool] = fill_boxes(
+        return fill_boxes(
             dq,
             state.q,
             state.dq_prev,
@@ -252,7 +252,6 @@ class Limits:
             state.gap,
             state.longest_gap,
         )
-        return found
 
 
 def _between(dq: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -200,8 +200,7 @@ class Recording:
     @property
     def accelerations(self) -> np.ndarray:
         """(dq_k - dq_{k-1}) / T from rest, Eq. (13), (ticks, n) [rad/s^2]."""
-        ddq: np.ndarray = np.diff(self.vectors('dq1'), axis=0, prepend=0.0) / self.T
-        return ddq
+        return np.diff(self.vectors('dq1'), axis=0, prepend=0.0) / self.T
 
     def peak(self, name: str) -> tuple[float, float]:
         """Largest value of a column and the time [s] at which it occurs."""
