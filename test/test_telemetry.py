@@ -41,8 +41,8 @@ class Speaker:
 
     def speak_until(self, has_subscribers: bool) -> None:
         until = time.monotonic() + PATIENCE
-        while self.telemetry.has_subscribers is not has_subscribers:
-            assert time.monotonic() < until, f'has_subscribers never became {has_subscribers}'
+        while bool(self.telemetry.subscribed) is not has_subscribers:
+            assert time.monotonic() < until, f'there never were subscribers: {has_subscribers}'
             self.speak()
 
     def _make(self, topic: str) -> float:

@@ -28,9 +28,9 @@ TOPICS = {
     'controller/task_scaling': 's: the fraction of the task velocity that the limits leave',
     'controller/active_limits': 'the joint or pair of bodies, its most active limit, the axis '
     'along which the tip moves away from that, s, and the fraction of translation and rotation '
-    'that is executed',
+    'that is executed; then the other active limits',
     'controller/lost_velocity': 'unachieved task velocity, at a singularity [m/s]',
-    'controller/snapshot': 'for pages: q, q̇ and the figures above, at most 20 times a second, with '
+    'controller/snapshot': 'for pages: q and the figures above, at most 20 times a second, with '
     'the largest ‖q̇‖ and ‖q̈‖ since the last one',
     'controller/law': 'name of the law in force',
     'planner/desired_pose': 'desired pose of the tip',

@@ -59,16 +59,17 @@ class Sampler:
         self._subscriptions: dict[str, Any] = {}
 
     def add(self, topic: str, kind: type, quality: QoSProfile) -> None:
-        """Start to collect the messages of a topic.
+        """Start to collect the messages of a topic, unless they are collected already.
 
         Args:
             topic: Its name.
             kind: Type of its messages.
             quality: Its depth is how many may wait.
         """
-        self._subscriptions[topic] = self._node.create_subscription(
-            kind, topic, _never, quality, raw=True
-        )
+        if topic not in self._subscriptions:
+            self._subscriptions[topic] = self._node.create_subscription(
+                kind, topic, _never, quality, raw=True
+            )
 
     def remove(self, topic: str) -> None:
         """Stop collecting a topic."""
@@ -178,13 +179,11 @@ class GraphMonitor(Node):
 
     def _newest(self, topic: str, kind: type, before: Any) -> Any:
         """The newest value of a sampled topic, or what it counts as before one came."""
-        if topic not in self.values:
-            self.samples.add(topic, kind, NEWEST)
-            self.keep(topic, before)
+        self.samples.add(topic, kind, NEWEST)
         message = self.samples.newest(topic)
         if message is not None:
             self.keep(topic, message.data)
-        return self.values[topic].value
+        return self.values[topic].value if topic in self.values else before
 
     def keep(self, source: str, value: object) -> None:
         """Store a value with the present time.

@@ -1,8 +1,9 @@
-"""A running arm, sampled: positions, commands, and the active limits."""
+"""A running arm, sampled: its model, its positions, and the controller's figures."""
 
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,20 +13,19 @@ from std_msgs.msg import Float64MultiArray, String
 
 from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import GraphMonitor
-from redres_ros.graph.settings import credible, judge_of, model_of
 from redres_ros.nodes import controller_telemetry
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.conversions import JointMapper
-from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC
+from redres_ros.nodes.robot_parameters import DESCRIPTION, TOPIC, MountingParameters
 from redres_ros.nodes.topics import LATCHED, NEWEST
 from redres_ros.nodes.wire import deserialised
+from redres_ros.robot_model import RobotModel
+from redres_ros.robots import arm_from_urdf, choose_arm
 
 _STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _LOOK = 0.02  # [s] between looks at whether it has come
 _SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are looked at
-_LIVE = {'limits', 'limit_scale', 'torque_scale'}  # and gains, as velocity.margin
-_SHOWN = 0.5  # [s] for which a limit counts as acting after it did
 # Best effort: an observer must not delay the nodes. Deep enough for one that was delayed itself.
 _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -38,29 +38,17 @@ class LiveArm:
         values: The controller's parameters.
 
     Raises:
-        RedresError: The controller has an arm or a limit that is not known here.
+        RedresError: The controller has an arm that is not known here.
     """
 
     def __init__(self, monitor: GraphMonitor, values: Mapping[str, Any]) -> None:
         self._samples = monitor.samples
-        self.model = model_of(values, self._description(values))
+        self.model = self._find_model(values)
         self.q = np.zeros(self.model.n)  # as measured [rad]
-        self._values = dict(values)
-        self._judge = judge_of(values, self.model)
         self._joints = JointMapper(self.model.joint_names)
-        self._acted: dict[tuple[str, str], float] = {}  # limit and place: when it did [s]
-        self._now = 0.0  # [s] of the newest snapshot
         self._received_at = time.monotonic()  # [s] when a snapshot came last
         self._is_silent = False  # then the states are looked at
         self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _QUALITY)
-
-    def apply(self, changes: Mapping[str, Any]) -> None:
-        """Apply changes of the controller's limits, as published; impossible values are skipped."""
-        live = {name: value for name, value in changes.items() if name in _LIVE or '.' in name}
-        values = {**self._values, **credible(live, self._values)}
-        with suppress(RedresError):
-            self._judge = judge_of(values, self.model)
-            self._values = values
 
     def look(self) -> list[Figures]:
         """Process the messages since the last call; their figures, in their order."""
@@ -70,9 +58,7 @@ class LiveArm:
                 message = deserialised(sample.data, Float64MultiArray)
                 seen = controller_telemetry.from_message(message, self.model.n)
                 self.q = seen.q
-                self._now = seen.figures.time
                 self._received_at = time.monotonic()
-                self._acted.update(dict.fromkeys(self._judge.acting(seen), self._now))
                 figures.append(seen.figures)
         self._look_at_states()
         return figures
@@ -83,15 +69,6 @@ class LiveArm:
         model = self.model
         fractions: np.ndarray = (self.q - model.q_min) / (model.q_max - model.q_min)
         return fractions
-
-    @property
-    def acting(self) -> dict[str, set[str]]:
-        """Names of the recently active limits, by joint or pair of bodies."""
-        acting: dict[str, set[str]] = {}
-        for (limit, place), at in self._acted.items():
-            if 0.0 <= self._now - at <= _SHOWN:
-                acting.setdefault(place, set()).add(limit)
-        return acting
 
     def _look_at_states(self) -> None:
         """While the controller is silent; states at every tick would cost the robot a message."""
@@ -106,10 +83,21 @@ class LiveArm:
             with suppress(RedresError):  # one that no robot would send
                 self.q = self._joints.positions(state)
 
-    def _description(self, values: Mapping[str, Any]) -> str:
-        """The URDF on the topic if the controller uses that; empty if none comes."""
-        if values['robot'] != TOPIC:
-            return ''
+    def _find_model(self, values: Mapping[str, Any]) -> RobotModel:
+        """The controller's arm. Raises RedresError for one that is not known here."""
+        links = (values['tip_frame'], values['elbow_frame'])
+        if values['robot'] == TOPIC:
+            arm = arm_from_urdf(self._await_description(), *links)
+        else:
+            arm = choose_arm(values['robot'], *links)
+        mounting = {field.name: values[field.name] for field in fields(MountingParameters)}
+        for name, value in mounting.items():
+            if not isinstance(value, (float, str)):
+                mounting[name] = tuple(value)
+        return RobotModel(MountingParameters(**mounting).mount(arm))
+
+    def _await_description(self) -> str:
+        """The URDF on the topic; empty if none comes."""
         self._samples.add(DESCRIPTION, String, LATCHED)
         until = time.monotonic() + _PATIENCE
         try:

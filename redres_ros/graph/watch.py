@@ -24,7 +24,6 @@ _LAW = 'controller/law'
 _TIP = 'controller/tip_pose'
 _TYPES = {
     _LAW: String,
-    ACTIVE_LIMITS: String,
     'planner/segment': Int32,
     _TIP: PoseStamped,
 }  # all others are a Float64
@@ -57,6 +56,7 @@ class Watch(GraphMonitor):
     def look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
         self._look_at_samples()
+        self.limits()
         if self._arm is not None:
             self._look_at(self._arm)
         elif self._is_known and self.client.offers('controller'):
@@ -76,16 +76,12 @@ class Watch(GraphMonitor):
         for name in FIGURES:
             self.keep(f'controller/{name}', getattr(seen[-1], name))
         self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
-        active_limits = [
-            f'{place}: {limit}' for place, names in arm.acting.items() for limit in names
-        ]
-        self.keep(ACTIVE_LIMITS, ', '.join(sorted(active_limits)))
 
     def _joints(self) -> list[JointBar]:
         arm = self._arm
         if arm is None:
             return []
-        acting = arm.acting
+        acting = self.limits().by_place
         names = arm.model.joint_names
         return [
             JointBar(name, fraction, q, tuple(sorted(acting.get(name, ()))))
@@ -96,7 +92,7 @@ class Watch(GraphMonitor):
         """Subscribe to all topics of a node on the page."""
         for row in NODES[node]:
             topic = row.topic
-            if topic not in WORDS:
+            if topic not in (*WORDS, ACTIVE_LIMITS):
                 self._sampled.append(topic)
                 self.samples.add(topic, _TYPES.get(topic, Float64), NEWEST)
 
@@ -112,11 +108,8 @@ class Watch(GraphMonitor):
                 self.keep(topic, message.data)
 
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
-        """Limits may have come or gone, and the law may be another."""
-        if node == 'controller' and self._arm is not None:
-            self._arm.apply(values)
-            if 'law' in values:
-                self.keep(_LAW, values['law'])
+        if node == 'controller' and 'law' in values:
+            self.keep(_LAW, values['law'])
 
 
 def watch(node: Watch, duration: float | None = None) -> None:

@@ -1,8 +1,9 @@
 """What an operator should know of the limits, as the text of controller/active_limits.
 
-`fr3_joint4: position; away -z; s 0.30; translation 0.31; rotation 1.00` reads: the fourth joint is
-at the end of its range, the tip moves away from that along -z, and of the task velocity 30 % can be
-executed as a whole, of its components what follows.
+`fr3_joint4: position; away -z; s 0.30; translation 0.31; rotation 1.00; also fr3_joint2: velocity`
+reads: the fourth joint is at the end of its range, the tip moves away from that along -z, of the
+task velocity 30 % can be executed as a whole, of its components what follows, and the second joint
+is at its largest velocity, which limits less.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,12 +12,15 @@ import numpy as np
 
 if TYPE_CHECKING:  # who reads a report needs no compiled formulas
     from redres_ros.command import Command
+    from redres_ros.limits import Limits
 
 _COMPONENTS = ('translation', 'rotation')
 _AXES = ('x', 'y', 'z')
 _SEPARATOR = '; '
 _AWAY = 'away'
+_ALSO = 'also'
 _S = 's'
+_TOUCHING = 1e-6  # [rad/s] from a bound: what is commanded there, is commanded because of it
 _SINGULAR = 0.01  # of the largest singular value; along directions below it the tip hardly moves
 
 
@@ -28,11 +32,22 @@ class LimitReport(NamedTuple):
         away: The axis along which the tip moves away from that, such as '-z'; empty if unknown.
         scaling: The fraction of the task velocity that is executed, by name: s of the whole, and of
             its components if they are scaled separately.
+        others: The other active limits, as 'joint: limit'.
     """
 
     limit: str
     away: str
     scaling: dict[str, float]
+    others: tuple[str, ...] = ()
+
+    @property
+    def by_place(self) -> dict[str, set[str]]:
+        """Names of the active limits, by joint or pair of bodies."""
+        found: dict[str, set[str]] = {}
+        for text in filter(None, (self.limit, *self.others)):
+            place, _, limit = text.rpartition(': ')
+            found.setdefault(place, set()).add(limit)
+        return found
 
     @property
     def least(self) -> float:
@@ -49,13 +64,21 @@ class LimitReport(NamedTuple):
         if self.away:
             parts.append(f'{_AWAY} {self.away}')
         parts += [f'{name} {value:.2f}' for name, value in self.scaling.items()]
+        parts += [f'{_ALSO} {other}' for other in self.others]
         return _SEPARATOR.join(parts)
 
 
-def report(command: 'Command') -> LimitReport:
-    """The report on a command."""
+def report(command: 'Command', limits: 'Limits | None') -> LimitReport:
+    """The report on a command.
+
+    Args:
+        command: The last one.
+        limits: In force; None: none.
+    """
     scaling = {_S: command.s, **dict(zip(_COMPONENTS, command.component_scaling, strict=False))}
-    return LimitReport(command.active_limits, _axis_away(command), scaling)
+    most = command.active_limits
+    others = tuple(each for each in _touched(command, limits) if each != most) if most else ()
+    return LimitReport(most, _axis_away(command), scaling, others)
 
 
 def read(text: str) -> LimitReport:
@@ -63,16 +86,34 @@ def read(text: str) -> LimitReport:
     limit, *parts = text.split(_SEPARATOR)
     away = ''
     scaling = {}
+    others = []
     for part in parts:
         name, _, value = part.partition(' ')
         if name == _AWAY:
             away = value
+        elif name == _ALSO:
+            others.append(value)
         elif name in (_S, *_COMPONENTS):
             try:
                 scaling[name] = float(value)
             except ValueError:
                 continue
-    return LimitReport(limit, away, scaling)
+    return LimitReport(limit, away, scaling, tuple(others))
+
+
+def _touched(command: 'Command', limits: 'Limits | None') -> list[str]:
+    """Every limit with a bound at which the velocity is, as 'joint: limit'."""
+    if not limits:
+        return []
+    bounds = limits.at(command.state, command.T)
+    values = [command.dq] * len(limits.box_limits) + [C @ command.dq for C, _, _ in bounds.rows]
+    ranges = [*bounds.boxes[:-1], *((low, high) for _, low, high in bounds.rows)]
+    touched = []
+    for limit, value, (low, high) in zip(limits, values, ranges, strict=True):
+        for index in np.flatnonzero(np.minimum(value - low, high - value) < _TOUCHING).tolist():
+            place = limit.place(command.state, index, command.T)
+            touched.append(f'{place}: {limits.names[limit]}')
+    return touched
 
 
 def _axis_away(command: 'Command') -> str:

@@ -215,7 +215,7 @@ class ControllerNode(ManagedNode):
         if self._forwarding:
             self._forwarding.publish(command.q_ref)
         self._loop.note_sent(time.monotonic())
-        self._telemetry.publish(response, self._controller.law)
+        self._telemetry.publish(response, self._controller.policy)
 
     def _report(self) -> None:
         """Publish a new mode, and log its reason."""

@@ -11,24 +11,32 @@ from typing import NamedTuple
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
-from std_msgs.msg import Float64, Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
+from std_msgs.msg import Float64, Float64MultiArray, String
 
 from redres_ros.command import FIGURES, Command, norm
 from redres_ros.errors import ArrayError
-from redres_ros.laws import Law, law_name
+from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import Response
 from redres_ros.loop.limit_report import report
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import Telemetry
+from redres_ros.policy import Policy
 from redres_ros.vectors import check_finite
 
 _NAME = 'snapshot'  # below the controller's own
 TOPIC = f'controller/{_NAME}'
 PERIOD = 50_000_000  # [ns] of the robot's clock from one snapshot to the next
 
-_ROWS = 4  # vectors of a snapshot
 _SCALING = 'task_scaling'
+_LIMITS = 'active_limits'
 _FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING}
+_TYPES = {
+    'tip_pose': PoseStamped,
+    **dict.fromkeys((*FIGURES, 'lost_velocity'), Float64),
+    'law': String,
+    _LIMITS: String,
+    _NAME: Float64MultiArray,
+}
 # [s] after which an unchanged scaling is repeated; the planner waits for 0.1 s, and nine of ten
 # may be lost
 _REMINDER = 0.008
@@ -53,21 +61,10 @@ class Figures(NamedTuple):
 
 
 class ControllerSnapshot(NamedTuple):
-    """The arm at one tick.
-
-    Attributes:
-        figures: Of that tick.
-        q: Measured positions, (n,) [rad].
-        q_prev: Where the reference came from, (n,) [rad].
-        dq_prev: Velocity that was commanded the tick before, (n,) [rad/s].
-        dq: Velocity that is commanded, (n,) [rad/s].
-    """
+    """The arm at one tick: its figures, and the measured positions q, (n,) [rad]."""
 
     figures: Figures
     q: np.ndarray
-    q_prev: np.ndarray
-    dq_prev: np.ndarray
-    dq: np.ndarray
 
     @classmethod
     def of(
@@ -83,18 +80,12 @@ class ControllerSnapshot(NamedTuple):
         """
         values = {name: figure(command) for name, figure in FIGURES.items()}
         values |= {'joint_velocity_norm': speed, 'joint_acceleration_norm': acceleration}
-        figures = Figures(stamp / 1e9, **values)
-        q_prev = command.q_ref - command.T * command.dq
-        return cls(figures, command.state.q, q_prev, command.state.dq_prev, command.dq)
+        return cls(Figures(stamp / 1e9, **values), command.state.q)
 
 
 def to_message(snapshot: ControllerSnapshot) -> Float64MultiArray:
-    """A message with the figures in front, and below them a row for each vector."""
-    n = len(snapshot.q)
-    rows = MultiArrayDimension(label='row', size=_ROWS, stride=_ROWS * n)
-    joints = MultiArrayDimension(label='joint', size=n, stride=n)
-    layout = MultiArrayLayout(dim=[rows, joints], data_offset=len(snapshot.figures))
-    return Float64MultiArray(layout=layout, data=np.concatenate(snapshot).tolist())
+    """A message with the figures in front of the positions."""
+    return Float64MultiArray(data=np.concatenate(snapshot).tolist())
 
 
 def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
@@ -109,21 +100,21 @@ def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
     """
     data = np.array(message.data)
     head = len(Figures._fields)
-    if data.shape != (head + _ROWS * n,):
-        raise ArrayError(f'a snapshot of {data.size} numbers; expected {head + _ROWS * n}')
+    if data.shape != (head + n,):
+        raise ArrayError(f'a snapshot of {data.size} numbers; expected {head + n}')
     check_finite(data, 'a snapshot')
-    return ControllerSnapshot(Figures(*data[:head].tolist()), *data[head:].reshape(_ROWS, n))
+    return ControllerSnapshot(Figures(*data[:head].tolist()), data[head:])
 
 
 class SnapshotPublisher:
     """Publishes snapshots while there is a subscriber.
 
     Args:
-        node: The controller.
+        telemetry: Of the controller.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._telemetry = Telemetry(node, {_NAME: Float64MultiArray})
+    def __init__(self, telemetry: Telemetry) -> None:
+        self._telemetry = telemetry
         self._published = 0  # stamp of the newest one [ns]
         self._speed = 0.0  # the largest since then [rad/s]
         self._acceleration = 0.0  # the same [rad/s^2]
@@ -135,7 +126,7 @@ class SnapshotPublisher:
             stamp: Of the state [ns].
             command: The command for it.
         """
-        if not self._telemetry.has_subscribers:
+        if _NAME not in self._telemetry.subscribed:
             return
         elapsed = stamp - self._published
         if not 0 <= elapsed < 2 * PERIOD:
@@ -164,12 +155,8 @@ class MotionTelemetry:
     """
 
     def __init__(self, node: Node, frame: str, T: float) -> None:
-        numbers = dict.fromkeys((*_FIGURES, 'lost_velocity'), Float64)
-        self._telemetry = Telemetry(node, {'tip_pose': PoseStamped, **numbers, 'law': String})
-        # By themselves: the planner always listens to them.
-        self._scaling_telemetry = Telemetry(node, {_SCALING: Float64})
-        self._limits_telemetry = Telemetry(node, {'active_limits': String})
-        self._snapshots = SnapshotPublisher(node)
+        self._telemetry = Telemetry(node, _TYPES)
+        self._snapshots = SnapshotPublisher(self._telemetry)
         self._frame = frame
         self._scaling = 0.0  # published last
         self._unsaid = 0  # ticks since then
@@ -187,38 +174,36 @@ class MotionTelemetry:
     def _publish_scaling(self, scaling: float) -> None:
         self._scaling = scaling
         self._unsaid = 0
-        self._scaling_telemetry.publish(_SCALING, lambda: scaling)
+        self._telemetry.publish(_SCALING, lambda: scaling)
 
-    def publish(self, response: Response, law: Law) -> None:
+    def publish(self, response: Response, policy: Policy) -> None:
         """Publish every topic with a subscriber, and repeat the task scaling now and then.
 
         Args:
             response: Of this tick.
-            law: In force.
+            policy: In force.
         """
         self._unsaid += 1
         if self._unsaid >= self._unsaid_most:
             self._publish_scaling(response.scaling)
-        self._publish_limits(response.command)
-        self._snapshots.see(response.stamp, response.command)
-        if not self._telemetry.has_subscribers:
-            return
-        publish = self._telemetry.publish
         command = response.command
+        self._publish_limits(command, policy)
+        self._snapshots.see(response.stamp, command)
+        publish = self._telemetry.publish
         publish('tip_pose', lambda: self._tip_pose(response))
         for name, figure in _FIGURES.items():
             publish(name, partial(figure, command))
         publish('lost_velocity', lambda: norm(command.unachieved))
-        publish('law', lambda: law_name(law))
+        publish('law', lambda: law_name(policy.law))
 
-    def _publish_limits(self, command: Command) -> None:
+    def _publish_limits(self, command: Command, policy: Policy) -> None:
         """Publish which limits act: often while they do or have just changed, else now and then."""
         self._limits_age += 1
         is_quiet = not command.active_limits and not self._active_limits
         if self._limits_age >= (self._limits_most if is_quiet else self._limits_least):
             self._active_limits = command.active_limits
             self._limits_age = 0
-            self._limits_telemetry.publish('active_limits', lambda: report(command).text)
+            self._telemetry.publish(_LIMITS, lambda: report(command, policy.limits).text)
 
     def _tip_pose(self, response: Response) -> PoseStamped:
         """The measured pose of the tip."""

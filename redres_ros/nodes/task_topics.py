@@ -50,7 +50,7 @@ class TaskTopics:
             step: What the task asks for.
             R: Orientation of the tip, (3, 3), which a task of positions leaves as it is.
         """
-        if not self._telemetry.has_subscribers:
+        if not self._telemetry.subscribed:
             return
         publish = self._telemetry.publish
         publish('progress', lambda: self._run.progress)

@@ -20,6 +20,9 @@ class Telemetry:
         node: Publishes.
         types: By the names of topics below the node's own name.
         shared: The same for topics beside it.
+
+    Attributes:
+        subscribed: Names of the topics that have a subscriber.
     """
 
     def __init__(
@@ -31,7 +34,7 @@ class Telemetry:
             for topic, kind in {**below, **(shared or {})}.items()
         }
         self._look()  # a recording listens from the first message on
-        _looks_of(node).append(self._look)
+        create_steady_timer(node, LOOK_PERIOD, self._look)
 
     def publish(self, name: str, make: Callable[[], Any]) -> None:
         """Publish if the topic has a subscriber.
@@ -41,30 +44,18 @@ class Telemetry:
             make: Returns a message, a number or a text, or None for nothing; called only if the
                 topic has a subscriber.
         """
-        if name not in self._subscribed:
+        if name not in self.subscribed:
             return
         value = make()
         if value is not None:
             self._publishers[name].publish(_to_message(value))
 
     def _look(self) -> None:
-        self._subscribed: list[str] = [
+        self.subscribed = {
             name
             for name, publisher in self._publishers.items()
             if publisher.get_subscription_count()
-        ]
-        self.has_subscribers = bool(self._subscribed)
-
-
-def _looks_of(node: Node) -> list[Callable[[], None]]:
-    """What a node does every LOOK_PERIOD, with one timer: rcl warns of many on one clock.
-
-    The node keeps it: a table elsewhere would keep the node, and its DDS participant, alive.
-    """
-    looks: list[Callable[[], None]] = vars(node).setdefault('_telemetry_looks', [])
-    if not looks:
-        create_steady_timer(node, LOOK_PERIOD, lambda: [look() for look in looks])
-    return looks
+        }
 
 
 def _to_message(value: Any) -> Any:

@@ -8,7 +8,6 @@ import viser
 
 from redres_ros.fake_robot.faults import Faults
 from redres_ros.graph.client import CallError, GraphClient
-from redres_ros.graph.settings import credible
 from redres_ros.laws import LAWS
 from redres_ros.limits import LIMITS
 from redres_ros.loop.settings import AUTO
@@ -19,6 +18,20 @@ from redres_ros.preferences import PREFERENCES
 
 _NOTICE = 8.0  # [s] for which a refusal is shown
 _MOST_DAMPING = 50.0  # [1/s] on the slider; a node may have more
+
+
+def credible(changes: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
+    """The changes that a node may have made: any participant can publish changes.
+
+    Args:
+        changes: Of parameters, as published.
+        known: The parameters as they are, which says of what type each is.
+    """
+    return {
+        name: value
+        for name, value in changes.items()
+        if name in known and type(value) is type(known[name])
+    }
 
 
 class Bindings:

@@ -12,12 +12,12 @@ import viser
 from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
-from redres_ros.graph.settings import points_of
 from redres_ros.limits.shapes import shapes_of, touched
 from redres_ros.nodes.parameters import NONE, declare
 from redres_ros.nodes.policy_parameters import named
 from redres_ros.nodes.runtime import Waiting, run_nodes
 from redres_ros.parameter import param
+from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.view.controls import Bindings, add_controls, add_faults
 from redres_ros.view.dead_man import TeleopChannel
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server
@@ -59,7 +59,10 @@ class Page:
         }
         self._arm = LiveArm(monitor, values['controller'])
         model = self._arm.model
-        self._scene = ArmScene(server, model, points_of(client.parameters('planner'), model))
+        planner = client.parameters('planner', ('task', 'robot'))
+        name = planner['task']
+        task = load_task(name) if name else task_for(model.arm, planner['robot'])
+        self._scene = ArmScene(server, model, task.waypoints)
         self._bindings = Bindings(client, values)
         self._add_seen(values['controller']['law'])
         add_controls(server.gui, self._bindings)
@@ -135,8 +138,9 @@ class Page:
         progress = self._monitor.progress()
         self._state.content = state_text(newest, self._monitor.health(), progress)
         arm = self._arm
-        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, arm.acting)
-        self._leave.content = limits_text(self._monitor.limits())
+        limits = self._monitor.limits()
+        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, limits.by_place)
+        self._leave.content = limits_text(limits)
         for name, trail in self._paths.items():
             self._scene.trace(name, np.array(trail.values))
         if len(self._figures.times) > 1:
@@ -155,7 +159,6 @@ class Page:
         if node == 'controller':
             if any(name.startswith(_WALLS) for name in values):
                 self._show_walls()
-            self._arm.apply(values)
             if 'law' in values:
                 self._plots.set_law(str(values['law']))
 
