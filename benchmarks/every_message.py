@@ -22,7 +22,7 @@ from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.mcap_file import McapFile, RecordedMessage, read_messages
 from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.discovery import own_domain
-from redres_ros.nodes.runtime import OwnThread, spun
+from redres_ros.nodes.runtime import spun
 
 JOINING = 4.0  # [s] for the recorder to find all topics, and at the end for what is under way
 LATE = 500_000_000  # [ns] from what a node said to its publication, at most
@@ -88,7 +88,7 @@ def record(out: Path, seconds: float, rate: float, wanted: Collection[str] = ())
         McapFile(out / 'run.mcap') as file,
         spun(lambda: GraphRecorder(file, wanted)) as recorder,
     ):
-        recorder.client.await_nodes(stopped, OwnThread(), START)
+        recorder.client.await_nodes(stopped, START)
         thread = threading.Thread(target=recorder.run, args=(stopped,))
         thread.start()
         time.sleep(JOINING)

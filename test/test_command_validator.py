@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from redres_ros.errors import ArrayError, FileError, RangeError
 from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
-from redres_ros.fake_robot.reference_interpolator import ReferenceInterpolator
+from redres_ros.fake_robot.robot import ReferenceInterpolator
 from redres_ros.robots import Arm, find_arm
 from redres_ros.robots.chain import CONTINUOUS_RANGE
 from redres_ros.robots.joint_limits import JointLimits

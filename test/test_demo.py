@@ -26,8 +26,8 @@ from redres_ros.cli import main
 from redres_ros.controller import Controller
 from redres_ros.demo.demo import Demo
 from redres_ros.demo.operator import SteeredPlanner
-from redres_ros.demo.options import DemoOptions
 from redres_ros.demo.outcome import Ending
+from redres_ros.demo.processes import DemoOptions
 from redres_ros.laws import make_law
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel

@@ -401,7 +401,7 @@ class Loop:
 
     def inject(self, faults: Faults) -> None:
         self.states.link = faults.states
-        self.door.receiver.link = faults.commands
+        self.door.receiver.network.link = faults.commands
 
     def run(self, cycles: int) -> 'Loop':
         for _ in range(cycles):

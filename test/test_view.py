@@ -44,10 +44,10 @@ from redres_ros.robots.kinematics import BASE
 from redres_ros.simulation.closed_loop import run
 from redres_ros.simulation.colours import law_colour
 from redres_ros.view import origin_check, panel
-from redres_ros.view.arm_shapes import shapes_of
 from redres_ros.view.controls import Bindings, credible
-from redres_ros.view.panel import Plots, RingBuffer
+from redres_ros.view.panel import Plots
 from redres_ros.view.saved import write_page
+from redres_ros.view.scene import shapes_of
 
 T = 0.002  # [s]
 DX = np.array((0.0, 0.6, -0.3))  # [m/s]
@@ -313,15 +313,6 @@ def test_the_plots_of_a_page_have_the_colour_of_the_law_in_force() -> None:
     assert colours() == {law_colour('minimum_velocity')}
     plots.set_law('minimum_torque')
     assert colours() == {law_colour('minimum_torque')}
-
-
-def test_a_trail_keeps_its_span_and_begins_anew_with_another_clock() -> None:
-    trail = RingBuffer(1.0)
-    for tick in range(30):
-        trail.add(0.1 * tick, tick)
-    assert trail.values[0] >= 18 and trail.values[-1] == 29
-    trail.add(0.5, 'reset')
-    assert trail.values == ['reset']
 
 
 # --- beside a running graph -----------------------------------------------------------------------

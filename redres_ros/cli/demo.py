@@ -114,7 +114,7 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.cli.gains import check_gains
     from redres_ros.cli.task import find_motion
     from redres_ros.demo.demo import Demo
-    from redres_ros.demo.options import DemoOptions
+    from redres_ros.demo.processes import DemoOptions
 
     check_duration(options.duration)
     for name in ('task', 'lockstep', 'composed'):  # of no use to an operator

@@ -12,8 +12,8 @@ from redres_ros.cli.parser import OptionError
 if TYPE_CHECKING:
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.figures import MotionFigures
-    from redres_ros.demo.options import DemoOptions
     from redres_ros.demo.outcome import Outcome
+    from redres_ros.demo.processes import DemoOptions
     from redres_ros.robot_model import RobotModel
 
 _PAGE = '.html'

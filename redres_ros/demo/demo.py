@@ -14,9 +14,9 @@ from sensor_msgs.msg import JointState
 from redres_ros.demo.cycles import count_cycles
 from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures
 from redres_ros.demo.log import FINISHED, read_log
-from redres_ros.demo.options import DemoError, DemoOptions
 from redres_ros.demo.outcome import Ending, Outcome, replay
-from redres_ros.demo.processes import NodeGroup
+from redres_ros.demo.processes import DemoOptions, NodeGroup
+from redres_ros.errors import RedresError
 from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
 from redres_ros.graph.mcap_file import McapFile, merge, read_messages
@@ -44,6 +44,10 @@ _UNDER_WAY = [state.value for state in UNDER_WAY]
 _ASK_AGAIN = 0.5  # [s] after a start that was refused
 _LOOK = 0.02  # [s] between looks at the state
 _RESPONSE = 30.0  # [s] for the response of a node that is there, and may stall
+
+
+class DemoError(RedresError):
+    """A run that could not begin, or failed."""
 
 
 class _DemoMonitor(GraphMonitor):

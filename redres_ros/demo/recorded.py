@@ -110,7 +110,7 @@ def _run(name: str, adapt: Callable[[type[Node]], type[Node]]) -> int:
         return run_composed(adapt)
     module, node = _NODES[name]
     cls = getattr(import_module(f'redres_ros.{module}'), node)
-    return run_nodes(adapt(cls), one_thread=name == 'sim')
+    return run_nodes(adapt(cls))
 
 
 if __name__ == '__main__':

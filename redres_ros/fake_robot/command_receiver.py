@@ -45,6 +45,7 @@ class CommandReceiver:
         publishers: How many there are in the graph. While more than one sends commands, none is
             taken. One that was killed stays in the graph for some 20 s, but is silent.
         newest: Stamp [ns] of the state that the last command was for.
+        network: What the transport does to commands; its link may be set at any time.
     """
 
     def __init__(
@@ -64,18 +65,9 @@ class CommandReceiver:
         self._session = session
         self._timed = timed
         self._arrivals: deque[_ArrivedCommand] = deque()
-        self._under_way: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands', link)
+        self.network: NetworkModel[_ArrivedCommand] = NetworkModel(f'{seed} commands', link)
         self._contested_at = -math.inf  # [s] when a state last got a second command
         self._newest = -1  # tick of the newest valid command
-
-    @property
-    def link(self) -> Link:
-        """What the transport does to commands; may be set at any time."""
-        return self._under_way.link
-
-    @link.setter
-    def link(self, link: Link) -> None:
-        self._under_way.link = link
 
     def put(self, stamp: int, names: Sequence[str], positions: np.ndarray) -> None:
         """Note what a client has sent.
@@ -104,9 +96,9 @@ class CommandReceiver:
             arrival = self._arrivals.popleft()._replace(tick=tick)
             if arrival.again:
                 self._contested_at = arrival.time
-            self._under_way.send(arrival, tick)
+            self.network.send(arrival, tick)
         commands = []
-        for arrival in self._under_way.receive(tick):
+        for arrival in self.network.receive(tick):
             try:
                 command = self._judge(arrival, tick)
             except CommandError as error:

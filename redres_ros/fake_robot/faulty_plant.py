@@ -2,36 +2,15 @@
 pushes it, and that it may not move at all.
 """
 
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from redres_ros.errors import RangeError
 from redres_ros.fake_robot.faults import Faults
-from redres_ros.fake_robot.robot import Plant
 
-
-class PushablePlant(Plant, Protocol):
-    """A plant of which a link is pushed, and that measures what acts on it."""
-
-    def check_link(self, link: str) -> None: ...
-
-    def push(self, force: np.ndarray, link: str) -> None:
-        """Push a link until the next call.
-
-        Args:
-            force: (3,) [N] in the base frame.
-            link: Its name; '' is the tip.
-        """
-
-    @property
-    def wrench(self) -> np.ndarray: ...
-
-    @property
-    def effort(self) -> np.ndarray | None: ...
-
-    @property
-    def external_torques(self) -> np.ndarray: ...
+if TYPE_CHECKING:
+    from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 
 
 class FaultyPlant:
@@ -52,7 +31,9 @@ class FaultyPlant:
         UnknownNameError: For a pushed link that it does not have.
     """
 
-    def __init__(self, plant: PushablePlant, faults: Faults | None = None, seed: int = 0) -> None:
+    def __init__(
+        self, plant: 'IdealPlant | MujocoPlant', faults: Faults | None = None, seed: int = 0
+    ) -> None:
         self.joint_names = plant.joint_names
         self.period = plant.period
         self._plant = plant

@@ -1,4 +1,6 @@
-"""The fake robot controller as one object: session, validator, interpolator and plant."""
+"""The fake robot controller as one object: session, validator, and the reference of its servos,
+which follows the commands, or brakes, and never jumps.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -7,8 +9,11 @@ import numpy as np
 
 from redres_ros.errors import JointNamesError, RedresError
 from redres_ros.fake_robot.command_validator import CommandValidator
-from redres_ros.fake_robot.reference_interpolator import ReferenceInterpolator
 from redres_ros.fake_robot.session import Session
+from redres_ros.robots.joint_limits import JointLimits
+
+# fraction of the acceleration limit that closes a lag; the rest is left to the command itself
+_CATCH_UP = 0.5
 
 
 class Plant(Protocol):
@@ -98,6 +103,11 @@ class _Course:
 class FakeRobot:
     """A robot that sends its state at tick k and moves by the command for the state of tick k - 1.
 
+    Attributes:
+        tick: Number k of the present tick.
+        period: The cycle [s].
+        joint_names: In the order of every array.
+
     Args:
         plant: The arm.
         guard: What may be commanded.
@@ -120,25 +130,12 @@ class FakeRobot:
         self._plant = plant
         self._guard = guard
         self._follower = ReferenceInterpolator(guard.limits, plant.period, plant.q)
-        self._tick = 0
+        self.tick = 0
+        self.period = plant.period
+        self.joint_names = plant.joint_names
         self._course = _Course.standstill(-1, plant.q)
         self._curved = session.profile.extrapolates_acceleration
         self._command = plant.q  # (n,) [rad] last one executed
-
-    @property
-    def tick(self) -> int:
-        """Number k of the present tick."""
-        return self._tick
-
-    @property
-    def period(self) -> float:
-        """The cycle [s]."""
-        return self._plant.period
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Joints in the order of every array."""
-        return self._plant.joint_names
 
     @property
     def q(self) -> np.ndarray:
@@ -172,14 +169,14 @@ class FakeRobot:
             commands: Those that came since the last call, as a CommandReceiver gives them: each for
                 a tick before this one and after that of the command before. None is none.
         """
-        if self._tick > 0:  # before, no state has been sent that a command could be for
+        if self.tick > 0:  # before, no state has been sent that a command could be for
             self._receive(commands)
         if self.session.commanding:
-            self._execute(self._course.at(self._tick - 1))
+            self._execute(self._course.at(self.tick - 1))
         if not self.session.commanding:
             self._follower.brake()
         self._plant.step(self._follower.reference)
-        self._tick += 1
+        self.tick += 1
 
     def reset(self) -> None:
         """Clear the reason of a stop and start monitoring again; an arm that moves is braked."""
@@ -192,7 +189,7 @@ class FakeRobot:
         for command in commands:
             if command is not None:
                 self._course = self._course.through(command, self._curved)
-                lateness = self._tick - 1 - command.tick
+                lateness = self.tick - 1 - command.tick
                 latency = command.latency
         self.session.record(lateness, latency)
         if self.session.ready and self._follower.at_rest:
@@ -218,3 +215,82 @@ class FakeRobot:
             return
         self._follower.follow(command, step)
         self._command = command
+
+
+class ReferenceInterpolator:
+    """Advances the reference of one arm, cycle by cycle.
+
+    The reference is the command, bit for bit, as long as the command keeps the velocity limits. A
+    faster one is followed as fast as they allow; the lag is then closed without overshoot. Position
+    limits are kept too, from wherever the arm stands.
+
+    Args:
+        limits: Of the joints.
+        period: The cycle [s].
+        q: Where the arm stands still, (n,) [rad].
+    """
+
+    def __init__(self, limits: JointLimits, period: float, q: np.ndarray) -> None:
+        self._limits = limits
+        self._max_step = limits.velocity * period  # (n,) [rad] in one cycle
+        # (n,) [rad] change of the step from cycle to cycle; if accelerations are not limited, by
+        # velocities alone
+        self._max_change = np.minimum(limits.acceleration * period**2, 2.0 * self._max_step)
+        self._reference = np.array(q, dtype=np.float64)  # (n,)
+        self._step = np.zeros_like(self._reference)  # (n,) last move of the reference
+        self.begin(self._reference)
+
+    @property
+    def reference(self) -> np.ndarray:
+        """Reference in force, (n,) [rad]."""
+        return self._reference.copy()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the reference stands still."""
+        return not self._step.any()
+
+    def begin(self, command: np.ndarray) -> None:
+        """Follow constant commands at `command` (n,) [rad]; the distance to it is a lag."""
+        self._lag = command - self._reference  # (n,)
+        self._closing = np.zeros_like(self._lag)  # (n,) part of the lag that the last cycle closed
+
+    def follow(self, command: np.ndarray, step: np.ndarray) -> None:
+        """Move on to a command.
+
+        Args:
+            command: Where to, (n,) [rad].
+            step: How far that is beyond the command before, (n,) [rad].
+        """
+        change = _CATCH_UP * self._max_change  # (n,)
+        # A lag d is closed at sqrt(a d), a braking curve at half of the acceleration a that the
+        # ramp allows. So it is not overshot.
+        wanted = np.copysign(
+            np.minimum(np.abs(self._lag), np.sqrt(change * np.abs(self._lag))), self._lag
+        )
+        closing = self._closing + _bounded(wanted - self._closing, change)
+        self._move(command - (self._lag - closing))
+        self._closing = self._step - step
+        self._lag = command - self._reference
+
+    def brake(self) -> None:
+        """Decelerate to rest, each joint as fast as its acceleration limit allows."""
+        self._move(self._reference + (self._step - _bounded(self._step, self._max_change)))
+
+    def _move(self, target: np.ndarray) -> None:
+        """Go to the target or as near as the limits allow; an arm beyond a position limit can only
+        come back.
+        """
+        last = self._reference
+        limits = self._limits
+        upper = np.minimum(np.maximum(limits.upper, last), last + self._max_step)
+        lower = np.maximum(np.minimum(limits.lower, last), last - self._max_step)
+        self._reference = np.maximum(lower, np.minimum(target, upper))
+        self._step = self._reference - last
+
+
+def _bounded(value: np.ndarray, bound: np.ndarray) -> np.ndarray:
+    """The value brought within -bound and bound; several times as fast as np.clip for so few
+    joints.
+    """
+    return np.minimum(np.maximum(value, -bound), bound)

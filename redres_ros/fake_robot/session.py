@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from redres_ros.errors import RedresError
-from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event, Profile, State
+from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event
 from redres_ros.fake_robot.quality import Statistics
 from redres_ros.fake_robot.reflex import Reflex
 from redres_ros.fake_robot.timing import Counts, TimingMonitor
@@ -74,6 +74,12 @@ class Session:
     The caller records every cycle, offers each command that arrives in time, and reports refusals
     and violations.
 
+    Attributes:
+        profile: What kind of session it is.
+        state: One of the profile's states.
+        reason: Why command mode was taken away or refused; empty while nothing is wrong.
+        command_error: That of the last refused command; None if a valid one came since.
+
     Args:
         period: The cycle [s].
         settings: When command mode is given and taken away.
@@ -82,38 +88,23 @@ class Session:
     def __init__(self, period: float, settings: SessionSettings | None = None) -> None:
         self.period = period
         self._settings = settings or SessionSettings()
-        self._profile = PROFILES[self._settings.profile]
-        self._timing = TimingMonitor(period, self._profile.thresholds)
+        self.profile = PROFILES[self._settings.profile]
+        self._timing = TimingMonitor(period, self.profile.thresholds)
         self._bridged_misses = self._settings.bridged_misses
         if self._bridged_misses < 0:
-            self._bridged_misses = self._profile.bridged_misses
+            self._bridged_misses = self.profile.bridged_misses
         self._cycles_needed = max(1, math.ceil(self._settings.monitor_time / period - 1e-9))
         self._good_cycles = 0
         self._bridged = 0
         self._refusals = Counter[Refusal]()
-        self._command_error: CommandError | None = None
-        self._state = self._profile.states[0]
-        self._reason = ''
-
-    @property
-    def profile(self) -> Profile:
-        """What kind of session it is."""
-        return self._profile
-
-    @property
-    def state(self) -> State:
-        """One of the profile's states."""
-        return self._state
+        self.command_error: CommandError | None = None
+        self.state = self.profile.states[0]
+        self.reason = ''
 
     @property
     def commanding(self) -> bool:
         """Whether the arm follows its client."""
-        return self._state is self._profile.commanding
-
-    @property
-    def reason(self) -> str:
-        """Why command mode was taken away or refused; empty while nothing is wrong."""
-        return self._reason
+        return self.state is self.profile.commanding
 
     @property
     def quality(self) -> IntEnum:
@@ -141,16 +132,11 @@ class Session:
         return {kind: self._refusals[kind] for kind in Refusal}
 
     @property
-    def command_error(self) -> CommandError | None:
-        """The error of the last refused command; None if a valid one came since."""
-        return self._command_error
-
-    @property
     def ready(self) -> bool:
         """Whether a command of this cycle could be the first: long good timing, and no reason."""
         return (
-            self._profile.awaits_command(self._state)
-            and not self._reason
+            self.profile.awaits_command(self.state)
+            and not self.reason
             and self._timing.age == 0
             and self._good_cycles >= self._cycles_needed
         )
@@ -163,9 +149,9 @@ class Session:
             latency: From the state to its command, 0 where nobody measures it [s].
         """
         self._timing.record(lateness, latency)
-        self._good_cycles = self._good_cycles + 1 if self.quality >= self._profile.entry else 0
+        self._good_cycles = self._good_cycles + 1 if self.quality >= self.profile.entry else 0
         if lateness is not None:
-            self._command_error = None
+            self.command_error = None
         if self.commanding and (fault := self._timing_fault()):
             self.stop(fault)
             return
@@ -175,7 +161,7 @@ class Session:
     def refuse(self, error: CommandError) -> None:
         """Count a refused command. Its cycle is still recorded."""
         self._refusals[error.kind] += 1
-        self._command_error = error
+        self.command_error = error
 
     def offer(self, gap: float) -> None:
         """Begin command mode with a first command, if the session is ready for one.
@@ -190,19 +176,19 @@ class Session:
             self._take(Event.FIRST_COMMAND)
         else:
             self.stop(
-                f'{self._profile.reflexes[Reflex.START_POSE]}: the first command is {gap:.3g} rad '
+                f'{self.profile.reflexes[Reflex.START_POSE]}: the first command is {gap:.3g} rad '
                 f'from the mirrored position, allowed {self._settings.entry_tolerance:g}'
             )
 
     def stop(self, reason: str) -> None:
         """End command mode. The first reason is kept: what follows from it is not the cause."""
-        self._reason = self._reason or reason
+        self.reason = self.reason or reason
         self._good_cycles = 0
         self._take(Event.FAULT)
 
     def reset(self) -> None:
         """Clear the reason and start monitoring again; command mode takes another monitor_time."""
-        self._reason = ''
+        self.reason = ''
         self._good_cycles = 0
         self._take(Event.RESET)
 
@@ -210,13 +196,13 @@ class Session:
         """Why the timing ends command mode; empty if it does not."""
         age = self._timing.age
         bridged = self._bridged_misses
-        timing = self._profile.reflexes[Reflex.TIMING]
-        refused = f'; last refused: {self._command_error}' if self._command_error else ''
+        timing = self.profile.reflexes[Reflex.TIMING]
+        refused = f'; last refused: {self.command_error}' if self.command_error else ''
         if age > bridged:
             return (
                 f'{timing}: the newest command is {age} cycles late, {bridged} are bridged{refused}'
             )
-        if self.quality < self._profile.lowest:
+        if self.quality < self.profile.lowest:
             complaint = self._timing.complaint
             return f'{timing}: the connection is {self.quality.name}: {complaint}{refused}'
         return ''
@@ -225,10 +211,10 @@ class Session:
         """The event that the timing up to this cycle is to the session."""
         if self._timing.silent:
             return Event.SILENCE
-        if self.quality < self._profile.entry:
+        if self.quality < self.profile.entry:
             return Event.POOR_TIMING
-        enough = self._good_cycles >= self._cycles_needed and not self._reason
+        enough = self._good_cycles >= self._cycles_needed and not self.reason
         return Event.LONG_GOOD_TIMING if enough else Event.GOOD_TIMING
 
     def _take(self, event: Event) -> None:
-        self._state = self._profile.after(self._state, event)
+        self.state = self.profile.after(self.state, event)

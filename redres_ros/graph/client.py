@@ -14,7 +14,6 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from redres_ros.errors import RedresError
-from redres_ros.nodes.runtime import Waiting
 
 
 class CallError(RedresError):
@@ -144,12 +143,11 @@ class GraphClient:
         client = self._client(GetParameters, f'{of}/get_parameters')
         return bool(client.service_is_ready())
 
-    def await_nodes(self, stopped: threading.Event, waiting: Waiting, patience: float) -> bool:
+    def await_nodes(self, stopped: threading.Event, patience: float) -> bool:
         """Whether the graph is there; False where it need not be any more.
 
         Args:
             stopped: Ends the waiting.
-            waiting: How to wait.
             patience: How long [s].
 
         Raises:
@@ -159,8 +157,6 @@ class GraphClient:
             self._client(kind, service)
         until = time.monotonic() + patience
         while not all(map(self.offers, _NEEDED)):
-            if stopped.is_set():
-                return False
             if time.monotonic() > until:
                 domain = self._node.context.get_domain_id()
                 raise CallError(
@@ -168,9 +164,9 @@ class GraphClient:
                     'start them, as with `redres demo`, which prints its domain, '
                     'or name another with --domain'
                 )
-            waiting.sleep(_GRAPH_LOOK)
-        waiting.sleep(_SETTLING)
-        return not stopped.is_set()
+            if stopped.wait(_GRAPH_LOOK):
+                return False
+        return not stopped.wait(_SETTLING)
 
     def _client(self, kind: type, service: str) -> Client:
         with self._lock:

@@ -13,14 +13,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
 from std_msgs.msg import String
 
 from redres_ros.errors import RangeError, RedresError, one_line
 from redres_ros.files.signals import handled
-from redres_ros.graph.operator_topics import TOPIC, TwistPublisher
 from redres_ros.loop.limit_report import LimitReport, read
-from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST
+from redres_ros.nodes.conversions import to_pose, to_twist
+from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST, PUBLISH
 
 # Row of the task velocity and sign along it, by key. The left hand moves, the right hand turns.
 WAYS = {key: (place // 2, 1.0 - 2.0 * (place % 2)) for place, key in enumerate('wsadrfljikuo')}
@@ -30,6 +31,9 @@ a d  left, right (y)        i k  turn about y
 r f  up, down (z)           u o  turn about z
 + -  faster, slower         space  stop        Ctrl-C  end"""
 
+_TOPIC = 'cartesian_velocity'
+_LAST_ZEROS = 0.3  # [s] for which zeros follow a motion; then others may have the topic
+_NOW = 0  # a stamp that means: as soon as it comes
 _HELD = 0.6  # [s] a terminal reports no release of a key; it repeats one within half a second
 _GAIN = 1.25  # of the speed, for each press of a key
 _SPEEDS = (0.001, 2.0)  # [m/s]
@@ -92,6 +96,67 @@ def _check(name: str, value: float, allowed: tuple[float, float], unit: str) -> 
 
 class _TerminalError(RedresError):
     """There is no terminal to read keys from."""
+
+
+class TwistPublisher:
+    """Publishes on `cartesian_velocity`, and nothing while no velocity is asked for.
+
+    Args:
+        node: Publishes.
+        frame: Link along whose axes the velocities are; empty: the base.
+    """
+
+    def __init__(self, node: Node, frame: str = '') -> None:
+        self._frame = frame
+        self._moved_at = -np.inf  # [s] when the task velocity was last not zero
+        self._publisher = node.create_publisher(TwistStamped, _TOPIC, PUBLISH)
+
+    def publish(self, dx: np.ndarray, now: float) -> None:
+        """Publish a task velocity, unless none was asked for lately.
+
+        Args:
+            dx: (6,) [m/s], [rad/s].
+            now: [s].
+        """
+        if dx.any():
+            self._moved_at = now
+        if now - self._moved_at < _LAST_ZEROS:
+            self._publisher.publish(to_twist(_NOW, self._frame, dx))
+
+    def stop(self) -> None:
+        """Publish a zero task velocity, if there was another."""
+        if np.isfinite(self._moved_at):
+            self._publisher.publish(to_twist(_NOW, self._frame, np.zeros(6)))
+
+    @property
+    def listeners(self) -> int:
+        """Number of its subscribers."""
+        return self._publisher.get_subscription_count()
+
+
+class TargetPublisher:
+    """Publishes on `target_pose`, in the frame of the base.
+
+    Args:
+        node: Publishes.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = node.create_publisher(PoseStamped, 'target_pose', PUBLISH)
+
+    def publish(self, x: np.ndarray, R: np.ndarray) -> None:
+        """Publish a target of now.
+
+        Args:
+            x: Position, (3,) [m].
+            R: Orientation, (3, 3).
+        """
+        self._publisher.publish(to_pose(_NOW, '', x, R))
+
+    @property
+    def listeners(self) -> int:
+        """Number of its subscribers."""
+        return self._publisher.get_subscription_count()
 
 
 class Teleop(Node):
@@ -182,7 +247,7 @@ def _steer(node: Teleop, terminal: int) -> None:
 def _line(node: Teleop, dx: np.ndarray) -> str:
     """What is asked for, and what limits leave of it, in words."""
     if not node.twists.listeners:
-        return f'{TOPIC} has no subscriber; is the controller running in this ROS domain?'
+        return f'{_TOPIC} has no subscriber; is the controller running in this ROS domain?'
     speeds = f'{node.key_map.speed:.3f} m/s, {node.key_map.turn:.2f} rad/s'
     moves = [
         f'{axis} {value:+.3f}'

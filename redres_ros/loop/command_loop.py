@@ -16,9 +16,8 @@ from redres_ros.loop.approach import Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
 from redres_ros.loop.measurements import Measurements
-from redres_ros.loop.missed_cycles import MissedCycles
 from redres_ros.loop.modes import Conditions, Mode, next_mode
-from redres_ros.loop.published_reference import PublishedReference
+from redres_ros.loop.published_reference import MissedCycles, PublishedReference
 from redres_ros.loop.session import RobotSession
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
@@ -122,15 +121,6 @@ class CommandLoop:
     def commanding(self) -> bool:
         """Whether the robot takes commands, as far as is known."""
         return self.faults.executes and self._session.commanding_at(self._cycles.newest)
-
-    @property
-    def settings(self) -> LoopSettings:
-        """In force; can be replaced at any time."""
-        return self.input.settings
-
-    @settings.setter
-    def settings(self, settings: LoopSettings) -> None:
-        self.input.settings = settings
 
     @property
     def limit_warning(self) -> str:
@@ -250,7 +240,7 @@ class CommandLoop:
             q: Measured, (n,) [rad].
             clock_step: Of the robot's clock against this computer's; large for another robot [s].
         """
-        holds = self.mode is Mode.HOLDING or self.settings.bridging == 'hold'
+        holds = self.mode is Mode.HOLDING or self.input.settings.bridging == 'hold'
         if not holds or not self._reference.exists or self.mode is Mode.MIRRORING:
             return False
         return abs(clock_step) < _CLOCK_STEP and not self.faults.is_away(q)
@@ -349,9 +339,9 @@ class CommandLoop:
 
     def _must_wait(self, state: _State, now: float) -> bool:
         """Whether a task velocity that is not there may yet come in time."""
-        if self.settings.lockstep:
+        if self.input.settings.lockstep:
             return True
-        patience = self.settings.twist_patience
+        patience = self.input.settings.twist_patience
         return self._expecting and not self._held and now - state.arrived < patience
 
     # --- a tick -----------------------------------------------------------------------------------
@@ -388,7 +378,7 @@ class CommandLoop:
         moves = self.mode in (Mode.MOVING, Mode.STOPPING)
         if moves:
             self._missed.rollback_if_late(min(state.arrived, self._cycles.earliest_arrival))
-        allowed = self.settings.restart_after
+        allowed = self.input.settings.restart_after
         if missed <= allowed:
             self._missed.count(missed, state.cycle)
             return missed

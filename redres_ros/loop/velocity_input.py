@@ -1,4 +1,4 @@
-"""Incoming task and joint velocities: age, speed, and the one in use."""
+"""Incoming task and joint velocities: age, speed, the one in use, and what is held beside it."""
 
 import math
 from dataclasses import replace
@@ -10,11 +10,21 @@ from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
+from redres_ros.robot_model import RobotState
+from redres_ros.tasks import Pose
 
 # rclpy's EventsExecutor hands no source time over (it crashes on callbacks that ask for it), so
 # what was queued while the process slept is recognised only by its arrival.
 _QUEUED = 0.05  # [s] after a gap of all input, in which messages without a stamp may be old
 _ROUNDING = 1e-9  # of a limit
+
+_HOLDING_GAIN = 2.0  # [1/s] of the error of what is held
+# [m/s], [rad/s] with which the tip comes back at most; limits may have turned it by half a turn
+_FASTEST = {'translation': 0.25, 'rotation': 1.0}
+
+_NOTHING = 1e-9  # [m/s], [rad/s] that count as zero: rounding of a transformation
+
+_COMPONENTS = {'translation': slice(0, 3), 'rotation': slice(3, 6)}
 
 
 class TwistSpeedError(RedresError):
@@ -167,3 +177,68 @@ class VelocityInput:
         timeout = self.settings.command_timeout
         cycles = max(self.buffer.age(cycle), cycle - self._cycle)
         return cycles * self._controller.T > timeout or now - self._time > timeout
+
+
+class PoseHold:
+    """Adds to a twist what holds the component that it does not ask for.
+
+    A velocity that is integrated drifts, and beside singularities and limits it is not executed in
+    full. A planner closes its own loop, an operator does not, whose translation alone must not turn
+    the tip. So a component of the twist, translation or rotation, that is zero while the other one
+    is not holds its last commanded value.
+
+    Args:
+        controller: Knows the task and the last reference.
+        settings: The accelerations with which that comes and goes.
+    """
+
+    def __init__(self, controller: Controller, settings: TwistBufferSettings) -> None:
+        self._controller = controller
+        self._steps = {
+            'translation': settings.max_linear_acceleration * controller.T,
+            'rotation': settings.max_angular_acceleration * controller.T,
+        }
+        self.clear()
+
+    def clear(self) -> None:
+        """Hold nothing."""
+        self._targets: dict[str, Pose] = {}  # by component
+        self._added = np.zeros(6)
+
+    def hold(self, dx: np.ndarray, is_open_loop: bool) -> tuple[np.ndarray, np.ndarray | None]:
+        """The twist (6,), and the part of it that only holds; that is None if nothing is held.
+
+        Args:
+            dx: The velocity of the task, (m,) [m/s] and [rad/s].
+            is_open_loop: Whether dx is an operator's.
+        """
+        task = self._controller.policy.task
+        if not isinstance(task, Pose) or not (is_open_loop or self._added.any()):
+            self.clear()
+            return dx, None
+        q_ref = self._controller.reference
+        state = RobotState(self._controller.model, q_ref, np.zeros(len(q_ref)))
+        correction = np.zeros(6)
+        for component, rows in _COMPONENTS.items():
+            velocity = np.zeros(3)
+            is_held = is_open_loop and _asks(dx) and not _asks(dx[rows])
+            if not is_held:
+                self._targets.pop(component, None)
+            elif component not in self._targets:
+                pose = Pose(gain=_HOLDING_GAIN, frame=task.frame)
+                self._targets[component] = pose.with_initial_targets(state)
+            else:
+                velocity = self._targets[component].velocity(state)[rows]
+                most = _FASTEST[component]
+                velocity = velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), most))
+            change = velocity - self._added[rows]
+            step = self._steps[component]
+            self._added[rows] += change * min(1.0, step / max(float(np.linalg.norm(change)), step))
+            if is_held:
+                correction[rows] = self._added[rows]
+        return dx + self._added, correction if correction.any() else None
+
+
+def _asks(dx: np.ndarray) -> bool:
+    """Whether a velocity, or a component of it, asks for motion."""
+    return bool((np.abs(dx) > _NOTHING).any())

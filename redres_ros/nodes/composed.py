@@ -143,7 +143,7 @@ def run_composed(
     if with_sim:
         classes.insert(0, SimNode)
     makes = [intra_process.node(adapt(cls)) for cls in classes]
-    return run_nodes(*makes, arguments=arguments, one_thread=True)
+    return run_nodes(*makes, arguments=arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -150,7 +150,7 @@ class ControllerNode(ManagedNode):
         self.create_service(SetBool, 'controller/hold', self._on_hold)
         self._sensors.listen(self._loop, self._inputs)
         self._sensors.apply({}, self._policy.policy.measurements)
-        if self._loop.settings.twist_patience:
+        if self._loop.input.settings.twist_patience:
             create_steady_timer(self, _LOOK, self._on_look)
 
     def _on_state(self, message: JointState | bytes) -> None:
@@ -271,7 +271,7 @@ class ControllerNode(ManagedNode):
 
     def _check(self, changes: dict[str, Any]) -> None:
         self._policy.check(changes)
-        with_changes(self._loop.settings, changes)
+        with_changes(self._loop.input.settings, changes)
         self._sensors.check(changes)
 
     def _apply(self, changes: dict[str, Any]) -> None:
@@ -282,7 +282,7 @@ class ControllerNode(ManagedNode):
         self._sensors.apply(changes, policy.measurements)
         if 'switch_time' in changes:
             self._controller.switch_time = changes['switch_time']
-        self._loop.settings = with_changes(self._loop.settings, changes)
+        self._loop.input.settings = with_changes(self._loop.input.settings, changes)
 
     def _health(self) -> Health:
         law = self._controller.law

@@ -3,6 +3,7 @@
 import ast
 import sys
 from collections.abc import Iterator
+from functools import partial
 from importlib import import_module
 from itertools import pairwise, takewhile
 from pathlib import Path
@@ -18,37 +19,18 @@ _OPTIONS = {'composed': ('--no-sim',)}  # of an executable, before those of ROS
 _REMEDY = f'parameters go as {_ROS} -p NAME:=VALUE, see --help'
 
 
-def composed() -> int:
-    """The executable redres_composed, for `ros2 run` composed."""
-    return run_node('composed', sys.argv[1:])
-
-
-def controller() -> int:
-    """The executable redres_controller, for `ros2 run` controller."""
-    return run_node('controller', sys.argv[1:])
-
-
-def planner() -> int:
-    """The executable redres_planner, for `ros2 run` planner."""
-    return run_node('planner', sys.argv[1:])
-
-
-def sim() -> int:
-    """The executable redres_sim, for `ros2 run` sim."""
-    return run_node('sim', sys.argv[1:])
-
-
-def run_node(name: str, arguments: list[str]) -> int:
+def run_node(name: str, arguments: list[str] | None = None) -> int:
     """Run a node until it ends.
 
     Args:
         name: Of its module.
-        arguments: What follows the name of the executable.
+        arguments: What follows the name of the executable; None: those of this process.
 
     Returns:
         The exit status: 0, 1 after an error, 2 for a wrong command line, or 130 after Ctrl-C before
         the node began.
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
     try:
         if {'-h', '--help'} & set(arguments):
             print(_help(name), flush=True)
@@ -70,6 +52,13 @@ def run_node(name: str, arguments: list[str]) -> int:
     except (OSError, ImportError, RedresError) as error:
         print(f'redres_{name}: {" ".join(str(error).split())}', file=sys.stderr)
         return 1
+
+
+# The executables redres_composed and so on, and those that `ros2 run redres_ros` starts.
+composed = partial(run_node, 'composed')
+controller = partial(run_node, 'controller')
+planner = partial(run_node, 'planner')
+sim = partial(run_node, 'sim')
 
 
 def _check_law(arguments: list[str]) -> None:

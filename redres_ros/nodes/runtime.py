@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import rclpy
@@ -63,31 +63,6 @@ class Arrival(threading.Event):
             self._future.set_result(None)
 
 
-class Waiting(Protocol):
-    """How a loop waits while callbacks run."""
-
-    def sleep(self, seconds: float) -> None:
-        """Wait for that long."""
-
-    def wait(self, event: Arrival, seconds: float) -> bool:
-        """Wait until the event is set.
-
-        Args:
-            event: What is waited for.
-            seconds: How long at most.
-
-        Returns:
-            Whether it is set.
-        """
-
-
-class OwnThread:
-    """For a loop beside the thread of the executor."""
-
-    sleep = staticmethod(time.sleep)
-    wait = staticmethod(threading.Event.wait)
-
-
 class Spinner:
     """An EventsExecutor for some nodes, spun until an event is set.
 
@@ -115,6 +90,17 @@ class Spinner:
                 self._executor.spin_until_future_complete(self._never, timeout_sec=_WAIT)
         finally:
             self._stopped.set()
+
+    @contextmanager
+    def in_thread(self) -> Iterator[None]:
+        """Spin in a second thread, until the event is set or the block is left."""
+        thread = threading.Thread(target=self.spin, name='executor')
+        thread.start()
+        try:
+            yield
+        finally:
+            self._stopped.set()
+            thread.join()
 
     def sleep(self, seconds: float) -> None:
         """Run callbacks for that long; for a loop in the thread of the executor."""
@@ -174,10 +160,9 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
     start()
     try:
         node = _made(make)
-        stopped = threading.Event()
-        spinner = Spinner([node], stopped)
+        spinner = Spinner([node], threading.Event())
         try:
-            with _spinning(spinner, stopped):
+            with spinner.in_thread():
                 yield node
         finally:
             _release(spinner, [node])
@@ -185,30 +170,16 @@ def spun(make: Callable[[], N]) -> Iterator[N]:
         rclpy.try_shutdown()
 
 
-@contextmanager
-def _spinning(spinner: Spinner, stopped: threading.Event) -> Iterator[None]:
-    """Spin in a second thread, until the event is set or the block is left."""
-    thread = threading.Thread(target=spinner.spin, name='executor')
-    thread.start()
-    try:
-        yield
-    finally:
-        stopped.set()
-        thread.join()
-
-
-def run_nodes(
-    *makes: Callable[[], Node], arguments: list[str] | None = None, one_thread: bool = False
-) -> int:
+def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) -> int:
     """Make nodes, spin them, and end them cleanly on SIGINT or SIGTERM.
 
-    One of them may have `run(stopped, waiting)`, a loop of its own that ends when the event is set.
-    A node may have `close()`, called while it can still publish.
+    One of them may have `run(stopped, spinner)`, a loop of its own that ends when the event is set;
+    callbacks run whenever it waits by the spinner. A node may have `close()`, called while it can
+    still publish.
 
     Args:
         makes: Make one node each.
         arguments: The command line; None for that of the process.
-        one_thread: Whether the nodes are spun whenever that loop waits, and not in a second thread.
 
     Returns:
         The exit status: 0, 1 after an error, or 130 after a signal before the nodes began.
@@ -223,7 +194,7 @@ def run_nodes(
         start(arguments)
         nodes = [_made(make) for make in makes]
         _log_start(nodes, sys.argv if arguments is None else arguments)
-        _spin(nodes, stopped, one_thread)
+        _spin(nodes, stopped)
     except KeyboardInterrupt:
         return 130  # while a node waited for what it is made from
     except (RedresError, _RCLError, ParameterException) as error:
@@ -263,7 +234,7 @@ def _end_with_parent(stopped: threading.Event) -> None:
             stopped.set()  # it had died before
 
 
-def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None:
+def _spin(nodes: list[Node], stopped: threading.Event) -> None:
     spinner = Spinner(nodes, stopped)
     for node in nodes:
         ask_kernel(node)
@@ -272,11 +243,8 @@ def _spin(nodes: list[Node], stopped: threading.Event, one_thread: bool) -> None
     gc.freeze()
     try:
         loop = next((node.run for node in nodes if hasattr(node, 'run')), None)
-        if loop and one_thread:
+        if loop:
             loop(stopped, spinner)
-        elif loop:
-            with _spinning(spinner, stopped):
-                loop(stopped, OwnThread())
         else:
             spinner.spin()
     finally:

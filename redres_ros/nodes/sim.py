@@ -39,7 +39,7 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.robot_parameters import declare_robot
-from redres_ros.nodes.runtime import Arrival, Waiting, run_nodes
+from redres_ros.nodes.runtime import Arrival, Spinner, run_nodes
 from redres_ros.nodes.telemetry import LatchedWords, Telemetry
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, QUALITY, REASON, SESSION
 from redres_ros.nodes.wire import (
@@ -168,27 +168,26 @@ class SimNode(ManagedNode):
         create_steady_timer(self, _LOOK, self._end_push)
         on_live_change(self, self._check_faults, self._set_faults)
 
-    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
-        """Cycle after cycle until the event is set; callbacks run while it waits, or in
-        another thread.
+    def run(self, stopped: threading.Event, spinner: Spinner) -> None:
+        """Cycle after cycle until the event is set; callbacks run while it waits.
 
         At tick k the arm takes up the command for the state of tick k - 1, and goes on its way to
         tick k + 1 while the client responds to the state of tick k.
 
         Args:
             stopped: Ends the loop.
-            waiting: How to wait.
+            spinner: Runs the callbacks.
         """
         self._robot_clock.restart()
         while not stopped.is_set():
             if self._settings.lockstep and not self.active:
-                waiting.sleep(_ASK_AGAIN)  # no clock is kept
+                spinner.sleep(_ASK_AGAIN)  # no clock is kept
                 continue
             # Before the next state is out: what comes later may be a command for that one.
             commands = self._receiver.take(self._robot.tick)
             self._publish_state()
             if not self._settings.lockstep:
-                waiting.wait(self._arrival, _HEADSTART / self._settings.rate)
+                spinner.wait(self._arrival, _HEADSTART / self._settings.rate)
             if self._reset_wanted:
                 self._reset_wanted = False
                 self._robot.reset()
@@ -197,10 +196,10 @@ class SimNode(ManagedNode):
             self._publish_session()
             if self._settings.lockstep:
                 # The command may have come already, in this thread; services still need a turn.
-                waiting.sleep(0.0)
-                self._await_command(stopped, waiting, math.inf)
+                spinner.sleep(0.0)
+                self._await_command(stopped, spinner, math.inf)
             else:
-                self._keep_time(stopped, waiting)
+                self._keep_time(stopped, spinner)
 
     def close(self) -> None:
         """Publish the final figures."""
@@ -246,11 +245,11 @@ class SimNode(ManagedNode):
         message.header.stamp = to_time(stamp)
         return message
 
-    def _keep_time(self, stopped: threading.Event, waiting: Waiting) -> None:
+    def _keep_time(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait until the next tick is due, and up to `patience` for a late response."""
-        self._robot_clock.wait(waiting.sleep)
+        self._robot_clock.wait(spinner.sleep)
         if self._settings.patience and self._client_lives and self._awaits_command:
-            self._await_command(stopped, waiting, self._settings.patience)
+            self._await_command(stopped, spinner, self._settings.patience)
             # A client that was silent for so long is not waited for again until it sends a command.
             self._client_lives = not self._awaits_command
             self._cycles_waited += 1
@@ -258,12 +257,12 @@ class SimNode(ManagedNode):
         if self._robot.at_rest and not self._session.commanding:
             self._robot_clock.skip()
 
-    def _await_command(self, stopped: threading.Event, waiting: Waiting, patience: float) -> None:
+    def _await_command(self, stopped: threading.Event, spinner: Spinner, patience: float) -> None:
         until = time.monotonic() + patience
         while self._awaits_command and self.active and not stopped.is_set():
             if time.monotonic() >= until:
                 return
-            if not waiting.wait(self._arrival, _ASK_AGAIN):
+            if not spinner.wait(self._arrival, _ASK_AGAIN):
                 self._state_publisher.publish(self._newest)  # it may have been lost
             self._arrival.clear()
 
@@ -318,7 +317,7 @@ class SimNode(ManagedNode):
         self._plant.faults = faults
         self._states.link = faults.states
         self._wrenches.link = faults.wrenches
-        self._receiver.link = faults.commands
+        self._receiver.network.link = faults.commands
 
     def _report_refusals(self) -> None:
         refused = self._session.command_error
@@ -356,7 +355,7 @@ class SimNode(ManagedNode):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_nodes(SimNode, arguments=arguments, one_thread=True)
+    return run_nodes(SimNode, arguments=arguments)
 
 
 if __name__ == '__main__':

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from redres_ros.graph.graph_monitor import GraphMonitor
-from redres_ros.graph.operator_topics import TargetPublisher
+from redres_ros.graph.teleop import TargetPublisher
 from redres_ros.robot_model import RobotModel
 from redres_ros.rotation import from_quaternion, to_quaternion
 from redres_ros.view.controls import notify

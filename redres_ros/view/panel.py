@@ -1,9 +1,7 @@
 """The panel of the page: texts and bars as HTML, texts from the graph escaped, and live plots."""
 
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 import viser
@@ -143,45 +141,6 @@ def _dim(text: str) -> str:
     return f'<span style="{_DIM}">{text}</span>'
 
 
-class RingBuffer:
-    """The newest values of a signal, each with its time.
-
-    Args:
-        span: How long they are kept [s].
-    """
-
-    def __init__(self, span: float) -> None:
-        self._span = span
-        self._kept: deque[tuple[float, Any]] = deque()
-
-    def add(self, time: float, value: Any) -> None:
-        """Append a value; a clock that went back clears the buffer.
-
-        Args:
-            time: [s].
-            value: At that time.
-        """
-        if self._kept and time < self._kept[-1][0]:
-            self._kept.clear()
-        self._kept.append((time, value))
-        while time - self._kept[0][0] > self._span:
-            self._kept.popleft()
-
-    def clear(self) -> None:
-        """Remove all values."""
-        self._kept.clear()
-
-    @property
-    def times(self) -> np.ndarray:
-        """(N,) [s]."""
-        return np.array([time for time, _ in self._kept])
-
-    @property
-    def values(self) -> list[Any]:
-        """In their order."""
-        return [value for _, value in self._kept]
-
-
 class Plots:
     """One small plot for each figure.
 
@@ -209,14 +168,9 @@ class Plots:
         for figure, handle in self._handles.items():
             handle.series = _series(figure, law)
 
-    def show(self, times: np.ndarray, figures: Sequence[Figures]) -> None:
-        """Draw figures over time.
-
-        Args:
-            times: (N,) [s].
-            figures: Over these times, (N,) each.
-        """
-        seconds = times - times[-1]
+    def show(self, figures: Sequence[Figures]) -> None:
+        """Draw figures over time, the newest one last."""
+        seconds = np.array([each.time for each in figures]) - figures[-1].time
         for figure, handle in self._handles.items():
             handle.data = (seconds, np.array([getattr(each, figure) for each in figures]))
 

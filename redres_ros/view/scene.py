@@ -1,6 +1,8 @@
 """The arm in three dimensions: its shapes, its task, the paths of tip and elbow, the walls."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import trimesh
@@ -8,10 +10,10 @@ import viser
 
 from redres_ros.limits.shapes import SPHERE, DrawnShape
 from redres_ros.robot_model import RobotModel
+from redres_ros.robots import Arm
 from redres_ros.robots.kinematics import BASE, MovingJoint
-from redres_ros.robots.urdf import motion_of
+from redres_ros.robots.urdf import Urdf, motion_of
 from redres_ros.rotation import to_quaternion
-from redres_ros.view.arm_shapes import Shape, shapes_of
 
 _BLACK = (30, 30, 34)
 _BLUE = (31, 119, 180)
@@ -21,6 +23,7 @@ _GREEN = (44, 160, 44)
 _THIN = 0.002  # [m] of a plane
 _INSIDE = 0.12  # opacity of what the arm stays in
 _OUTSIDE = 0.2  # of what it stays out of
+_GREY = (0.6, 0.62, 0.65)  # of a shape without a colour
 _STONE = (150, 153, 160)
 _LINES = (205, 210, 216)
 _PATHS = {'tip': _BLACK, 'elbow': _BLUE}
@@ -33,6 +36,25 @@ _PEDESTAL = 0.1  # [m] radius
 _CAMERA = np.array((1.15, 0.65, 0.65))  # [m]
 _LOOK_AT = np.array((-0.1, 0.0, 0.3))  # [m]
 _FINENESS = 3  # of a sphere
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a link.
+
+    Args:
+        joint: Index of the moving joint that carries it, or BASE.
+        pose: In the frame that this joint moves, or in the base's, (4, 4).
+        kind: 'cylinder', 'sphere' or 'box'.
+        size: Of a cylinder radius and length, of a sphere its radius, of a box three edges [m].
+        colour: Red, green and blue, 0 to 1.
+    """
+
+    joint: int
+    pose: np.ndarray
+    kind: str
+    size: tuple[float, ...]
+    colour: tuple[float, ...]
 
 
 class ArmScene:
@@ -186,6 +208,49 @@ class ArmScene:
         )
         mesh = trimesh.creation.cylinder(_PEDESTAL, segment=[(0.0, 0.0, _FLOOR), (0.0, 0.0, 0.0)])
         self._scene.add_mesh_simple('/base/pedestal', mesh.vertices, mesh.faces, color=_STONE)
+
+
+def shapes_of(arm: Arm) -> list[Shape]:
+    """The visual shapes of an arm. Raises FileError for a URDF that cannot be used."""
+    urdf = Urdf.read(arm.description())
+    colours = _colours(urdf)
+    shapes = []
+    for link, (joint, pose) in arm.kinematics().links.items():
+        for visual in urdf.links[link].findall('visual'):
+            at = pose @ urdf.placement(visual, f'link {link}')
+            colour: tuple[float, ...] = _GREY
+            material = visual.find('material')
+            if material is not None:
+                colour = colours.get(material.get('name', ''), _GREY)
+            for kind, size in _sizes(urdf, visual.find('geometry'), link):
+                shapes.append(Shape(joint, at, kind, size, colour))
+    return shapes
+
+
+def _colours(urdf: Urdf) -> dict[str, tuple[float, ...]]:
+    colours = {}
+    for material in urdf.robot.iter('material'):
+        colour = material.find('color')
+        if colour is not None:
+            name = material.get('name', '')
+            rgba = urdf.numbers(colour, 'rgba', '0.6 0.62 0.65 1', f'material {name}')
+            colours[name] = tuple(rgba[:3].tolist())
+    return colours
+
+
+def _sizes(
+    urdf: Urdf, geometry: Element | None, link: str
+) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Kind and size of what stands in a geometry element."""
+    owner = f'a shape of link {link}'
+    for element in geometry if geometry is not None else ():
+        if element.tag == 'cylinder':
+            radius = urdf.number(element, 'radius', '0', owner)
+            yield 'cylinder', (radius, urdf.number(element, 'length', '0', owner))
+        elif element.tag == 'sphere':
+            yield 'sphere', (urdf.number(element, 'radius', '0', owner),)
+        elif element.tag == 'box':
+            yield 'box', tuple(urdf.numbers(element, 'size', '0 0 0', owner).tolist())
 
 
 def _mesh(kind: str, size: tuple[float, ...]) -> trimesh.Trimesh:

@@ -3,6 +3,7 @@
 import os
 import sys
 import threading
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,22 +14,23 @@ from redres_ros.files.plugins import load_plugins
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.limits.shapes import shapes_of, touched
+from redres_ros.nodes.controller_telemetry import PERIOD, Figures
 from redres_ros.nodes.parameters import NONE, declare
 from redres_ros.nodes.policy_parameters import named
-from redres_ros.nodes.runtime import Waiting, run_nodes
+from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.parameter import param
 from redres_ros.planning.waypoints import load_task, task_for
 from redres_ros.view.controls import Bindings, add_controls, add_faults
 from redres_ros.view.dead_man import TeleopChannel
 from redres_ros.view.origin_check import ADDRESS, close_server, open_server
-from redres_ros.view.panel import Plots, RingBuffer, joint_bars, limits_text, state_text
+from redres_ros.view.panel import Plots, joint_bars, limits_text, state_text
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.teleoperation import Teleoperation
 
 _NICENESS = 10  # who observes must wait for those who work, where processors are few
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
-_PLOTTED = 15.0  # [s] of the robot's clock
+_PLOTTED = 15.0  # [s]
 _TRACED = 20.0  # [s]
 _WALLS = ('limits', 'workspace.', 'collision.')  # parameters of what is drawn
 
@@ -75,8 +77,10 @@ class Page:
         channel.status = self._teleoperation.status
         channel.rows = self._teleoperation.rows
         self._show_walls()
-        self._figures = RingBuffer(_PLOTTED)
-        self._paths = {name: RingBuffer(_TRACED) for name in self._scene.traced(self._arm.q)}
+        self._figures: deque[Figures] = deque(maxlen=_snapshots_in(_PLOTTED))
+        self._paths: dict[str, deque[np.ndarray]] = {
+            name: deque(maxlen=_snapshots_in(_TRACED)) for name in self._scene.traced(self._arm.q)
+        }
         self._shown = np.full(model.n, np.nan)  # q of the newest picture
         monitor.on_parameters = self._on_parameters
 
@@ -95,8 +99,7 @@ class Page:
         number = 0
         while not stopped.wait(_PERIOD):
             if not self._server.get_clients():
-                for trail in (self._figures, *self._paths.values()):
-                    trail.clear()  # nobody looks; no line is to bridge the gap
+                self._clear()  # nobody looks; no line is to bridge the gap
                 continue
             self._look()
             number += 1
@@ -121,11 +124,18 @@ class Page:
 
     def _look(self) -> None:
         figures = self._arm.look()
-        for each in figures:
-            self._figures.add(each.time, each)
-        if figures:
-            for name, place in self._scene.traced(self._arm.q).items():
-                self._paths[name].add(figures[-1].time, place)
+        if not figures:
+            return
+        if self._figures and figures[0].time < self._figures[-1].time:
+            self._clear()  # the robot has another clock
+        self._figures.extend(figures)
+        for name, place in self._scene.traced(self._arm.q).items():
+            self._paths[name].append(place)
+
+    def _clear(self) -> None:
+        self._figures.clear()
+        for path in self._paths.values():
+            path.clear()
 
     def _show_arm(self) -> None:
         if not np.array_equal(self._arm.q, self._shown):
@@ -141,10 +151,10 @@ class Page:
         limits = self._monitor.limits()
         self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, limits.by_place)
         self._leave.content = limits_text(limits)
-        for name, trail in self._paths.items():
-            self._scene.trace(name, np.array(trail.values))
-        if len(self._figures.times) > 1:
-            self._plots.show(self._figures.times, self._figures.values)
+        for name, path in self._paths.items():
+            self._scene.trace(name, np.array(path))
+        if len(self._figures) > 1:
+            self._plots.show(self._figures)
 
     def _show_walls(self) -> None:
         values = self._bindings.values
@@ -161,6 +171,11 @@ class Page:
                 self._show_walls()
             if 'law' in values:
                 self._plots.set_law(str(values['law']))
+
+
+def _snapshots_in(seconds: float) -> int:
+    """How many come in a time [s]."""
+    return round(1e9 * seconds / PERIOD)
 
 
 @dataclass(frozen=True)
@@ -183,19 +198,22 @@ class _ViewNode(GraphMonitor):
         # Those of this node's own starter: what a graph names is not executed here.
         load_plugins(named(self._settings.plugins))
 
-    def run(self, stopped: threading.Event, waiting: Waiting) -> None:
+    def run(self, stopped: threading.Event, spinner: Spinner) -> None:
         """Wait for the graph, and serve the page until the event is set.
 
         Args:
             stopped: Ends it.
-            waiting: How to wait.
+            spinner: Runs the callbacks, in another thread.
 
         Raises:
             CallError: No graph has appeared.
             OriginError: A server that would let in strangers.
         """
-        if not self.client.await_nodes(stopped, waiting, self._settings.patience):
-            return
+        with spinner.in_thread():
+            if self.client.await_nodes(stopped, self._settings.patience):
+                self._serve(stopped)
+
+    def _serve(self, stopped: threading.Event) -> None:
         channel = TeleopChannel()
         server = open_server(self._settings.port, 'redres', channel)
         try:

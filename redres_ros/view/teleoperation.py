@@ -11,7 +11,7 @@ import viser
 
 from redres_ros.graph.client import CallError
 from redres_ros.graph.graph_monitor import GraphMonitor
-from redres_ros.graph.operator_topics import TwistPublisher
+from redres_ros.graph.teleop import TwistPublisher
 from redres_ros.nodes.topics import MODE, REASON
 from redres_ros.robot_model import RobotModel
 from redres_ros.view.controls import Bindings, notify
