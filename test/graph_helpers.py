@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
+from messages import to_twist
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.node import Node
@@ -25,7 +26,6 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
-from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.topics import LATCHED

@@ -21,6 +21,7 @@ from geometry_msgs.msg import PoseWithCovariance, TwistStamped
 from graph_helpers import PATIENCE, Probe, await_that, graph, to_joint_state, udp_sockets
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from messages import to_twist
 from own_ros import ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -31,7 +32,6 @@ from redres_ros.graph.mcap_file import McapFile, merge
 from redres_ros.graph.message_text import TypeTextError, definition_of, find_type, name_of
 from redres_ros.graph.recorder import GraphRecorder
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.planner import PlannerNode
 from redres_ros.nodes.runtime import spun

@@ -12,10 +12,9 @@ from fake_robot_helpers import Door
 from nightly import by_day
 
 from redres_ros import Controller, RobotModel, load_task, make_law
-from redres_ros.fake_robot.command_validator import CommandValidator
+from redres_ros.fake_robot.command_validator import CommandValidator, Reflex
 from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.fake_robot.profile import FCI, State
-from redres_ros.fake_robot.reflex import Reflex
 from redres_ros.fake_robot.robot import FakeRobot
 from redres_ros.fake_robot.session import Session, SessionSettings
 from redres_ros.laws import LAWS

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import TwistStamped
 from graph_helpers import to_joint_state
+from messages import to_twist
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from redres_ros.nodes.conversions import to_twist
 from redres_ros.nodes.wire import (
     EncodingError,
     JointStateReader,

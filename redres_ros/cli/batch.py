@@ -1,17 +1,10 @@
 """`redres batch`: many motions on all processors, from a file that says which."""
 
 import argparse
-import signal
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from redres_ros.cli.parser import add_command, option
-
-if TYPE_CHECKING:
-    from redres_ros.simulation.batch import Result
-    from redres_ros.simulation.case import Case
-    from redres_ros.simulation.results_file import ResultsFile
 
 
 def add(commands: Any) -> None:
@@ -31,7 +24,7 @@ def _batch(options: argparse.Namespace) -> int:
     from redres_ros.files.yaml import read_yaml
     from redres_ros.simulation.case import grid
     from redres_ros.simulation.report import print_tables
-    from redres_ros.simulation.results_file import ResultsFile
+    from redres_ros.simulation.results_file import ResultsFile, run_cases
     from redres_ros.simulation.summary import summaries, summary_tables
 
     values = read_yaml(options.file)
@@ -53,30 +46,3 @@ def _batch(options: argparse.Namespace) -> int:
     for result in failed[:3]:
         print(f'{result.case.law}, {result.case.robot}, seed {result.case.seed}: {result.error}')
     return 0 if len(results) == len(left) and not failed else 1
-
-
-def run_cases(cases: 'Sequence[Case]', file: 'ResultsFile | None' = None) -> 'list[Result]':
-    """The results of cases, with a progress bar; those so far if Ctrl-C or SIGTERM ends it.
-
-    Args:
-        cases: The motions.
-        file: Where each result goes at once; None: nowhere.
-    """
-    from redres_ros.files.signals import handled
-    from redres_ros.simulation.batch import batch
-    from redres_ros.simulation.report import progress_bar
-
-    results: list[Result] = []
-    try:
-        with (
-            handled(signal.default_int_handler, signal.SIGTERM),  # of `timeout`, or of Slurm
-            progress_bar(f'{len(cases)} motions') as progress,
-        ):
-            for result in batch(cases):
-                results.append(result)
-                if file is not None:
-                    file.add(result)
-                progress(len(results) / len(cases))
-    except KeyboardInterrupt:
-        print(f'ended after {len(results)} of {len(cases)} motions')
-    return results

@@ -81,12 +81,12 @@ def _compare(options: argparse.Namespace) -> int:
 def _compare_many(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
-    from redres_ros.cli.batch import run_cases
     from redres_ros.cli.controller import case_of, in_use
     from redres_ros.cli.gains import check_gains
     from redres_ros.simulation.case import MOST_SEEDS
     from redres_ros.simulation.random_tasks import RANDOM_TASKS
     from redres_ros.simulation.report import print_tables
+    from redres_ros.simulation.results_file import run_cases
     from redres_ros.simulation.summary import summaries, summary_tables
 
     if options.task:

@@ -1,17 +1,42 @@
-"""Limits on what a client commands: what is refused, and what makes the arm stop."""
+"""Limits on what a client commands, and the causes of a stop."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
-from redres_ros.fake_robot.reflex import KUKA_NAMES, Reflex
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots.joint_limits import JointLimits
 
 # [rad], [rad/s] for rounding: a client may command exactly the limit
 _ROUNDING = 1e-10
+
+
+class Reflex(Enum):
+    """Causes of a stop. Each profile has its own names for them; a stop reason begins with one."""
+
+    TIMING = 'commands are missing or come too late'
+    START_POSE = 'the first command is not where the arm is'
+    POSITION = 'a commanded position is outside its limits'
+    BRAKING = 'at the commanded velocity the joint can no longer stop before its limit'
+    VELOCITY = 'a commanded velocity is above its limit'
+    ACCELERATION = 'the commanded velocity changes too fast'
+    JERK = 'the commanded acceleration changes too fast'
+
+
+# Words of ours, as KUKA's are not public.
+KUKA_NAMES: Mapping[Reflex, str] = {
+    Reflex.TIMING: 'timing',
+    Reflex.START_POSE: 'interpolation error',
+    Reflex.POSITION: 'position limit',
+    Reflex.BRAKING: 'position limit',
+    Reflex.VELOCITY: 'velocity limit',
+    Reflex.ACCELERATION: 'protective stop',
+    Reflex.JERK: 'protective stop',
+}
+
 
 _Check = tuple[Reflex, np.ndarray, Callable[[int], str]]
 """A cause of a stop, whether each joint is fine (n,), and what to say of one that is not."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from redres_ros.fake_robot.command_validator import ValidatorSettings
+from redres_ros.fake_robot.command_validator import KUKA_NAMES, Reflex, ValidatorSettings
 from redres_ros.fake_robot.quality import (
     FCI_THRESHOLDS,
     SUNRISE_THRESHOLDS,
@@ -14,7 +14,6 @@ from redres_ros.fake_robot.quality import (
     SunriseQuality,
     Threshold,
 )
-from redres_ros.fake_robot.reflex import KUKA_NAMES, Reflex
 
 
 class State(Enum):

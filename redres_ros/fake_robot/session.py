@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from redres_ros.errors import RedresError
+from redres_ros.fake_robot.command_validator import Reflex
 from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event
 from redres_ros.fake_robot.quality import Statistics
-from redres_ros.fake_robot.reflex import Reflex
 from redres_ros.fake_robot.timing import Counts, TimingMonitor
 from redres_ros.parameter import check_parameters, param
 

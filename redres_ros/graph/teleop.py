@@ -20,8 +20,9 @@ from std_msgs.msg import String
 from redres_ros.errors import RangeError, RedresError, one_line
 from redres_ros.files.signals import handled
 from redres_ros.loop.limit_report import LimitReport, read
-from redres_ros.nodes.conversions import to_pose, to_twist
+from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST, PUBLISH
+from redres_ros.nodes.wire import TwistWriter
 
 # Row of the task velocity and sign along it, by key. The left hand moves, the right hand turns.
 WAYS = {key: (place // 2, 1.0 - 2.0 * (place % 2)) for place, key in enumerate('wsadrfljikuo')}
@@ -107,7 +108,7 @@ class TwistPublisher:
     """
 
     def __init__(self, node: Node, frame: str = '') -> None:
-        self._frame = frame
+        self._writer = TwistWriter(frame)
         self._moved_at = -np.inf  # [s] when the task velocity was last not zero
         self._publisher = node.create_publisher(TwistStamped, _TOPIC, PUBLISH)
 
@@ -121,12 +122,12 @@ class TwistPublisher:
         if dx.any():
             self._moved_at = now
         if now - self._moved_at < _LAST_ZEROS:
-            self._publisher.publish(to_twist(_NOW, self._frame, dx))
+            self._publisher.publish(self._writer.written(_NOW, dx))
 
     def stop(self) -> None:
         """Publish a zero task velocity, if there was another."""
         if np.isfinite(self._moved_at):
-            self._publisher.publish(to_twist(_NOW, self._frame, np.zeros(6)))
+            self._publisher.publish(self._writer.written(_NOW, np.zeros(6)))
 
     @property
     def listeners(self) -> int:

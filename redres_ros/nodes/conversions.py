@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
 from redres_ros.errors import ArrayError, JointNamesError, RedresError, UnknownNameError, one_line
@@ -100,25 +100,6 @@ class JointMapper:
     def _report_foreign(self, others: Sequence[str]) -> None:
         if others and self._report:
             self._report(f'joint_states: ignoring {one_line(", ".join(others))}, not of this arm')
-
-
-def to_twist(stamp: int, frame: str, dx: np.ndarray) -> TwistStamped:
-    """A task velocity as a message.
-
-    Args:
-        stamp: [ns].
-        frame: Whose axes the velocity is in.
-        dx: (3,) [m/s], or (6,) with the angular part [rad/s] below.
-    """
-    message = TwistStamped()
-    message.header.stamp = to_time(stamp)
-    message.header.frame_id = frame
-    linear = message.twist.linear
-    angular = message.twist.angular
-    linear.x, linear.y, linear.z = dx[:3].tolist()
-    if len(dx) == 6:
-        angular.x, angular.y, angular.z = dx[3:].tolist()
-    return message
 
 
 class TwistTransformer:

@@ -70,7 +70,7 @@ class JointStateReader:
     def read(self, message: Any) -> JointSample:
         """What the loop needs of a message. Raises EncodingError for bytes that are none."""
         if not isinstance(message, bytes):
-            return JointSample(_nanoseconds(message), message.name, message.position)
+            return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
         for layout in self._layouts:
             if message.startswith(layout.said, _STAMP_END):
                 return self._read_known(message, layout)
@@ -97,7 +97,7 @@ class JointStateReader:
         if is_as_expected:
             self._layouts.insert(0, layout)
             del self._layouts[_REMEMBERED:]
-        return JointSample(_nanoseconds(message), message.name, message.position)
+        return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
 
 
 def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
@@ -125,7 +125,7 @@ def read_twist(message: Any) -> _TwistSample:
         linear = message.twist.linear
         angular = message.twist.angular
         dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-        return _TwistSample(_nanoseconds(message), message.header.frame_id, dx)
+        return _TwistSample(to_nanoseconds(message.header.stamp), message.header.frame_id, dx)
     try:
         seconds, nanoseconds = _STAMP.unpack_from(message)
         (length,) = _LENGTH.unpack_from(message, _STAMP_END)
@@ -136,11 +136,6 @@ def read_twist(message: Any) -> _TwistSample:
     except (struct.error, ValueError):
         raise EncodingError(f'a TwistStamped of {len(message)} bytes; expected others') from None
     return _TwistSample(_joined(seconds, nanoseconds), frame, dx)
-
-
-def _nanoseconds(message: Any) -> int:
-    """Stamp [ns] of a message that has a header. Raises EncodingError."""
-    return _joined(message.header.stamp.sec, message.header.stamp.nanosec)
 
 
 def _joined(seconds: int, nanoseconds: int) -> int:
@@ -251,6 +246,5 @@ def to_time(stamp: int) -> Time:
 
 
 def to_nanoseconds(stamp: Time) -> int:
-    """A stamp to nanoseconds."""
-    total: int = stamp.sec * NANOSECONDS + stamp.nanosec
-    return total
+    """A stamp to nanoseconds. Raises EncodingError."""
+    return _joined(stamp.sec, stamp.nanosec)

@@ -1,8 +1,11 @@
-"""Results of a batch in a file: CSV, one line as soon as a motion is done, or Parquet."""
+"""Results of a batch as they come, and in a file: CSV, a line as soon as a motion is done, or
+Parquet.
+"""
 
 import csv
 import json
 import os
+import signal
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -11,9 +14,11 @@ from typing import Any, Self, get_origin, get_type_hints
 import numpy as np
 
 from redres_ros.errors import FileError, UnknownNameError
-from redres_ros.simulation.batch import Result
+from redres_ros.files.signals import handled
+from redres_ros.simulation.batch import Result, batch
 from redres_ros.simulation.case import Case
 from redres_ros.simulation.effort import Effort
+from redres_ros.simulation.report import progress_bar
 
 _ENDINGS = ('.csv', '.parquet')
 
@@ -153,6 +158,29 @@ class ResultsFile:
             )
         os.truncate(self._path, len(whole))
         return list(reader)
+
+
+def run_cases(cases: Sequence[Case], file: ResultsFile | None = None) -> list[Result]:
+    """The results of cases, with a progress bar; those so far if Ctrl-C or SIGTERM ends it.
+
+    Args:
+        cases: The motions.
+        file: Where each result goes at once; None: nowhere.
+    """
+    results: list[Result] = []
+    try:
+        with (
+            handled(signal.default_int_handler, signal.SIGTERM),  # of `timeout`, or of Slurm
+            progress_bar(f'{len(cases)} motions') as progress,
+        ):
+            for result in batch(cases):
+                results.append(result)
+                if file is not None:
+                    file.add(result)
+                progress(len(results) / len(cases))
+    except KeyboardInterrupt:
+        print(f'ended after {len(results)} of {len(cases)} motions')
+    return results
 
 
 def _key(row: dict[str, Any]) -> str:
