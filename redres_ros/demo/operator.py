@@ -5,6 +5,7 @@ have no stamp, like those of a joystick, so the controller takes them for an ope
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,13 +43,7 @@ class SteeredPlanner(ReferenceSource):
         self._ticks = 0  # of the operator's time, which goes on where limits stop the arm
 
     def reference(
-        self,
-        x: np.ndarray,
-        t: float,
-        R: np.ndarray | None = None,
-        *,
-        unachieved: np.ndarray | None = None,
-        rate: float = 1.0,
+        self, x: np.ndarray, t: float, R: np.ndarray | None = None, **_: Any
     ) -> Reference:
         """The operator's twist, and the goal; of the arguments x and R (3, 3) matter."""
         operator = self._operator

@@ -46,6 +46,7 @@ from redres_ros.nodes.policy_parameters import PolicyParameters, named
 from redres_ros.nodes.robot_parameters import declare_robot
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sensors import Sensors
+from redres_ros.nodes.telemetry import LatchedWords
 from redres_ros.nodes.topics import LATCHED, MODE, NEWEST, PUBLISH, RECENT
 from redres_ros.nodes.wire import (
     JointSample,
@@ -126,8 +127,7 @@ class ControllerNode(ManagedNode):
         self._forwarding: Forwarding | None = None
         if settings.forward_commands:
             self._forwarding = Forwarding(self, model.joint_names)
-        self._mode_publisher = self.create_publisher(String, MODE, LATCHED)
-        self._reported_mode: Mode | None = None
+        self._words = LatchedWords(self, MODE)
         self._reported_error = ''
         self._telemetry = MotionTelemetry(self, frame, T)
         self._inputs = InputMonitor(self)
@@ -201,7 +201,7 @@ class ControllerNode(ManagedNode):
             self._inputs.refuse(source, error)
             return
         self._inputs.accept(source)
-        if self._loop.mode is not self._reported_mode or self._loop.warning:
+        if self._loop.mode.value != self._words.get(MODE) or self._loop.warning:
             self._report()
         if response is not None:
             self._publish(response)
@@ -226,9 +226,7 @@ class ControllerNode(ManagedNode):
         if error and error != self._reported_error:
             self.get_logger().error(error)
         self._reported_error = error
-        if loop.mode is not self._reported_mode:
-            self._reported_mode = loop.mode
-            self._mode_publisher.publish(String(data=loop.mode.value))
+        self._words.publish({MODE: loop.mode.value})
 
     @property
     def _error(self) -> str:

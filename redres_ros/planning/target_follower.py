@@ -1,6 +1,7 @@
 """Follows a target that changes while the tip moves, as a policy or a hand streams it."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -65,13 +66,7 @@ class TargetFollower(ReferenceSource):
         self._whole = max(self.time_left(self._t), 1e-9)  # [s]
 
     def reference(
-        self,
-        x: np.ndarray,
-        t: float,
-        R: np.ndarray | None = None,
-        *,
-        unachieved: np.ndarray | None = None,
-        rate: float = 1.0,
+        self, x: np.ndarray, t: float, R: np.ndarray | None = None, *, rate: float = 1.0, **_: Any
     ) -> Reference:
         """The reference at this time; arguments as of ReferenceSource.reference().
 
