@@ -461,7 +461,7 @@ def test_a_fault_that_sets_in_stops_the_arm_gently_and_reports_why_and_reset_rec
     loop.run(400)
     assert loop.session.reason.startswith('timing: ')
     assert reason in loop.session.reason
-    assert loop.session.at_fault == at_fault
+    assert loop.session.timing.at_fault == at_fault
     stop = np.array(loop.references[loop.stopped_at - 1 :])
     assert (np.abs(np.diff(stop, 2, axis=0)) <= LIMITS.acceleration * T * T + 1e-12).all()
     assert (stop[-1] == stop[-2]).all()

@@ -206,14 +206,16 @@ def test_quality_below_the_lowest_ends_command_mode_and_names_what_is_at_fault(p
     lowest = profile.lowest
     cycles = 0
     while session.commanding:
-        assert session.quality >= lowest
+        assert session.timing.quality >= lowest
         session.record(
             0, latency=T * (1.0 + 0.02 * cycles)
         )  # worse and worse, yet no command is a cycle late
         cycles += 1
     bound = profile.thresholds[lowest].latency * T * 1e3
-    assert session.quality == lowest - 1
-    assert session.reason.startswith(f'timing: the connection is {session.quality.name}: latency ')
+    assert session.timing.quality == lowest - 1
+    assert session.reason.startswith(
+        f'timing: the connection is {session.timing.quality.name}: latency '
+    )
     assert session.reason.endswith(f', allowed {bound:g} ms')
 
 

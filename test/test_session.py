@@ -32,7 +32,11 @@ def commanding(**settings: float) -> Session:
 
 def test_session_begins_in_monitor_mode_with_nothing_known():
     session = Session(T)
-    assert (session.state, session.reason, session.quality) == (State.MON, '', Quality.UNACCEPTABLE)
+    assert (session.state, session.reason, session.timing.quality) == (
+        State.MON,
+        '',
+        Quality.UNACCEPTABLE,
+    )
 
 
 @pytest.mark.parametrize('monitor_time', [0.5, 0.1, 0.002])
@@ -68,7 +72,7 @@ def test_a_cycle_without_a_command_in_time_cannot_begin_command_mode():
     session = responding(Session(T, SessionSettings(monitor_time=0.0)), 100)
     session.record(None)
     session.offer(0.0)
-    assert session.quality is Quality.PERFECT
+    assert session.timing.quality is Quality.PERFECT
     assert session.state is State.MON
     assert session.reason == ''
 

@@ -84,10 +84,8 @@ class CommandReceiver:
     def take(self, tick: int) -> list[ClientCommand]:
         """The valid commands that have come since the last call, in the order of their ticks.
 
-        A second command for the same state counts as none.
-
-        Args:
-            tick: The present one, whose state is not out yet.
+        A second command for the same state counts as none. The state of the present tick is not out
+        yet.
 
         Returns:
             Commands for earlier ticks, each to a later one than the command before.

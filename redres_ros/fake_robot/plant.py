@@ -148,11 +148,7 @@ class MujocoPlant:
         self._velocity = velocity
 
     def step_torque(self, torque: np.ndarray) -> None:
-        """Move for one cycle without servos, by torques beside those that carry the arm's weight.
-
-        Args:
-            torque: (n,) [Nm].
-        """
+        """Move for one cycle without servos, by torques (n,) [Nm] beside those of its weight."""
         at_rest = np.zeros(2 * self._model.nq)
         self._data.ctrl[:] = np.concatenate((at_rest, torque))
         self._model.opt.disableactuator = 1 << SERVO_GROUP

@@ -3,12 +3,11 @@
 import math
 from collections import Counter
 from dataclasses import dataclass
-from enum import Enum, IntEnum
+from enum import Enum
 
 from redres_ros.errors import RedresError
 from redres_ros.fake_robot.command_validator import Reflex
 from redres_ros.fake_robot.profile import LWR_FRI1, PROFILES, Event
-from redres_ros.fake_robot.quality import Statistics
 from redres_ros.fake_robot.timing import Counts, TimingMonitor
 from redres_ros.parameter import check_parameters, param
 
@@ -76,6 +75,7 @@ class Session:
 
     Attributes:
         profile: What kind of session it is.
+        timing: Of the connection: its quality, and what is at fault.
         state: One of the profile's states.
         reason: Why command mode was taken away or refused; empty while nothing is wrong.
         command_error: That of the last refused command; None if a valid one came since.
@@ -89,7 +89,7 @@ class Session:
         self.period = period
         self._settings = settings or SessionSettings()
         self.profile = PROFILES[self._settings.profile]
-        self._timing = TimingMonitor(period, self.profile.thresholds)
+        self.timing = TimingMonitor(period, self.profile.thresholds)
         self._bridged_misses = self._settings.bridged_misses
         if self._bridged_misses < 0:
             self._bridged_misses = self.profile.bridged_misses
@@ -107,24 +107,9 @@ class Session:
         return self.state is self.profile.commanding
 
     @property
-    def quality(self) -> IntEnum:
-        """Quality of the connection, as the profile names it."""
-        return self._timing.quality
-
-    @property
-    def at_fault(self) -> str:
-        """Which statistic keeps the quality from being the next better one; empty for the best."""
-        return self._timing.at_fault
-
-    @property
-    def statistics(self) -> Statistics:
-        """The five figures that FRI reports."""
-        return self._timing.statistics
-
-    @property
     def counts(self) -> Counts:
         """Counts of cycles by their outcome, so far."""
-        return self._timing.counts(self._bridged, self._refusals.total())
+        return self.timing.counts(self._bridged, self._refusals.total())
 
     @property
     def refusals(self) -> dict[Refusal, int]:
@@ -137,7 +122,7 @@ class Session:
         return (
             self.profile.awaits_command(self.state)
             and not self.reason
-            and self._timing.age == 0
+            and self.timing.age == 0
             and self._good_cycles >= self._cycles_needed
         )
 
@@ -148,14 +133,15 @@ class Session:
             lateness: Of its command [cycles]; 0: in time, None: no valid one.
             latency: From the state to its command, 0 where nobody measures it [s].
         """
-        self._timing.record(lateness, latency)
-        self._good_cycles = self._good_cycles + 1 if self.quality >= self.profile.entry else 0
+        self.timing.record(lateness, latency)
+        is_good = self.timing.quality >= self.profile.entry
+        self._good_cycles = self._good_cycles + 1 if is_good else 0
         if lateness is not None:
             self.command_error = None
         if self.commanding and (fault := self._timing_fault()):
             self.stop(fault)
             return
-        self._bridged += self.commanding and self._timing.age > 0
+        self._bridged += self.commanding and self.timing.age > 0
         self._take(self._timing_event())
 
     def refuse(self, error: CommandError) -> None:
@@ -194,7 +180,7 @@ class Session:
 
     def _timing_fault(self) -> str:
         """Why the timing ends command mode; empty if it does not."""
-        age = self._timing.age
+        age = self.timing.age
         bridged = self._bridged_misses
         timing = self.profile.reflexes[Reflex.TIMING]
         refused = f'; last refused: {self.command_error}' if self.command_error else ''
@@ -202,16 +188,16 @@ class Session:
             return (
                 f'{timing}: the newest command is {age} cycles late, {bridged} are bridged{refused}'
             )
-        if self.quality < self.profile.lowest:
-            complaint = self._timing.complaint
-            return f'{timing}: the connection is {self.quality.name}: {complaint}{refused}'
+        if self.timing.quality < self.profile.lowest:
+            complaint = self.timing.complaint
+            return f'{timing}: the connection is {self.timing.quality.name}: {complaint}{refused}'
         return ''
 
     def _timing_event(self) -> Event:
         """The event that the timing up to this cycle is to the session."""
-        if self._timing.silent:
+        if self.timing.silent:
             return Event.SILENCE
-        if self.quality < self.profile.entry:
+        if self.timing.quality < self.profile.entry:
             return Event.POOR_TIMING
         enough = self._good_cycles >= self._cycles_needed and not self.reason
         return Event.LONG_GOOD_TIMING if enough else Event.GOOD_TIMING

@@ -136,11 +136,7 @@ class TwistPublisher:
 
 
 class TargetPublisher:
-    """Publishes on `target_pose`, in the frame of the base.
-
-    Args:
-        node: Publishes.
-    """
+    """Publishes on `target_pose`, in the frame of the base."""
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(PoseStamped, 'target_pose', PUBLISH)

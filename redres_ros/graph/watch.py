@@ -30,11 +30,7 @@ _TYPES = {
 
 
 class Watch(GraphMonitor):
-    """Keeps the newest value of every topic on the page, and when it came.
-
-    Args:
-        namespace: Of the arm's nodes; empty: none.
-    """
+    """Keeps the newest value of every topic on the page, and when it came."""
 
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)

@@ -17,11 +17,7 @@ from redres_ros.kernels.boxes import admit
 
 
 class Gate:
-    """Checks commands against the references published before.
-
-    Args:
-        controller: Knows these, the arm and its limits.
-    """
+    """Checks commands against the references published before, which the controller knows."""
 
     def __init__(self, controller: Controller) -> None:
         self.count = 0  # references that it changed

@@ -57,11 +57,7 @@ class PublishedReference:
         self.exists = True
 
     def begin_motion(self, q: np.ndarray) -> None:
-        """Move from now on; an arm that is elsewhere is approached first.
-
-        Args:
-            q: Measured, (n,) [rad].
-        """
+        """Move from now on; an arm measured elsewhere, at q (n,) [rad], is approached first."""
         if not self.exists:
             self.place(q)
         self._pose_hold.clear()
@@ -139,11 +135,7 @@ class PublishedReference:
         return self.gate.admit(self._controller.update(q, zeros, missed))
 
     def problem(self, q: np.ndarray) -> str:
-        """Why an arm at rest cannot stay at its reference; '' if it can.
-
-        Args:
-            q: Measured, (n,) [rad].
-        """
+        """Why an arm at rest, measured at q (n,) [rad], cannot stay at its reference; or ''."""
         controller = self._controller
         command = controller.standing()
         if self._faults.is_away(q):
@@ -165,11 +157,7 @@ class PublishedReference:
 
 
 class MissedCycles:
-    """Has the controller allow for cycles without a command.
-
-    Args:
-        controller: Knows the last reference and how the robot bridges these cycles.
-    """
+    """Has the controller allow for cycles without a command."""
 
     def __init__(self, controller: Controller) -> None:
         self.sent = -math.inf  # when the newest response was on its way [s]
@@ -213,9 +201,7 @@ class MissedCycles:
     def rollback_if_late(self, published: float) -> None:
         """Take the last response back if it came too late for a cycle of its own: of two in one
         cycle a robot that holds executes the second alone, and both would be a step of two cycles.
-
-        Args:
-            published: When the robot published the state after that one [s].
+        The robot published the state after that one at the time `published` [s].
         """
         holds = self._controller.bridging == 'hold'
         if holds and published - self.sent < self._together:

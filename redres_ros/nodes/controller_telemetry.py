@@ -107,11 +107,7 @@ def from_message(message: Float64MultiArray, n: int) -> ControllerSnapshot:
 
 
 class SnapshotPublisher:
-    """Publishes snapshots while there is a subscriber.
-
-    Args:
-        telemetry: Of the controller.
-    """
+    """Publishes snapshots by the controller's telemetry, while there is a subscriber."""
 
     def __init__(self, telemetry: Telemetry) -> None:
         self._telemetry = telemetry

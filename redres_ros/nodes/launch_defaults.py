@@ -10,11 +10,7 @@ from redres_ros.files.share import share_path
 
 
 def redres_with(defaults: Mapping[str, str]) -> list[Any]:
-    """What redres.launch.py starts, with these defaults of its arguments.
-
-    Args:
-        defaults: By the names of the arguments.
-    """
+    """What redres.launch.py starts, with these defaults of its arguments, by their names."""
     declared = [
         DeclareLaunchArgument(name, default_value=value) for name, value in defaults.items()
     ]

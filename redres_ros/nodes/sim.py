@@ -211,7 +211,7 @@ class SimNode(ManagedNode):
         if session.reason and session.reason != self._words.get(REASON):
             self.get_logger().error(session.reason)
         state = session.state.value
-        words = {REASON: session.reason, SESSION: state, QUALITY: session.quality.name}
+        words = {REASON: session.reason, SESSION: state, QUALITY: session.timing.quality.name}
         self._words.publish(words)
 
     def _publish_state(self) -> None:
@@ -333,10 +333,10 @@ class SimNode(ManagedNode):
         session = self._session
         refused = {f'refused: {kind.value}': count for kind, count in session.refusals.items()}
         figures = {
-            **asdict(session.statistics),
+            **asdict(session.timing.statistics),
             'session state': session.state.value,
-            'quality': session.quality.name,
-            'at fault': session.at_fault,
+            'quality': session.timing.quality.name,
+            'at fault': session.timing.at_fault,
             **asdict(session.counts),
             **refused,
             'cycles waited for': self._cycles_waited,
@@ -347,8 +347,8 @@ class SimNode(ManagedNode):
             return Health(WARN, self.life, figures)
         if session.reason:
             return Health(ERROR, session.reason, figures)
-        if session.at_fault or self._refusals.reasons:
-            connection = f'connection {session.quality.name}: {session.at_fault}'
+        if session.timing.at_fault or self._refusals.reasons:
+            connection = f'connection {session.timing.quality.name}: {session.timing.at_fault}'
             return Health(WARN, self._refusals.reasons or connection, figures)
         return Health(OK, 'in command' if session.commanding else 'monitoring', figures)
 

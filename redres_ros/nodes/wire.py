@@ -190,11 +190,7 @@ class JointStateWriter:
 
 
 class TwistWriter:
-    """One serialised TwistStamped that is filled again for every message.
-
-    Args:
-        frame: Whose axes the velocities are in.
-    """
+    """One serialised TwistStamped, along the axes of a frame, filled again for every message."""
 
     def __init__(self, frame: str) -> None:
         message = TwistStamped()
