@@ -5,7 +5,6 @@ from contextlib import nullcontext
 from typing import Any
 
 import rclpy
-from geometry_msgs.msg import PoseStamped
 from rich.console import Console, RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
@@ -15,18 +14,14 @@ from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
 from redres_ros.graph.watch_page import NODES, JointBar, line, page
-from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST
+from redres_ros.nodes.topics import ACTIVE_LIMITS
 
 _REFRESH = 5.0  # [Hz]
 _LINE_EVERY = 1.0  # [s]
 
 _LAW = 'controller/law'
 _TIP = 'controller/tip_pose'
-_TYPES = {
-    _LAW: String,
-    'planner/segment': Int32,
-    _TIP: PoseStamped,
-}  # all others are a Float64
+_TYPES = {_LAW: String, ACTIVE_LIMITS: String, 'planner/segment': Int32}  # all others: Float64
 
 
 class Watch(GraphMonitor):
@@ -35,10 +30,9 @@ class Watch(GraphMonitor):
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)
         self._arm: LiveArm | None = None
-        self._sampled: list[str] = []  # topics whose newest message is looked at
+        self._followed = [ACTIVE_LIMITS, *_sampled('planner')]
         self._is_known = True  # whether the arm is, as far as one knows
         self.on_parameters = self._on_parameters
-        self._listen('planner')
 
     def page(self) -> RenderableType:
         """The page as it is now."""
@@ -51,8 +45,8 @@ class Watch(GraphMonitor):
 
     def look(self) -> None:
         """Update the arm's state; identify the arm once its controller is there."""
-        self._look_at_samples()
-        self.limits()
+        for topic in self._followed:
+            self._newest(topic, _TYPES.get(topic, Float64), None)
         if self._arm is not None:
             self._look_at(self._arm)
         elif self._is_known and self.client.offers('controller'):
@@ -62,7 +56,7 @@ class Watch(GraphMonitor):
                 self.keep(_LAW, values['law'])
             except RedresError:
                 self._is_known = False  # the rest of the page goes without it
-                self._listen('controller')
+                self._followed += _sampled('controller')
 
     def _look_at(self, arm: LiveArm) -> None:
         # A snapshot has all figures: a subscription to each would cost the controller time.
@@ -84,28 +78,15 @@ class Watch(GraphMonitor):
             for name, fraction, q in zip(names, arm.fractions.tolist(), arm.q.tolist(), strict=True)
         ]
 
-    def _listen(self, node: str) -> None:
-        """Subscribe to all topics of a node on the page."""
-        for row in NODES[node]:
-            topic = row.topic
-            if topic not in (*WORDS, ACTIVE_LIMITS):
-                self._sampled.append(topic)
-                self.samples.add(topic, _TYPES.get(topic, Float64), NEWEST)
-
-    def _look_at_samples(self) -> None:
-        for topic in self._sampled:
-            message = self.samples.newest(topic)
-            if message is None:
-                continue
-            if topic == _TIP:
-                position = message.pose.position
-                self.keep(topic, (position.x, position.y, position.z))
-            else:
-                self.keep(topic, message.data)
-
     def _on_parameters(self, node: str, values: dict[str, Any]) -> None:
         if node == 'controller' and 'law' in values:
             self.keep(_LAW, values['law'])
+
+
+def _sampled(node: str) -> list[str]:
+    """The topics of a node on the page with figures of which only the newest matters."""
+    topics = [row.topic for row in NODES[node]]
+    return [topic for topic in topics if topic not in (*WORDS, ACTIVE_LIMITS, _TIP)]
 
 
 def watch(node: Watch, duration: float | None = None) -> None:
