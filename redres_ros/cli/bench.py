@@ -51,8 +51,8 @@ def add(commands: Any) -> None:
         f'each operator steers for {_OPERATED:g} times that'
     )
     option(bench, '--only', 'A,B,...', f'parts to measure: {", ".join(_PARTS)}', _USUAL)
-    option(bench, '--duration', 'S', duration, 3.0)
-    option(bench, '--seeds', 'N', 'runs of each operator', 1)
+    option(bench, '--duration', 'S', duration, 3.0, within=(0.01, 3600.0, 's'))
+    option(bench, '--seeds', 'N', 'runs of each operator', 1, within=(1, 100, ''))
     option(bench, '--rates', 'HZ,...', 'of the loop', '250,500,1000')
     add_out(bench, 'redres_bench', 'bench.json and logs')
     bench.set_defaults(run=_bench)
@@ -63,10 +63,6 @@ def _bench(options: argparse.Namespace) -> int:
 
     parts = _names(options.only)
     options.rates = _numbers(options.rates)
-    if not 0.01 <= options.duration <= 3600.0:
-        raise RangeError('--duration', options.duration, 0.01, 3600.0, 's')
-    if not 1 <= options.seeds <= 100:
-        raise RangeError('--seeds', options.seeds, 1, 100)
     if 'loop' in parts:
         import redres_ros.bench.loop  # noqa: F401, that there is no ROS is to be known at once
     made(options.out, 'bench.json')

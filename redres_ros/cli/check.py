@@ -8,9 +8,6 @@ from redres_ros.cli.options import add_domain, add_namespace, topic_name
 from redres_ros.cli.parser import add_command, option
 from redres_ros.errors import RangeError
 
-_SHORTEST = 0.5  # [s]
-_LONGEST = 60.0
-
 
 def add(commands: Any) -> None:
     """Declare the subcommand."""
@@ -23,7 +20,7 @@ def add(commands: Any) -> None:
     )
     robot = "the arm, where no controller runs yet; default: the controller's"
     states = 'where the states are published'
-    option(check, '--duration', 'S', 'for how long to look', 4.0)
+    option(check, '--duration', 'S', 'for how long to look', 4.0, within=(0.5, 60.0, 's'))
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot')
     option(check, '--rate', 'HZ', 'rate of the states, with --robot', 500.0)
@@ -41,8 +38,6 @@ def _check(options: argparse.Namespace) -> int:
     from redres_ros.preflight.graph import judge
     from redres_ros.preflight.graph_snapshot import SnapshotNode
 
-    if not _SHORTEST <= options.duration <= _LONGEST:
-        raise RangeError('duration', options.duration, _SHORTEST, _LONGEST, 's')
     if not RATES[0] <= options.rate <= RATES[1]:
         raise RangeError('rate', options.rate, *RATES, 'Hz')
     wanted = None

@@ -5,10 +5,8 @@ from typing import Any
 
 from redres_ros.cli.options import add_laws, add_robot
 from redres_ros.cli.parser import OptionError, add_command, option
-from redres_ros.errors import RangeError
 
 _LAWS = 'minimum_acceleration'
-_MOST = 100_000  # tasks
 
 
 def add(commands: Any) -> None:
@@ -21,8 +19,8 @@ def add(commands: Any) -> None:
     )
     add_robot(dampings, 'lwr4_paper')
     add_laws(dampings, _LAWS, 'names of `redres laws`')
-    option(dampings, '--tasks', 'N', 'random tasks', 200)
-    option(dampings, '--period', 'S', 'sampling time T [s]', 0.005)
+    option(dampings, '--tasks', 'N', 'random tasks', 200, within=(1, 100_000, ''))
+    option(dampings, '--period', 'S', 'sampling time T [s]', 0.005, within=(1e-4, 0.01, 's'))
     dampings.set_defaults(run=_dampings)
 
 
@@ -31,10 +29,6 @@ def _dampings(options: argparse.Namespace) -> int:
     from redres_ros.simulation.report import print_tables, progress_bar
     from redres_ros.simulation.summary import damping_table, sweep
 
-    if not 1 <= options.tasks <= _MOST:
-        raise RangeError('tasks', options.tasks, 1, _MOST)
-    if not 1e-4 <= options.period <= 0.01:
-        raise RangeError('period', options.period, 1e-4, 0.01, 's')
     laws = _laws(options.laws)
     base = Case(
         options.robot,

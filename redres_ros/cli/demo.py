@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from redres_ros.cli.files import made
-from redres_ros.cli.options import DEMO_LIMITS, add_motion, add_out, check_duration
+from redres_ros.cli.options import DEMO_LIMITS, DURATIONS, add_motion, add_out
 from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import RangeError
 
@@ -58,7 +58,7 @@ def _add_run(group: Any) -> None:
     option(group, '--plant', None, plant, 'mujoco', choices=('mujoco', 'ideal'))
     group.add_argument('--lockstep', action='store_true', help=lockstep)
     group.add_argument('--composed', action='store_true', help='the three nodes in one process')
-    option(group, '--duration', 'S', duration, 0.0)
+    option(group, '--duration', 'S', duration, 0.0, within=DURATIONS)
     group.add_argument('--teleop', action='store_true', help=teleop)
     option(group, '--domain', 'ID', domain, type=int)
 
@@ -116,7 +116,6 @@ def _make_demo(options: argparse.Namespace) -> 'Demo':
     from redres_ros.demo.demo import Demo
     from redres_ros.demo.processes import DemoOptions
 
-    check_duration(options.duration)
     for name in ('task', 'lockstep', 'composed'):  # of no use to an operator
         if options.teleop and getattr(options, name):
             raise OptionError(f'--teleop and --{name}; expected one of them')

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.parser import NONE, Parser, option
-from redres_ros.errors import RangeError, quoted
+from redres_ros.errors import quoted
 
 DEMO_LIMITS = 'position,velocity,acceleration'
 GAINS_HELP = '--help-gains'
 
-_LONGEST = 1e6  # [s]
+DURATIONS = (0.0, 1e6, 's')  # of a run
 _NAMES = r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*'  # with / between them
 _LONGEST_NAME = 120  # characters; DDS takes 247 for a namespace and a topic in it
 
@@ -146,13 +146,8 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 def add_watching_time(parser: argparse.ArgumentParser) -> None:
     """--duration of commands that observe nodes."""
-    option(parser, '--duration', 'S', 'end after this time; default: with Ctrl-C', type=float)
-
-
-def check_duration(duration: float | None) -> None:
-    """Raise RangeError for a duration [s] that is not sensible; None is not limited."""
-    if duration is not None and not 0.0 <= duration <= _LONGEST:
-        raise RangeError('duration', duration, 0.0, _LONGEST, 's')
+    says = 'end after this time; default: with Ctrl-C'
+    option(parser, '--duration', 'S', says, type=float, within=DURATIONS)
 
 
 def add_namespace(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from redres_ros.errors import RedresError, quoted
+from redres_ros.errors import RangeError, RedresError, quoted
 
 NONE = 'none'  # the word for no limits at all
 
@@ -112,7 +112,14 @@ def add_command(commands: Any, name: str, says: str, *examples: str) -> Parser:
 
 
 def option(
-    group: Any, name: str, metavar: str | None, says: str, default: Any = None, **others: Any
+    group: Any,
+    name: str,
+    metavar: str | None,
+    says: str,
+    default: Any = None,
+    *,
+    within: tuple[float, float, str] | None = None,
+    **others: Any,
 ) -> None:
     """Declare an option with a value, of the type of its default.
 
@@ -122,13 +129,18 @@ def option(
         metavar: Stands for the value in the help; None for the name's, or for choices.
         says: What it means.
         default: Its value when it is not given.
+        within: The least and the largest number that are allowed, and their unit; None: any.
         **others: As add_argument takes them, such as the type where there is no default.
     """
     kind: type | None = type(default) if isinstance(default, (int, float)) else None
     if isinstance(default, Path):
         kind = Path
-    declared = {'type': kind, 'metavar': metavar, 'default': default, 'help': says}
-    group.add_argument(name, **{**declared, **others})
+    declared = {'type': kind, 'metavar': metavar, 'default': default, 'help': says, **others}
+    if within:
+        declared['type'] = partial(
+            _read_within, name.lstrip('-'), within, _READINGS[declared['type']]
+        )
+    group.add_argument(name, **declared)
 
 
 def _read_text(text: str) -> str:
@@ -148,6 +160,17 @@ def _read_number(text: str, kind: type = float, expected: str = 'a number') -> A
         return kind(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f'got {quoted(text)}; expected {expected}') from None
+
+
+def _read_within(
+    name: str, within: tuple[float, float, str], read: Callable[[str], Any], text: str
+) -> Any:
+    """A number in its range. Raises RangeError."""
+    lower, upper, unit = within
+    value = read(text)
+    if not lower <= value <= upper:
+        raise RangeError(name, value, lower, upper, unit)
+    return value
 
 
 # What reads an option's text, by the type that it is declared with; None for plain text.

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from redres_ros.cli.files import prepare
-from redres_ros.cli.options import add_domain, add_watching_time, check_duration, topic_name
+from redres_ros.cli.options import add_domain, add_watching_time, topic_name
 from redres_ros.cli.parser import OptionError, add_command, option
 
 _SUFFIX = '.mcap'
@@ -42,7 +42,6 @@ def _record(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
-    check_duration(options.duration)
     if options.file.suffix != _SUFFIX:
         raise OptionError(f'the recording {options.file}; expected a name that ends in {_SUFFIX}')
     prepare(options.file)

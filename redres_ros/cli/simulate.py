@@ -6,7 +6,6 @@ from typing import Any
 
 from redres_ros.cli.options import add_loop, add_motion
 from redres_ros.cli.parser import add_command, option
-from redres_ros.errors import RangeError
 
 
 def add(commands: Any) -> None:
@@ -24,7 +23,8 @@ def add(commands: Any) -> None:
     switching = "at_rest or within_tolerance; default: the task's own"
     option(loop, '--switching', 'RULE', switching)
     option(loop, '--switch-time', 'S', 'blend the start over this time [s]', 0.0)
-    option(loop, '--delay', 'TICKS', 'the arm uses each reference this many ticks late', 0)
+    delay = 'the arm uses each reference this many ticks late'
+    option(loop, '--delay', 'TICKS', delay, 0, within=(0, 1000, 'ticks'))
     option(loop, '--out', 'FILE.csv', 'write every tick at full precision', type=Path)
     simulate.set_defaults(run=_simulate)
 
@@ -43,8 +43,6 @@ def _simulate(options: argparse.Namespace) -> int:
     task = motion.task
     if options.switching:
         task = replace(task, switching=options.switching)
-    if not 0 <= options.delay <= 1000:
-        raise RangeError('delay', options.delay, 0, 1000, 'ticks')
     law = find_law(options, options.law)
     check_gains(options, in_use(options, options.law))
     controller = make_controller(

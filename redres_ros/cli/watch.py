@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from redres_ros.cli.options import add_domain, add_namespace, add_watching_time, check_duration
+from redres_ros.cli.options import add_domain, add_namespace, add_watching_time
 from redres_ros.cli.parser import OptionError, add_command, option
 from redres_ros.errors import UnknownNameError
 
@@ -38,7 +38,6 @@ def _watch(options: argparse.Namespace) -> int:
     from redres_ros.nodes.discovery import joined_domain
     from redres_ros.nodes.runtime import spun
 
-    check_duration(options.duration)
     settings = options.set or []
     texts = _texts(settings)
     with joined_domain(options.domain), spun(lambda: Watch(options.namespace)) as node:
