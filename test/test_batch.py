@@ -18,6 +18,7 @@ from redres_ros.cli import main
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.files.signals import handled
 from redres_ros.simulation import batch as module
+from redres_ros.simulation import results_file
 from redres_ros.simulation.batch import Result
 from redres_ros.simulation.case import grid
 from redres_ros.simulation.random_tasks import (
@@ -297,7 +298,7 @@ def test_a_batch_that_is_terminated_keeps_its_results(tmp_path, monkeypatch):
             yield result
             os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr(module, 'batch', terminated)
+    monkeypatch.setattr(results_file, 'batch', terminated)
     study = tmp_path / 'study.yaml'
     study.write_text(f'T: {T}\nseeds: 2\n')
     out = tmp_path / 'study.parquet'
