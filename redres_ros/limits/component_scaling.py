@@ -89,11 +89,11 @@ def solve_components(
     dq = executed.dq[: len(dq_free)]
     if not is_exact or locked(whole.s):
         steady = _WithFactors(dq_free, W, tasks[1:], steady_box, rows, len(sizes))
-        share = steady.locked(components)
-        if share > 0.0:
+        weight = steady.locked(components)
+        if weight > 0.0:
             executing = 1.0 + (LEAD - 1.0) * _fractions(components, dq_prev)
             order = np.argsort(-executing * lengths, kind='stable')
-            dq = dq + share * (_alone(problem, steady, components, order, dq) - dq)
+            dq = dq + weight * (_alone(problem, steady, components, order, dq) - dq)
     solved = whole.solved and executed.solved
     scaling = tuple(_fractions(components, dq).tolist())
     return whole._replace(dq=dq, solved=solved, component_scaling=scaling)

@@ -47,7 +47,7 @@ class JointLimit(BoxLimit):
 
 @dataclass(frozen=True, eq=False)
 class AccelerationFigures(Limit):
-    """What the limits that count on an acceleration share.
+    """Figures common to the limits that assume an acceleration.
 
     Args:
         acceleration: (n,) [rad/s^2], for an arm whose table has none; empty for that table's.

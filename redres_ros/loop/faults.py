@@ -165,7 +165,7 @@ class FaultMonitor:
             self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
 
     def _moves(self, q: np.ndarray, speed: np.ndarray, seconds: float) -> bool:
-        """Whether any joint moves, as far as they are commanded to, and were shortly before."""
+        """Whether any joint moves, if any is or was shortly before commanded to."""
         q_ref = self._controller.reference
         self._fast = np.maximum(speed, self._fast * max(1.0 - seconds / _DECAY_TIME, 0.0))
         delayed = self._references[0] if self._references else q_ref

@@ -83,7 +83,7 @@ class PublishedReference:
         return self._controller.standing()
 
     def moving(self, q: np.ndarray, dx: np.ndarray, missed: int, *, yields: bool) -> Command:
-        """The next reference, on the way of the input velocity or of an approach.
+        """The next reference, along the input velocity or an approach.
 
         Args:
             q: Measured, (n,) [rad].

@@ -71,8 +71,8 @@ class VelocityInput:
         self._woke = -math.inf  # when input came again after a gap [s]
 
     def note_input(self, now: float) -> None:
-        """Note the monotonic time [s] of any input; after a gap of all input the process
-        may have slept.
+        """Record the monotonic time [s] of any input: in a gap of all input the process may have
+        slept.
         """
         if self._last_input and now - self._last_input > self.settings.command_timeout:
             self._woke = now
@@ -106,7 +106,7 @@ class VelocityInput:
     def enter(
         self, buffer: TwistBuffer, stamp: int, dx: np.ndarray, now: float, time_of_day: int
     ) -> bool:
-        """Take in a velocity; whether it is of the very state that its stamp names.
+        """Store a velocity; returns whether it belongs to the state that its stamp names.
 
         Args:
             buffer: of_task or of_joints.
@@ -139,8 +139,8 @@ class VelocityInput:
         return of_a_state
 
     def _is_of_this_robot(self, stamp: int) -> bool:
-        """Whether a velocity can be judged by the robot's clock: after a silence another robot may
-        have begun, and its planner was the first to know.
+        """Whether a velocity can be judged by the robot's clock: after a silence, its stamp may be
+        another robot's, whose states have not come yet.
 
         Args:
             stamp: Of the velocity [ns]; 0 for now.

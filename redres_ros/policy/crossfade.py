@@ -15,16 +15,18 @@ from redres_ros.robot_model import RobotState
 class Crossfade:
     """Any change of motion: law, preferences, tasks, limits, a start, a stop.
 
-    old: None: the joints go on with dq_old. dq_old: (n,) [rad/s], the last velocity that the *old*
-    motion would have commanded. It must not see the mixed velocity, or its null-space motion would
-    shrink every cycle; it keeps to its own limits. The new motion sees the mixed velocity, which it
-    takes over. share: of the switch time that is over.
+    Attributes:
+        old: The motion before; None: the joints continue at dq_old.
+        new: The motion after. Its velocity history is the mixed velocity.
+        dq_old: (n,) [rad/s], the last velocity that `old` alone would have commanded, within its
+            own limits. With the mixed velocity its null-space motion would shrink every cycle.
+        progress: Elapsed fraction of the switch time.
     """
 
     old: Motion | None
     new: 'Policy | Hold'
     dq_old: np.ndarray
-    share: float = 0.0
+    progress: float = 0.0
 
     def solve(self, state: RobotState, dx: np.ndarray, T: float) -> Solution:
         """dq = (1 - c) dq_old + c dq_new, within the limits of the new motion.
@@ -44,7 +46,7 @@ class Crossfade:
         # Limits on the acceleration act at once, on the mixture: nothing can jump under them.
         at_once = limits is not None and limits.bounds_acceleration
         new = (self.new.unconstrained if at_once else self.new.solve)(state, dx, T)
-        c, _ = quintic(self.share)
+        c, _ = quintic(self.progress)
         mixed = replace(
             new,
             dq=(1.0 - c) * old.dq + c * new.dq,
@@ -97,9 +99,9 @@ def advanced(
     if desired is not before and _is_sudden(before, desired):
         fade = Crossfade(None, desired, dq_prev)
     step = T / switch_time if switch_time > 0.0 else 1.0
-    if fade.share + step >= 1.0:
+    if fade.progress + step >= 1.0:
         return fade.new
-    return replace(fade, share=fade.share + step)
+    return replace(fade, progress=fade.progress + step)
 
 
 def _is_sudden(old: Motion | None, new: Policy | Hold) -> bool:

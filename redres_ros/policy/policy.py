@@ -219,12 +219,12 @@ class Policy:
         asked = _asked(dx, state)
         first = self._first_component(asked, state)
         square = float(asked.dot(asked))
-        share = locked(float(J.dot(dq).dot(asked)) / square) if square else 0.0
-        if share == 0.0 or len(J[first]) == len(J):
+        weight = locked(float(J.dot(dq).dot(asked)) / square) if square else 0.0
+        if weight == 0.0 or len(J[first]) == len(J):
             return dq
         parts = [(J[first], dx[first]), (np.delete(J, first, 0), np.delete(dx, first))]
         alone, _ = resolve_in_order([*parts, *levels[1:]], b, W)
-        return dq + share * (alone - dq)
+        return dq + weight * (alone - dq)
 
     def _first_component(self, asked: np.ndarray, state: RobotState) -> slice:
         """The rows of the first component of the task that is asked for; all if none is."""
