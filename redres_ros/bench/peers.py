@@ -116,6 +116,32 @@ def _embodik_solver(arm: Arm, T: float, limit_scale: float | None) -> Any:
 
 def _oink(arm: Arm, T: float, limit_scale: float | None) -> Peer:
     """limit_scale: on velocities and accelerations; None: without limits."""
+    follow = _oink_solver(arm, T, limit_scale, orientation_cost=0.0, accuracy=_OINK_ACCURACY)
+    target = np.eye(4, order='F')
+    dq = np.zeros_like(JointLimits.of(arm).velocity)
+
+    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        nonlocal dq
+        target[:3, 3] = x_d
+        dq = follow(q, dq, target)
+        return dq
+
+    return velocity
+
+
+def _oink_solver(
+    arm: Arm,
+    T: float,
+    limit_scale: float | None,
+    orientation_cost: float,
+    accuracy: float | None = None,
+) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """(q, dq, target) -> dq: the velocity at q after dq that brings the tip to a pose (4, 4) within
+    a tick. Limits as of _oink(); accuracy [rad], None: its default.
+
+    In a few ticks of ten thousand its solver does not come to an end: such a tick goes without the
+    acceleration limit.
+    """
     from roboplan.core import CartesianConfiguration, Scene, loadUrdfSceneDescriptionFromXml
     from roboplan.optimal_ik import (
         AccelerationLimit,
@@ -130,28 +156,30 @@ def _oink(arm: Arm, T: float, limit_scale: float | None) -> Peer:
     limits = JointLimits.of(arm)
     scene = Scene(arm.tip_frame, loadUrdfSceneDescriptionFromXml(arm.description()))
     settings = OinkSettings()
-    settings.eps_abs = _OINK_ACCURACY
+    if accuracy is not None:
+        settings.eps_abs = accuracy
     solver = Oink(scene, settings)
-    target = np.eye(4, order='F')
-    tip = CartesianConfiguration('', arm.tip_frame, target)
-    task = FrameTask(solver, scene, tip, FrameTaskOptions(orientation_cost=0.0))
-    kept: list[Any] = []
-    acceleration: Any = None
+    tip = CartesianConfiguration('', arm.tip_frame, np.eye(4))
+    task = FrameTask(solver, scene, tip, FrameTaskOptions(orientation_cost=orientation_cost))
+    usual: list[Any] = []
+    accelerations: list[Any] = []
     if limit_scale is not None:
-        acceleration = AccelerationLimit(solver, T, limit_scale * limits.acceleration)
-        velocity_limit = VelocityLimit(solver, T, limit_scale * limits.velocity)
-        kept = [PositionLimit(solver), velocity_limit, acceleration]
+        usual = [PositionLimit(solver), VelocityLimit(solver, T, limit_scale * limits.velocity)]
+        accelerations = [AccelerationLimit(solver, T, limit_scale * limits.acceleration)]
+    kept = [*usual, *accelerations]
     step = np.zeros(solver.num_variables)
 
-    def velocity(q: np.ndarray, x_d: np.ndarray, dx: np.ndarray) -> np.ndarray:
-        target[:3, 3] = x_d
+    def follow(q: np.ndarray, dq: np.ndarray, target: np.ndarray) -> np.ndarray:
         task.setTargetFrameTransform(target)
-        if acceleration is not None:
-            acceleration.setLastVelocity(step / T)
-        solver.solveIk(q, [task], kept, [], step, _OINK_DAMPING)
+        for acceleration in accelerations:
+            acceleration.setLastVelocity(dq)
+        try:
+            solver.solveIk(q, [task], kept, [], step, _OINK_DAMPING)
+        except RuntimeError:
+            solver.solveIk(q, [task], usual, [], step, _OINK_DAMPING)
         return step / T
 
-    return velocity
+    return follow
 
 
 def _pink(arm: Arm, T: float, solver: str, limits: list[Any] | None) -> Peer:
@@ -248,6 +276,8 @@ def twist_peers() -> dict[str, Callable[[Arm, float], TwistPeer]]:
     made: dict[str, Callable[[Arm, float], TwistPeer]] = {}
     if 'embodik' not in missing:
         made['embodik'] = _embodik_twists
+    if 'roboplan' not in missing:
+        made['roboplan OInK'] = _oink_twists
     if not {'pink', 'quadprog'} & set(missing):
         made['pink'] = _pink_twists
     if not {'mink', 'daqp'} & set(missing):
@@ -266,6 +296,25 @@ def _embodik_twists(arm: Arm, T: float) -> TwistPeer:
     def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
         task.set_target_velocity(dx)
         return q + T * solver.solve_velocity_dq(q, True)
+
+    return follow
+
+
+def _oink_twists(arm: Arm, T: float) -> TwistPeer:
+    """Where limits have no common solution, with what is nearest to them in least squares."""
+    import pinocchio as pin
+
+    model = pin.buildModelFromXML(arm.description())
+    data = model.createData()
+    tip = model.getFrameId(arm.tip_frame)
+    velocity = _oink_solver(arm, T, 1.0, orientation_cost=1.0)
+    target = np.eye(4, order='F')
+
+    def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        pin.framesForwardKinematics(model, data, q)
+        target[:3, :3] = pin.exp3(T * dx[3:]) @ data.oMf[tip].rotation
+        target[:3, 3] = data.oMf[tip].translation + T * dx[:3]
+        return q + T * velocity(q, dq, target)
 
     return follow
 
