@@ -11,6 +11,7 @@ import pytest
 from nightly import by_day
 
 from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
+from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.limits import make_limits
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.robots import ARMS
@@ -241,6 +242,23 @@ def test_pink_59_a_path_by_a_singularity_is_finished_though_velocity_limits_act(
     assert recording['task_scaling'].min() < 1.0
 
 
+def test_isaaclab_7862_no_pose_ends_with_joints_pinned_at_their_ends() -> None:
+    """There, two of sixteen arms came to rest with two joints at their ends, 0.25 rad away."""
+    model = RobotModel.named('fr3')
+    random = np.random.default_rng(0)
+    period = 0.004  # [s]
+    for _ in range(16):
+        x_d, R_d = model.tip(start_of('fr3') + random.uniform(-0.5, 0.5, model.n))
+        controller = Controller(model, 'minimum_acceleration', period, task='pose', limits=BOX)
+        q = start_of('fr3')
+        for _ in range(750):
+            x, R = model.tip(q)
+            q = controller.update(q, 3.0 * np.append(x_d - x, rotation_error(R, R_d))).q_ref
+        x, R = model.tip(q)
+        assert np.linalg.norm(rotation_error(R, R_d)) < 0.01
+        assert np.linalg.norm(x_d - x) < 0.01
+
+
 # --- twists ---------------------------------------------------------------------------------------
 
 
@@ -251,15 +269,20 @@ def test_moveit2_3065_a_twist_from_rest_starts_within_the_acceleration_limits() 
     assert commands[-1].s == 1.0
 
 
-def speeds_of(sent: Callable[[int], bool]) -> np.ndarray:
-    """Tip speeds [m/s] while 0.1 m/s is asked for, by twists that come in some of the cycles."""
+def speeds_of(
+    sent: Callable[[int], bool], arrives: Callable[[int], bool] = lambda cycle: True
+) -> np.ndarray:
+    """Tip speeds [m/s] while 0.1 m/s is asked for, by twists that come in some of the cycles.
+
+    The robot's state arrives in some of them, too.
+    """
     model = RobotModel.named('iiwa7')
     loop = CommandLoop(Controller(model, 'minimum_velocity', T, limits=BOX))
     q = start_of('iiwa7')
     speeds = []
     for cycle in range(1, 1000):
         stamp = 10**18 + round(cycle * T * 1e9)
-        responses = [loop.enter_state(stamp, q, cycle * T)]
+        responses = [loop.enter_state(stamp, q, cycle * T)] if arrives(cycle) else []
         if sent(cycle):
             responses.append(loop.enter_twist(stamp, np.array((0.0, 0.1, 0.0)), cycle * T + 3e-4))
         for response in filter(None, responses):
@@ -278,6 +301,13 @@ def test_moveit2_2136_a_twist_that_does_not_come_now_and_then_stops_nothing() ->
 def test_ros2_kortex_412_a_policy_of_60_hz_moves_the_arm_without_stops() -> None:
     """There, a controller of trajectories stopped and started with every message."""
     speeds = speeds_of(lambda cycle: cycle % 8 == 0)
+    assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_kuka_drivers_35_a_connection_that_worsens_now_and_then_stops_no_motion() -> None:
+    """There, a quality that worsened for moments stopped the robot's command mode."""
+    random = np.random.default_rng(0)
+    speeds = speeds_of(lambda cycle: True, lambda cycle: bool(random.random() > 0.05))
     assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
 
 
