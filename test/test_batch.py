@@ -17,12 +17,14 @@ from redres_ros import Case, Controller, Effort, RedresError, RobotModel, batch,
 from redres_ros.cli import main
 from redres_ros.errors import FileError, UnknownNameError
 from redres_ros.files.signals import handled
+from redres_ros.robots import ARMS
 from redres_ros.simulation import batch as module
 from redres_ros.simulation import results_file
 from redres_ros.simulation.batch import Result
 from redres_ros.simulation.case import grid
 from redres_ros.simulation.random_tasks import (
     RANDOM_TASKS,
+    contrasting_task,
     long_task,
     make_random_task,
     near_singular_task,
@@ -188,6 +190,19 @@ def test_a_random_task_is_the_same_every_time_and_starts_at_its_first_point(kind
 
 
 @pytest.mark.nightly
+@pytest.mark.slow
+def test_on_a_path_searched_for_only_the_pseudoinverse_leaves_the_limits():
+    model = RobotModel.from_urdf(ARMS['fr3'].urdf, 'tool0')
+    task = contrasting_task(model, 'my_arm.urdf')
+    least_velocity, least_acceleration = (
+        Effort.of(run(Controller(model, law, 0.004), task), model)
+        for law in ('minimum_velocity', 'minimum_acceleration')
+    )
+    assert least_velocity.acceleration > 1.5 * least_acceleration.acceleration  # 4.1 times
+    assert least_velocity.violation
+    assert not least_acceleration.violation
+
+
 def test_near_singular_tasks_come_nearer_to_singularities_than_others():
     model = RobotModel.named('lwr4')
 

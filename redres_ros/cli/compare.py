@@ -1,7 +1,7 @@
 """`redres compare`: laws side by side on a task."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +10,14 @@ from redres_ros.cli.parser import NONE, OptionError, add_command, option
 from redres_ros.errors import RangeError
 
 if TYPE_CHECKING:
+    from redres_ros.cli.task import WantedMotion
     from redres_ros.laws import Law
     from redres_ros.simulation.effort import Effort
     from redres_ros.simulation.recording import Recording
 
 _LAWS = 'minimum_velocity,minimum_acceleration,minimum_weighted_torque'
 _PICTURES = ('comparison', 'limits')
+_CLEAR = 1.5  # ratio of two peaks of acceleration that differ clearly
 
 
 @dataclass(frozen=True)
@@ -115,13 +117,13 @@ def _compare_one(options: argparse.Namespace) -> int:
     from redres_ros.cli.controller import in_use, make_controller
     from redres_ros.cli.files import made, pictures
     from redres_ros.cli.gains import check_gains
-    from redres_ros.cli.task import find_motion
+    from redres_ros.cli.task import find_contrast
     from redres_ros.simulation.comparison import draw_limit_usage, picture, tables
     from redres_ros.simulation.drawing import DRAWINGS, save
     from redres_ros.simulation.parallel import in_parallel
     from redres_ros.simulation.report import print_tables, progress_bar
 
-    motion = find_motion(options)
+    motion = find_contrast(options)
     contenders = _contenders(options)
     check_gains(options, in_use(options, *(each.name for each in contenders.values())))
     for contender in contenders.values():
@@ -130,7 +132,8 @@ def _compare_one(options: argparse.Namespace) -> int:
     if writes_data := options.out.suffix not in DRAWINGS:
         made(options.out, *(each.file_name for each in contenders.values()))
     with progress_bar(f'{len(contenders)} laws') as progress:
-        results = in_parallel(_run, list(contenders.values()), progress)
+        runs = [(contender, motion) for contender in contenders.values()]
+        results = in_parallel(_run, runs, progress)
     recordings: dict[str, Recording] = {}
     efforts: dict[str, Effort] = {}
     for (label, contender), (recording, effort) in zip(contenders.items(), results, strict=True):
@@ -147,8 +150,8 @@ def _compare_one(options: argparse.Namespace) -> int:
         print(f'every tick in {options.out}/*.csv')
     if options.limits == NONE:
         print(f'no limits were on; those of a demo: --limits {DEMO_LIMITS}')
-    if not motion.name:
-        print('one square says little; on random tasks: --tasks 20 --kind near_singular')
+    if motion.is_searched:
+        print(_on_searched_task(efforts.values()))
     for remark in motion.model.arm.remarks():
         print(remark)
     return 0 if all(recording.finished for recording in recordings.values()) else 1
@@ -173,15 +176,27 @@ def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
     return contenders
 
 
-def _run(contender: _Contender, progress: Callable[[float], None]) -> tuple['Recording', 'Effort']:
+def _on_searched_task(efforts: 'Iterable[Effort]') -> str:
+    """What the peaks of acceleration are worth on a path that was searched for, in a line."""
+    peaks = [effort.acceleration for effort in efforts if effort.finished]
+    if peaks and max(peaks) < _CLEAR * min(peaks):
+        return (
+            f'no law differs by more than {_CLEAR:g} times from another, though a path was '
+            'searched for on which they do'
+        )
+    return 'this path was searched for; on random ones: --tasks 20 --kind random,near_singular'
+
+
+def _run(
+    run_of: tuple[_Contender, 'WantedMotion'], progress: Callable[[float], None]
+) -> tuple['Recording', 'Effort']:
     """The motion of one law; works in a process of its own."""
     from redres_ros.cli.controller import make_controller
-    from redres_ros.cli.task import find_motion
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.effort import Effort
 
+    contender, motion = run_of
     options = contender.options
-    motion = find_motion(options)
     controller = make_controller(options, motion, contender.law, options.period)
     recording = run(controller, motion.task, greedy=options.greedy, progress=progress)
     return recording, Effort.of(recording, motion.model)

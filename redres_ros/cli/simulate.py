@@ -35,11 +35,11 @@ def _simulate(options: argparse.Namespace) -> int:
     from redres_ros.cli.controller import find_law, in_use, make_controller
     from redres_ros.cli.files import check_writable
     from redres_ros.cli.gains import check_gains
-    from redres_ros.cli.task import find_motion
+    from redres_ros.cli.task import find_contrast
     from redres_ros.simulation.closed_loop import run
     from redres_ros.simulation.report import peaks, print_tables, progress_bar
 
-    motion = find_motion(options)
+    motion = find_contrast(options)
     task = motion.task
     if options.switching:
         task = replace(task, switching=options.switching)

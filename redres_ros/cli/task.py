@@ -1,6 +1,7 @@
 """The arm and the task of the options."""
 
 import argparse
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,13 +13,14 @@ if TYPE_CHECKING:
     from redres_ros.robots import Arm
 
 _NEAR = 0.01  # [m] that the tip at the start may be away from the first point
+_SEARCHED = 'a triangle searched for'
 
 
 class WantedMotion(NamedTuple):
     """The task, and the arm.
 
     Args:
-        name: The task as the command line or the table of arms names it; empty: made for the arm.
+        name: The task as the command line or the table of arms names it; empty: a square.
         task: The same, read.
         model: The arm.
     """
@@ -31,6 +33,11 @@ class WantedMotion(NamedTuple):
     def task_space(self) -> str:
         """The task space: 'position', or 'pose' if points have orientations."""
         return 'position' if self.task.orientations is None else 'pose'
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether it is a path that was searched for, as one on which laws differ."""
+        return self.name == _SEARCHED
 
     @property
     def title(self) -> str:
@@ -74,6 +81,27 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
     if options.robot or options.tip:
         _check_start(task, model)
     return WantedMotion(name, task, model)
+
+
+def find_contrast(options: argparse.Namespace) -> WantedMotion:
+    """The task and the arm; an arm without a task of its own gets a path on which laws differ.
+
+    A planner node does not: such a path is none to begin with on a robot.
+
+    Args:
+        options: As of find_motion().
+
+    Raises:
+        As of find_motion().
+    """
+    from redres_ros.simulation.random_tasks import contrasting_task
+
+    motion = find_motion(options)
+    if motion.name:
+        return motion
+    print('searching for a path on which laws differ', file=sys.stderr)
+    task = contrasting_task(motion.model, motion.task.robot)
+    return motion if task is None else motion._replace(name=_SEARCHED, task=task)
 
 
 def _find_arm(options: argparse.Namespace, robot: str) -> 'Arm':

@@ -1,12 +1,17 @@
-"""Random tasks of one arm, by kind. The same arm, kind and seed give the same task."""
+"""Random tasks of one arm, by kind, and one on which laws differ. The same arm, kind and seed give
+the same task.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
 
+from redres_ros.controller import Controller
 from redres_ros.errors import UnknownNameError
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
+from redres_ros.simulation.closed_loop import run
+from redres_ros.simulation.effort import Effort
 
 _RANGE = 0.8  # of each joint's range, around its middle, in which starts lie
 _FARTHEST = 2.0 * np.pi  # [rad] from zero of such a start, for joints that turn without end
@@ -23,6 +28,18 @@ _DESCENTS = 4  # postures from which the most singular start is sought
 _STEPS = 60  # of a descent
 _STEP_LENGTH = 0.05  # [rad]
 _AWAY = 0.8  # [rad] from one posture to where the descent to the next one begins
+
+# The search for a path on which laws differ: two seconds of a processor, and deterministic
+_COMPARED = ('minimum_velocity', 'minimum_acceleration')
+_CORNERS = 3
+_TRIANGLES = 48  # of random ones, to begin with
+_ROUNDS = 5
+_PARENTS = 4  # of a round, the best so far
+_CHILDREN = 6  # of each
+_CHANGE = 0.1  # [rad] standard deviation of a child's corners from its parent's
+_SIDE = 3.0  # [s]
+_COARSE = 0.03  # [s] sampling time of the search
+_DIFFERENT = 3.0  # ratio of the peaks of acceleration at which it ends
 
 
 def random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
@@ -74,6 +91,57 @@ def near_singular_task(model: RobotModel, robot: str, seed: int) -> WaypointTask
         postures.append(_descended(model, _inside(model, beside)))
     points = np.array([model.tip(q)[0] for q in (*postures, start)])
     return WaypointTask(robot, start, points, segment_time=_SEGMENT)
+
+
+def contrasting_task(model: RobotModel, robot: str) -> WaypointTask | None:
+    """A triangle on which minimum_velocity accelerates much more than minimum_acceleration, which
+    stays within the limits.
+
+    Such paths pass near a singularity in motion and are rare: of random ones less than one in a
+    hundred. So the best of some random triangles are changed again and again.
+
+    Args:
+        model: The arm.
+        robot: Its name, for the task.
+
+    Returns:
+        The best that was found; None where the arm stays within its limits on none.
+    """
+    random = np.random.default_rng(0)
+    postures = [_random_posture(model, random) for _ in range(_TRIANGLES * _CORNERS)]
+    triangles = list(np.reshape(postures, (_TRIANGLES, _CORNERS, model.n)))
+    best: list[tuple[float, np.ndarray]] = []
+    for _ in range(_ROUNDS):
+        best += [(_contrast(model, _triangle(model, robot, each)), each) for each in triangles]
+        best = sorted(best, key=lambda found: -found[0])[:_PARENTS]
+        if best[0][0] > _DIFFERENT:
+            break
+        triangles = [
+            _inside(model, corners + random.normal(0.0, _CHANGE, corners.shape))
+            for _, corners in best
+            for _ in range(_CHILDREN)
+        ]
+    contrast, corners = best[0]
+    return _triangle(model, robot, corners) if contrast else None
+
+
+def _triangle(model: RobotModel, robot: str, corners: np.ndarray) -> WaypointTask:
+    """Through the tip's positions in three postures, (3, n) [rad], and back to the first."""
+    points = np.array([model.tip(q)[0] for q in (*corners, corners[0])])
+    return WaypointTask(robot, corners[0], points, segment_time=_SIDE)
+
+
+def _contrast(model: RobotModel, task: WaypointTask) -> float:
+    """Ratio of the peaks of acceleration; 0 where a law does not finish, or the second one leaves
+    the limits.
+    """
+    peaks = []
+    for law in _COMPARED[::-1]:  # the one that may fail comes first: then the other is not run
+        effort = Effort.of(run(Controller(model, law, _COARSE), task), model)
+        if not effort.finished or (effort.violation and not peaks):
+            return 0.0
+        peaks.append(effort.acceleration)
+    return peaks[1] / peaks[0]
 
 
 RANDOM_TASKS: dict[str, Callable[[RobotModel, str, int], WaypointTask]] = {
