@@ -1,11 +1,12 @@
-"""The problems of test/test_constrained.py through pink, mink and embodik: what each makes of them.
+"""The problems of test/test_constrained.py through pink, mink, embodik and OInK: what each makes of
+them.
 
 A problem is a Jacobian (3, 7), a box of joint velocities and a task velocity. Wanted is the largest
 share of it that the box allows, in its direction. Linear programming tells how large that is.
 
     python benchmarks/same_problems.py [--count N] [--stretch X]
 
-prints a table for docs/limits.md. Needs the extras bench and test.
+prints a table for docs/solver_tests.md. Needs the extras bench and test.
 """
 
 import argparse
@@ -124,6 +125,46 @@ def embodik_with(refined: bool) -> Solve:
     return solve
 
 
+def oink(problem: Problem) -> np.ndarray:
+    """OInK takes arms, not Jacobians: here one of sliding joints, whose axes are the columns."""
+    from roboplan.core import CartesianConfiguration, Scene, loadUrdfSceneDescriptionFromXml
+    from roboplan.optimal_ik import FrameTask, FrameTaskOptions, Oink, OinkSettings, PositionLimit
+
+    sizes = np.linalg.norm(problem.J, axis=0)  # (7,) of a step of each joint [m]
+    scene = Scene('tip', loadUrdfSceneDescriptionFromXml(sliding_arm(problem, sizes)))
+    settings = OinkSettings()
+    settings.eps_abs = 1e-9
+    solver = Oink(scene, settings)
+    target = np.eye(4)
+    target[:3, 3] = problem.dx
+    options = FrameTaskOptions(orientation_cost=0.0)
+    task = FrameTask(solver, scene, CartesianConfiguration('', 'tip', target), options)
+    step = np.zeros(7)
+    solver.solveIk(np.zeros(7), [task], [PositionLimit(solver)], [], step, 1e-12)
+    return step / sizes
+
+
+def sliding_arm(problem: Problem, sizes: np.ndarray) -> str:
+    """The URDF of an arm at rest in its zeros, whose ranges are the box.
+
+    Args:
+        problem: With the columns and the box.
+        sizes: Of the columns, (7,).
+    """
+    parts = ['<robot name="sliding"><link name="link_0"/>']
+    lower_ends, upper_ends = (sizes * problem.box).tolist()
+    rows = zip(problem.J.T / sizes[:, None], lower_ends, upper_ends, strict=True)
+    for joint, (axis, lower, upper) in enumerate(rows, start=1):
+        child = 'tip' if joint == 7 else f'link_{joint}'
+        parts.append(
+            f'<link name="{child}"/><joint name="joint_{joint}" type="prismatic">'
+            f'<parent link="link_{joint - 1}"/><child link="{child}"/>'
+            f'<axis xyz="{" ".join(f"{value!r}" for value in axis.tolist())}"/>'
+            f'<limit lower="{lower!r}" upper="{upper!r}" velocity="99" effort="1"/></joint>'
+        )
+    return ''.join([*parts, '</robot>'])
+
+
 def box_as_inequalities(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     """G dq <= h of the box."""
     lower, upper = problem.box
@@ -135,6 +176,7 @@ def solvers() -> dict[str, Solve]:
         'redres_ros': ours,
         'embodik': embodik_with(refined=False),
         'embodik, refined': embodik_with(refined=True),
+        'OInK': oink,
         'pink, quadprog': pink_with('quadprog'),
         'pink, daqp': pink_with('daqp'),
         'pink, proxqp': pink_with('proxqp'),
