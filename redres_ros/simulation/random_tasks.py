@@ -135,7 +135,7 @@ def _contrast(model: RobotModel, task: WaypointTask) -> float:
     """Ratio of the peaks of acceleration; 0 where a law does not finish, or the second one leaves
     the limits.
     """
-    peaks = []
+    peaks: list[float] = []
     for law in _COMPARED[::-1]:  # the one that may fail comes first: then the other is not run
         effort = Effort.of(run(Controller(model, law, _COARSE), task), model)
         if not effort.finished or (effort.violation and not peaks):
