@@ -91,7 +91,7 @@ class Admittance:
         return dx + self.rate(wrench, state)
 
     def record(self, command: Command, dx: np.ndarray) -> None:
-        """Take in what was executed: limits may have slowed it down.
+        """Record what was executed: limits may have slowed it down.
 
         Args:
             command: Of the controller at this tick.

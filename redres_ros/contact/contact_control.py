@@ -137,7 +137,7 @@ class ContactControl:
         return dx + rate
 
     def record(self, command: Command, dx: np.ndarray) -> None:
-        """Take in what was executed.
+        """Record what was executed.
 
         Args:
             command: Of the controller at this tick.

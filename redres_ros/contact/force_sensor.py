@@ -45,7 +45,7 @@ class ForceSensor:
         self._filtered: np.ndarray | None = None
 
     def enter(self, wrench: np.ndarray, frame: str = '') -> None:
-        """Take in a measured wrench.
+        """Record a measured wrench.
 
         Args:
             wrench: Force and moment that the environment exerts, (6,) [N], [Nm].

@@ -68,7 +68,7 @@ class _DemoMonitor(GraphMonitor):
         self.create_subscription(Time, TASK_BEGUN, self._on_begun, LATCHED)
 
     def look(self) -> None:
-        """Take in the newest state; of each only the stamp is read."""
+        """Record the newest state; of each only the stamp is read."""
         for sample in self.samples.take(_STATES):
             self.newest = stamp_of(sample.data)
             self.received_at = time.monotonic()

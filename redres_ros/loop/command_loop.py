@@ -181,7 +181,7 @@ class CommandLoop:
         self._begin_anew()
 
     def enter_session(self, word: str) -> None:
-        """Take in the name of the robot's session state; a robot without one takes commands.
+        """Record the name of the robot's session state; a robot without one takes commands.
 
         One that begins to take commands executes them, whatever it did before.
         """

@@ -67,7 +67,7 @@ class Measurements:
     def enter_wrench(
         self, stamp: int, wrench: np.ndarray, frame: str, time_of_day: int = 0
     ) -> None:
-        """Take in a measured wrench.
+        """Record a measured wrench.
 
         Args:
             stamp: A time on the robot's clock or on this computer's [ns]; 0 for now.
@@ -88,7 +88,7 @@ class Measurements:
         self.contact.sensor.enter(wrench, self._links[frame])
 
     def enter(self, name: str, stamp: int, value: np.ndarray, time_of_day: int = 0) -> None:
-        """Take in a measurement that a preference or limit uses.
+        """Record a measurement that a preference or limit uses.
 
         Args:
             name: As its user calls it.
@@ -161,7 +161,7 @@ class Measurements:
         return self.contact.velocity(dx, self._state(q), missed)
 
     def record(self, command: Command) -> None:
-        """Take in what was executed of the last velocity()."""
+        """Record what was executed of the last velocity()."""
         if self.yields:
             self.contact.record(command, self._dx)
 

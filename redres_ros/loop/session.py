@@ -24,7 +24,7 @@ class RobotSession:
         self._silent_until = 0  # stamp [ns] until which a new robot may say it
 
     def enter(self, word: str) -> None:
-        """Take in a word, the name of a state."""
+        """Record the name of a session state."""
         self._spoken = True
         self._silent_until = 0
         self._undecided = self._undecided and word not in COMMANDING

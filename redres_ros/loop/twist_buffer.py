@@ -113,7 +113,7 @@ class TwistBuffer:
         self._left = 0  # cycles until the detour is over
 
     def put(self, cycle: int, dx: np.ndarray) -> None:
-        """Take in a task velocity; of several for one cycle the newest counts.
+        """Record a task velocity; of several for one cycle the newest counts.
 
         Args:
             cycle: The one that it belongs to.

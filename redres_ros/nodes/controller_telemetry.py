@@ -116,7 +116,7 @@ class SnapshotPublisher:
         self._acceleration = 0.0  # the same [rad/s^2]
 
     def see(self, stamp: int, command: Command) -> None:
-        """Take in a command, and publish if it is time.
+        """Record a command, and publish if it is time.
 
         Args:
             stamp: Of the state [ns].

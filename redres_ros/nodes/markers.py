@@ -54,7 +54,7 @@ class Markers:
         return self.has_subscribers and not self._next - _STEP < stamp < self._next
 
     def see(self, stamp: int, tip: np.ndarray, elbow: np.ndarray) -> None:
-        """Take in where tip and elbow are at a state.
+        """Record where tip and elbow are at a state.
 
         Args:
             stamp: Of the state [ns].

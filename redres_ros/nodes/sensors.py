@@ -152,7 +152,7 @@ class Sensors:
             self._loop.measurements.enter(_TORQUES, stamp, torques, time.time_ns())
 
     def _on_values(self, name: str, message: Float64MultiArray) -> None:
-        """Take in a measurement of any length that a preference or limit uses."""
+        """Record a measurement of any length that a preference or limit uses."""
         with self._judged(name):
             self._loop.measurements.enter(name, 0, np.array(message.data))
 

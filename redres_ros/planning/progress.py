@@ -41,7 +41,7 @@ class ProgressMonitor:
         self._limits = ''  # that acted last, in words
 
     def set_active_limits(self, limits: str) -> None:
-        """Take in which joints are at which limits; empty for none."""
+        """Record which joints are at which limits; empty for none."""
         self._limits = limits or self._limits
 
     def enter(

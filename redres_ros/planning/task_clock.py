@@ -89,7 +89,7 @@ class TaskClock:
         return self._silent <= self._limit
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in the fraction of the task velocity that is executed; NaN is no message."""
+        """Record the fraction of the task velocity that is executed; NaN is no message."""
         if math.isnan(scaling):
             return
         self._scaling = min(max(scaling, 0.0), 1.0)

@@ -194,21 +194,21 @@ class TaskExecutor:
         self.state = TaskState.IDLE
 
     def set_scaling(self, scaling: float) -> None:
-        """Take in the task scaling of the controller."""
+        """Record the task scaling of the controller."""
         self._task_clock.set_scaling(scaling)
 
     def set_mode(self, mode: str) -> None:
-        """Take in the mode of the controller."""
+        """Record the mode of the controller."""
         if self._pursuit is not None and mode != self._mode:
             self._pursuit.held = 0.0
         self._mode = mode
 
     def set_active_limits(self, limits: str) -> None:
-        """Take in which joints are at which limits; empty for none."""
+        """Record which joints are at which limits; empty for none."""
         self._monitor.set_active_limits(limits)
 
     def set_stop_reason(self, reason: str) -> None:
-        """Take in why the robot has stopped; empty: it has not."""
+        """Record why the robot has stopped; empty: it has not."""
         self._stopped = reason
         pursuit = self._pursuit
         if pursuit is None or not reason or self.state not in UNDER_WAY:

@@ -148,7 +148,7 @@ class SnapshotNode(GraphMonitor):
         )
 
     def _collect(self, seconds: float) -> None:
-        """Take in what comes in that time [s]."""
+        """Record what comes in that time [s]."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             time.sleep(min(left, _LOOK))
@@ -167,7 +167,7 @@ class SnapshotNode(GraphMonitor):
                 self._description = description.data
 
     def _take_health(self) -> None:
-        """Take in the mode of the controller, and what controller_managers report."""
+        """Record the mode of the controller, and what controller_managers report."""
         mode = self.samples.newest(MODE)
         if mode is not None:
             self._mode = one_line(mode.data)
@@ -180,7 +180,7 @@ class SnapshotNode(GraphMonitor):
             self._take_activity(activity)
 
     def _take_status(self, status: DiagnosticStatus) -> None:
-        """Take in the states of controllers or hardware, which any manager may report."""
+        """Record the states of controllers or hardware, which any manager may report."""
         for pair in status.values:
             name, _, rest = pair.key.rpartition('.')
             if rest != 'state':
@@ -191,7 +191,7 @@ class SnapshotNode(GraphMonitor):
                 self._hardware[one_line(name)] = one_line(pair.value)
 
     def _take_activity(self, message: Any) -> None:
-        """Take in the states that the manager of this namespace reports, as soon as they change."""
+        """Record the states that the manager of this namespace reports, as soon as they change."""
         for controller in message.controllers:
             if controller.name == _FORWARDING:
                 self._forward_states = {ACTIVITY: one_line(controller.state.label)}
