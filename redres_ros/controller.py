@@ -259,8 +259,8 @@ class Controller:
         self.dq = dq
 
     def bridged(self, missed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Position (n,) [rad] and velocity (n,) [rad/s] of a robot that has got the last reference,
-        after so many cycles without one. One that extrapolates stops at the ends of its range.
+        """Position (n,) [rad] and velocity (n,) [rad/s] of the robot, `missed` cycles after the
+        last reference. One that extrapolates stops at the ends of its range.
         """
         q_ref = self.reference
         if not missed:
@@ -282,10 +282,9 @@ class Controller:
         return np.zeros(self.model.n)
 
     def nearest_turn(self, q: np.ndarray) -> np.ndarray:
-        """q (n,) [rad], with joints of more than a turn at the one nearest to the last reference.
+        """q (n,) [rad]; joints of more than one turn at that nearest to the last reference.
 
-        Their drivers may report angles of one turn only. References go on from turn to turn: they
-        never jump.
+        Their drivers may report angles within one turn only. References continue across turns.
         """
         if self._q_ref is None:
             return q

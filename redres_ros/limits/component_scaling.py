@@ -106,8 +106,14 @@ def _alone(
     order: np.ndarray,
     dq: np.ndarray,
 ) -> np.ndarray:
-    """The velocity that executes the first component, in an order (g,), that can go on without the
-    others; dq (n,) [rad/s] where none can. Steady is the problem without limits on accelerations.
+    """A velocity (n,) [rad/s] for the first component that can go on without the others.
+
+    Args:
+        problem: With all limits.
+        steady: The same without acceleration limits.
+        components: Of the task.
+        order: Their indices, the first to be tried first, (g,).
+        dq: What is returned if none can, (n,) [rad/s].
     """
     lengths = _lengths(components)
     left = 1.0  # the part of the mixture that the next one gets

@@ -137,8 +137,8 @@ class CycleCounter:
 
     @property
     def earliest_arrival(self) -> float:
-        """Time at which the newest state would have come with the least delay that was seen; when
-        it came, if the robot's clock is slower than this computer's [s].
+        """When the newest state would have come with the least delay seen so far [s]; when it did
+        come, if the robot's clock is slower than this computer's.
         """
         if self.newest - self._in_time > _SLOWER:
             return self.arrived

@@ -167,8 +167,8 @@ class MissedCycles:
         self._gap_cycle = 0  # when that was
 
     def count(self, missed: int, cycle: int) -> None:
-        """Have joints stop in time also if the next states get lost as the last ones did, unless
-        the robot holds meanwhile.
+        """Prepare for gaps such as the last ones, in which a robot that does not hold moves on:
+        joints must still stop in time.
 
         Args:
             missed: Cycles without a command before this one.
@@ -199,9 +199,12 @@ class MissedCycles:
         return float(np.abs(moved - expected).max()) <= 0.5 * float(np.abs(expected).max())
 
     def rollback_if_late(self, published: float) -> None:
-        """Take the last response back if it came too late for a cycle of its own: of two in one
-        cycle a robot that holds executes the second alone, and both would be a step of two cycles.
-        The robot published the state after that one at the time `published` [s].
+        """Take back the last response if the next one will reach the robot in the same cycle.
+
+        A robot that holds executes only the second of them, which would be a step of two cycles.
+
+        Args:
+            published: When the robot published the next state [s].
         """
         holds = self._controller.bridging == 'hold'
         if holds and published - self.sent < self._together:

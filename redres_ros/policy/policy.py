@@ -212,8 +212,8 @@ class Policy:
         levels: Sequence[Level],
         state: RobotState,
     ) -> np.ndarray:
-        """dq, or where a singularity leaves little of the task velocity, one that executes its
-        first component, and of the other what is possible beside it, (n,) [rad/s].
+        """dq; or, if a singularity leaves little of the task velocity, a velocity (n,) [rad/s] that
+        executes its first component, and the other one as far as possible.
         """
         J, dx = levels[0]
         asked = _asked(dx, state)
