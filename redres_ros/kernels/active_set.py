@@ -15,27 +15,32 @@ from numba import boolean, float64, int64
 
 from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
 
-# The rows of Search.ends, and the sides of a limit.
+# The rows of Search.ends: of a limit, and what a row of a level is to come to.
 _LOWER = 0
 _UPPER = 1
+_WANTED = 2
 
 # The rows of Search.marks.
-_STATE = 0  # of each limit, one of the four below
+_STATE = 0  # of each row, one of the four below
 _SIDE = 1  # of each limit that is held, +1 for its upper end and -1 for its lower one
-_BEHIND = 2  # the limit behind row k of the basis
-_COUNT = 3  # how many rows are fixed for good, and how many there are
+_BEHIND = 2  # the row behind row k of the basis
+_COUNT = 3  # the three below
+
+_BASIS = 0  # how many rows the basis has,
+_BEYOND = 1  # and with those of the level behind it,
+_VARIABLES = 2  # and how many elements of z are in use
 
 _FREE = 0  # the state of a limit that z may come to,
 _HELD = 1  # of one whose end z may not leave for now,
-_FIXED = 2  # or for good,
-_LATER = 3  # and of one that a later level brings in
+_FIXED = 2  # or for good, as a row of a finished level,
+_LATER = 3  # and of a row that a later level brings in
 
 ROUNDING = 4e-15  # of a sum, beside the sizes of its terms
 
 _MUCH = 0.5  # a row that keeps this share of its square is orthogonal to the others after one pass
 _DEPENDENT = 1e-13  # a row is dependent if less than this share of it is orthogonal to the others
 
-_RANK = 1e-11  # a row of A is dependent below this share of the longest one
+_RANK = 1e-11  # a row of a level is dependent below this share of the longest one
 
 _MAX_STEPS = 200  # of one level; ten are many
 _BY_INDEX = 60  # from this step on the lowest index decides, which cannot cycle (Bland)
@@ -52,181 +57,194 @@ class _Search(NamedTuple):
     """A point, its limits, and the rows along which it may not move."""
 
     z: np.ndarray  # (d,)
-    G: np.ndarray  # (K, d), of unit length
-    ends: np.ndarray  # (2, K), lower <= G z <= upper
-    length: np.ndarray  # (K,) of the rows of G before they became unit vectors
-    Q: np.ndarray  # (d, d) orthonormal rows; behind those that count there may be others
-    R: np.ndarray  # (d, d) lower triangular: row k of those rows is sum_j R[k, j] Q[j]
-    marks: np.ndarray  # (4, K + d) of int64
-    n: int  # z = (dq, s, slack variables), where dq is (n,)
+    p: np.ndarray  # (d,) its next step
     largest: np.ndarray  # (d,) that |z| has been; its rounding stays when z comes to zero
+    rows: np.ndarray  # (K, d) of limits, of unit length; of tasks; of slack variables or the law
+    ends: np.ndarray  # (3, K), lower <= rows z <= upper for limits, what levels want of rows z
+    length: np.ndarray  # (K,) of limits, before they became unit vectors
+    least: np.ndarray  # (K,) a row depends on the basis if less of it is orthogonal to that
+    Q: np.ndarray  # (d, d) orthonormal rows; behind the basis there are those of the level
+    R: np.ndarray  # (d, d) lower triangular: row k of the basis is sum_j R[k, j] Q[j]
+    marks: np.ndarray  # (4, K + 3) of int64
+    n: int  # z = (dq, s, slack variables), where dq is (n,)
 
 
 @inlined
-def dot(A: np.ndarray, i: int, x: np.ndarray) -> float:
-    """Row i of A (m, d) times x (d,)."""
+def dot(A: np.ndarray, i: int, x: np.ndarray, d: int) -> float:
+    """The first d elements of row i of A (m, d) times those of x (d,)."""
     total = 0.0
-    for j in range(len(x)):
+    for j in range(d):
         total += A[i, j] * x[j]
     return total
-
-
-@part
-def product(A: np.ndarray, i: int, B: np.ndarray, j: int) -> float:
-    """Row i of A (m, d) times row j of B (k, d)."""
-    total = 0.0
-    for c in range(A.shape[1]):
-        total += A[i, c] * B[j, c]
-    return total
-
-
-@part
-def zeros(m: int, n: int) -> np.ndarray:
-    """Zeros, (m, n)."""
-    return np.zeros((m, n))
 
 
 # --- orthonormal rows -----------------------------------------------------------------------------
 
 
 @part
-def _make_orthonormal(Q: np.ndarray, R: np.ndarray, k: int) -> None:
-    """Row k of Q becomes a unit vector orthogonal to the rows before it: it was R[k] Q.
+def append(Q: np.ndarray, R: np.ndarray, k: int, rows: np.ndarray, i: int, d: int) -> float:
+    """Row k of Q becomes row i of others, made orthogonal to the rows before and a unit vector.
 
     Args:
-        Q: (m, d).
-        R: (m, m); its row k is overwritten as far as its diagonal.
+        Q: (m, d) or wider.
+        R: (m, m); its row k becomes what the row is in terms of Q, as far as its diagonal.
         k: Number of the row.
+        rows: (K, d) or wider.
+        i: Number of the one to append.
+        d: Number of the elements that count.
+
+    Returns:
+        The length of what is orthogonal to the rows before.
     """
+    row = Q[k]
+    for c in range(d):
+        row[c] = rows[i, c]
     for j in range(k):
         R[k, j] = 0.0
-    before = product(Q, k, Q, k)
+    before = dot(Q, k, row, d)
     square = before
     for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
         for j in range(k):
-            along = product(Q, j, Q, k)
+            along = dot(Q, j, row, d)
             R[k, j] += along
-            for c in range(Q.shape[1]):
-                Q[k, c] -= along * Q[j, c]
-        square = product(Q, k, Q, k)
+            for c in range(d):
+                row[c] -= along * Q[j, c]
+        square = dot(Q, k, row, d)
         if square > _MUCH * before:
             break
     R[k, k] = np.sqrt(square)
-    for c in range(Q.shape[1]):
-        Q[k, c] /= R[k, k]
+    for c in range(d):
+        row[c] /= R[k, k]
+    return float(R[k, k])
 
 
 @part
-def _substitute(R: np.ndarray, x: np.ndarray) -> None:
-    """x becomes R'^-1 x, with as many rows of the lower triangular R as x (k,) has elements."""
-    for k in range(len(x) - 1, -1, -1):
-        for j in range(k + 1, len(x)):
+def _substitute(R: np.ndarray, x: np.ndarray, m: int) -> None:
+    """The first m elements of x become R'^-1 x, with as many rows of the lower triangular R."""
+    for k in range(m - 1, -1, -1):
+        for j in range(k + 1, m):
             x[k] -= R[j, k] * x[j]
         x[k] /= R[k, k]
 
 
-# --- the rows along which the point of a search may not move, R Q with orthonormal Q --------------
+# --- the basis: the rows along which the point of a search may not move, R Q with orthonormal Q ---
+
+
+@part
+def build_basis(search: _Search) -> None:
+    """The basis of the rows that are fixed, and then of the limits that are held.
+
+    A held limit that those keep in its place already is set free.
+    """
+    rows = search.rows
+    least = search.least
+    Q = search.Q
+    R = search.R
+    marks = search.marks
+    d = marks[_COUNT, _VARIABLES]
+    count = 0
+    for state in range(_FIXED, _FREE, -1):
+        for i in range(len(rows)):
+            if marks[_STATE, i] != state:
+                continue
+            if count < d and append(Q, R, count, rows, i, d) > least[i]:
+                marks[_BEHIND, count] = i
+                count += 1
+            elif state == _HELD:
+                marks[_STATE, i] = _FREE
+    marks[_COUNT, _BASIS] = count
 
 
 @inlined
-def append(search: _Search, rows: np.ndarray, i: int, least: float) -> bool:
-    """Add a row, unless less than a length of `least` is orthogonal to those that are there."""
-    k = search.marks[_COUNT, 1]
-    if k == len(search.Q):
-        return False
-    for j in range(len(search.Q)):
-        search.Q[k, j] = rows[i, j]
-    _make_orthonormal(search.Q, search.R, k)
-    if not search.R[k, k] > least:
-        return False
-    search.marks[_COUNT, 1] = k + 1
-    return True
-
-
-@part
-def _append_all(search: _Search, A: np.ndarray) -> None:
-    """Add the rows of A that do not depend on those that are there."""
-    square = 0.0
-    for i in range(len(A)):
-        square = max(square, product(A, i, A, i))
-    for i in range(len(A)):
-        append(search, A, i, _RANK * np.sqrt(square))
-
-
-@part
 def hold(search: _Search, i: int, towards: float) -> None:
     """Keep limit i at its upper end if towards > 0, else at its lower one.
 
-    It stays free where the other rows keep it in its place already.
+    It stays free where the basis keeps it in its place already.
     """
+    rows = search.rows
+    Q = search.Q
+    R = search.R
     marks = search.marks
-    marks[_STATE, i] = _FREE
-    if append(search, search.G, i, _DEPENDENT):
-        marks[_BEHIND, marks[_COUNT, 1] - 1] = i
+    d = marks[_COUNT, _VARIABLES]
+    k = marks[_COUNT, _BASIS]
+    if k < d and append(Q, R, k, rows, i, d) > search.least[i]:
+        marks[_COUNT, _BASIS] = k + 1
+        marks[_BEHIND, k] = i
         marks[_STATE, i] = _HELD
         marks[_SIDE, i] = 1 if towards > 0.0 else -1
-
-
-@inlined
-def release(search: _Search, k: int) -> None:
-    """Let the limit behind row k go."""
-    marks = search.marks
-    end = marks[_COUNT, 1]
-    marks[_COUNT, 1] = k
-    marks[_STATE, marks[_BEHIND, k]] = _FREE
-    for j in range(k + 1, end):
-        i = marks[_BEHIND, j]
-        hold(search, i, float(marks[_SIDE, i]))
 
 
 # --- one step -------------------------------------------------------------------------------------
 
 
 @part
-def step(search: _Search, A: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """The shortest p across the basis with the least |A (z + p) - a|, (d,)."""
-    m, d = A.shape
-    count = search.marks[_COUNT, 1]
-    _append_all(search, A)
-    rank = search.marks[_COUNT, 1] - count
-    search.marks[_COUNT, 1] = count
+def step(search: _Search, begin: int, end: int) -> None:
+    """p becomes the shortest step across the basis to the least |A (z + p) - a|.
+
+    A are the rows of a level. Those that do not depend on the basis are added behind it.
+    """
+    z = search.z
+    p = search.p
+    rows = search.rows
+    ends = search.ends
+    least = search.least
+    Q = search.Q
+    R = search.R
+    marks = search.marks
+    d = marks[_COUNT, _VARIABLES]
+    count = marks[_COUNT, _BASIS]
+    m = end - begin
+    square = 0.0
+    for i in range(begin, end):
+        square = max(square, dot(rows, i, rows[i], d))
+    rank = 0
+    for i in range(begin, end):
+        k = count + rank
+        least[i] = _RANK * np.sqrt(square)
+        if k < d and append(Q, R, k, rows, i, d) > least[i]:
+            marks[_BEHIND, k] = i
+            rank += 1
+    marks[_COUNT, _BEYOND] = count + rank
     # p = V' t with the orthonormal rows V from `count` on: |B t - rest| is least, B = A V'.
-    Y = zeros(rank, m)  # B'
-    U = zeros(rank, rank)
+    Y = np.zeros((rank, m))  # B'
+    U = np.zeros((rank, rank))
     rest = np.zeros(m)
     for i in range(m):
-        rest[i] = a[i] - dot(A, i, search.z)
+        rest[i] = ends[_WANTED, begin + i] - dot(rows, begin + i, z, d)
         for k in range(rank):
-            Y[k, i] = product(A, i, search.Q, count + k)
+            Y[k, i] = dot(rows, begin + i, Q[count + k], d)
     t = np.zeros(rank)
     for k in range(rank):
-        _make_orthonormal(Y, U, k)
-        t[k] = dot(Y, k, rest)
-    _substitute(U, t)
-    p = np.zeros(d)
-    for k in range(rank):
-        for j in range(d):
-            p[j] += t[k] * search.Q[count + k, j]
-    return p
+        append(Y, U, k, Y, k, m)
+        t[k] = dot(Y, k, rest, m)
+    _substitute(U, t, rank)
+    for j in range(d):
+        p[j] = 0.0
+        for k in range(rank):
+            p[j] += t[k] * Q[count + k, j]
 
 
 @part
-def _step_across(search: _Search, a: np.ndarray) -> np.ndarray:
-    """As `step` for A = I, where p is what the basis leaves of a - dq, (d,)."""
-    p = np.zeros(len(search.z))
+def _step_across(search: _Search, begin: int) -> None:
+    """As `step` for A = I, where p is what the basis leaves of a - dq."""
+    p = search.p
+    Q = search.Q
+    d = search.marks[_COUNT, _VARIABLES]
     before = 0.0
-    for j in range(len(a)):
-        p[j] = a[j] - search.z[j]
+    for j in range(d):
+        p[j] = search.ends[_WANTED, begin + j] - search.z[j] if j < search.n else 0.0
         before += p[j] ** 2
     for _ in range(2):  # once more, for rounding
-        for k in range(search.marks[_COUNT, 1]):
-            along = dot(search.Q, k, p)
-            for j in range(len(p)):
-                p[j] -= along * search.Q[k, j]
+        for k in range(search.marks[_COUNT, _BASIS]):
+            along = dot(Q, k, p, d)
+            for j in range(d):
+                p[j] -= along * Q[k, j]
     after = 0.0
-    for j in range(len(p)):
+    for j in range(d):
         after += p[j] ** 2
-    return p if after > _DEPENDENT**2 * before else np.zeros(len(p))
+    if after <= _DEPENDENT**2 * before:
+        for j in range(d):
+            p[j] = 0.0
 
 
 # --- one level ------------------------------------------------------------------------------------
@@ -234,52 +252,64 @@ def _step_across(search: _Search, a: np.ndarray) -> np.ndarray:
 
 @inlined
 def minimise(
-    search: _Search, A: np.ndarray, a: np.ndarray, is_plain: bool
-) -> tuple[np.ndarray, float, bool]:
-    """Move z to the least |A z - a| within the limits, with A = I where it is plain.
+    search: _Search, begin: int, end: int, is_plain: bool, force: np.ndarray
+) -> tuple[float, bool]:
+    """Move z to the least |A z - a| of a level within the limits, with A = I where it is plain.
+
+    `force` (d,) receives the forces of the rows of the basis.
 
     Returns:
-        The forces of the rows (d,), the least that proves a limit tight, and whether z got there.
+        The least force that proves a limit tight, and whether z got there.
     """
+    marks = search.marks
     for count in range(_MAX_STEPS):
-        p = _step_across(search, a) if is_plain else step(search, A, a)
-        i, along = _advance(search, p)
-        if i < len(search.G):
+        if is_plain:
+            _step_across(search, begin)
+        else:
+            step(search, begin, end)
+        i, along = _advance(search)
+        if marks[_STATE, i] == _FREE:
             hold(search, i, along)
             continue
-        force, largest = forces(search, A, a)
+        largest = fill_forces(search, begin, end, force)
         k = _most_wrong(search, force, _WRONG * largest, count > _BY_INDEX)
         if k < 0:
-            return force, _TIGHT * largest, True
-        release(search, k)
-    return np.zeros(len(search.z)), 1.0, False
+            return _TIGHT * largest, True
+        marks[_STATE, marks[_BEHIND, k]] = _FREE
+        build_basis(search)
+    marks[_COUNT, _BEYOND] = marks[_COUNT, _BASIS]
+    return np.inf, False
 
 
 @part
-def _advance(search: _Search, p: np.ndarray) -> tuple[int, float]:
+def _advance(search: _Search) -> tuple[int, float]:
     """Move z along p as far as the limits allow.
 
     Returns:
-        The limit that stops it, as many as there are for none; and the speed along its row.
+        The limit that stops it, -1 for none; and the speed along its row.
     """
     z = search.z
+    p = search.p
+    rows = search.rows
+    ends = search.ends
+    d = search.marks[_COUNT, _VARIABLES]
     largest = 0.0
-    for j in range(len(p)):
+    for j in range(d):
         largest = max(largest, abs(p[j]))
     share = 1.0
-    first = len(search.G)
+    first = -1
     along = 0.0
-    for i in range(len(search.G)):
+    for i in range(len(rows)):
         if search.marks[_STATE, i] != _FREE:
             continue
         slope = 0.0
         value = 0.0
         noise = largest
-        for j in range(len(z)):
-            slope += search.G[i, j] * p[j]
-            value += search.G[i, j] * z[j]
-            noise += abs(search.G[i, j] * z[j])
-        margin = search.ends[_UPPER, i] - value if slope > 0.0 else value - search.ends[_LOWER, i]
+        for j in range(d):
+            slope += rows[i, j] * p[j]
+            value += rows[i, j] * z[j]
+            noise += abs(rows[i, j] * z[j])
+        margin = ends[_UPPER, i] - value if slope > 0.0 else value - ends[_LOWER, i]
         speed = abs(slope)
         if speed <= 10.0 * _DEPENDENT * largest or speed <= margin + ROUNDING * noise:
             continue
@@ -287,44 +317,45 @@ def _advance(search: _Search, p: np.ndarray) -> tuple[int, float]:
             share = max(margin, 0.0) / speed
             first = i
             along = slope
-    for j in range(len(z)):
+    for j in range(d):
         z[j] += share * p[j]
         search.largest[j] = max(search.largest[j], abs(z[j]))
     return first, along
 
 
 @part
-def forces(search: _Search, A: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, float]:
+def fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> float:
     """How hard each row resists the descent: A' (A z - a) + sum_k force_k row_k = 0 at the least.
 
     Returns:
-        The forces (d,), and the largest term of the gradient, beside which rounding is judged.
+        The largest term of the gradient, beside which rounding is judged.
     """
-    d = len(search.z)
+    z = search.z
+    rows = search.rows
+    d = search.marks[_COUNT, _VARIABLES]
     g = np.zeros(d)
     fastest = 0.0
     for j in range(search.n):
         fastest = max(fastest, search.largest[j])
     largest = 0.0
-    for i in range(len(A)):
-        rest = -a[i]
-        size = abs(a[i])
+    for i in range(begin, end):
+        rest = -search.ends[_WANTED, i]
+        size = abs(rest)
         for j in range(d):
-            rest += A[i, j] * search.z[j]
+            rest += rows[i, j] * z[j]
             # A slack variable is a difference of velocities.
-            size += abs(A[i, j]) * (fastest if j > search.n else search.largest[j])
+            size += abs(rows[i, j]) * (fastest if j > search.n else search.largest[j])
         for j in range(d):
-            g[j] += A[i, j] * rest
-            largest = max(largest, abs(A[i, j]) * size)
-    count = search.marks[_COUNT, 1]
-    force = np.zeros(d)
+            g[j] += rows[i, j] * rest
+            largest = max(largest, abs(rows[i, j]) * size)
+    count = search.marks[_COUNT, _BASIS]
     for k in range(count):
-        force[k] = -dot(search.Q, k, g)
-    _substitute(search.R, force[:count])
-    return force, largest
+        force[k] = -dot(search.Q, k, g, d)
+    _substitute(search.R, force, count)
+    return largest
 
 
-@inlined
+@part
 def _most_wrong(search: _Search, force: np.ndarray, least: float, by_index: bool) -> int:
     """The row that keeps z from where it wants to go inside the limits, -1 for none.
 
@@ -332,8 +363,10 @@ def _most_wrong(search: _Search, force: np.ndarray, least: float, by_index: bool
     """
     marks = search.marks
     found = -1
-    for k in range(marks[_COUNT, 0], marks[_COUNT, 1]):
+    for k in range(marks[_COUNT, _BASIS]):
         i = marks[_BEHIND, k]
+        if marks[_STATE, i] != _HELD:
+            continue
         pull = -force[k] * marks[_SIDE, i]
         if by_index and found >= 0 and i > marks[_BEHIND, found]:
             continue
@@ -344,87 +377,92 @@ def _most_wrong(search: _Search, force: np.ndarray, least: float, by_index: bool
     return found
 
 
-@inlined
-def _hardest_of(search: _Search, force: np.ndarray, tight: float) -> int:
-    """The limit with the largest force of those that are tight, but the share's; -1 for none."""
+@part
+def _fix_level(search: _Search, begin: int, end: int, force: np.ndarray, tight: float) -> int:
+    """Fix the rows of a finished level, and the limits that are tight; others stay held.
+
+    Returns:
+        The limit with the largest force of those that are tight, but the share's; -1 for none.
+    """
     marks = search.marks
     hardest = -1
     largest = tight
-    for k in range(marks[_COUNT, 0], marks[_COUNT, 1]):
+    for k in range(marks[_COUNT, _BASIS]):
         i = marks[_BEHIND, k]
         push = force[k] * marks[_SIDE, i]
+        if marks[_STATE, i] != _HELD or push <= tight:
+            continue
+        marks[_STATE, i] = _FIXED
         if push > largest and i != search.n:
             largest = push
             hardest = i
+    for i in range(begin, end):
+        marks[_STATE, i] = _FIXED
+    marks[_COUNT, _BASIS] = marks[_COUNT, _BEYOND]
     return hardest
-
-
-@inlined
-def _fix_level(search: _Search, A: np.ndarray, force: np.ndarray, tight: float) -> None:
-    """Fix A z and the limits that are tight; other held limits stay held."""
-    marks = search.marks
-    fixed = marks[_COUNT, 0]
-    held = marks[_BEHIND, fixed : marks[_COUNT, 1]].copy()
-    marks[_COUNT, 1] = fixed
-    for k in range(len(held)):
-        i = held[k]
-        if force[fixed + k] * marks[_SIDE, i] > tight:
-            hold(search, i, float(marks[_SIDE, i]))
-    _append_all(search, A)
-    marks[_COUNT, 0] = marks[_COUNT, 1]
-    for k in range(len(held)):
-        i = held[k]
-        if marks[_STATE, i] == _HELD:
-            if force[fixed + k] * marks[_SIDE, i] > tight:
-                marks[_STATE, i] = _FIXED
-            else:
-                hold(search, i, float(marks[_SIDE, i]))
 
 
 # --- limits that are rows, in a level of their own ------------------------------------------------
 
 
 @inlined
-def _open_slack(search: _Search, begin: int, A: np.ndarray, slack: int) -> None:
-    """Bring in the limits from `begin` on, as many as A has rows: lower <= G z - w <= upper.
+def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
+    """Bring in the limits from `begin` on, and whether z exceeds one of them.
 
-    w are the variables of z from `slack` on. A receives the rows that ask for the least |length w|.
+    If so, lower <= rows z - w <= upper, where w are the variables of z from n + 1 on. The rows from
+    `level` on then ask for the least |length w|.
     """
     z = search.z
-    for r in range(len(A)):
+    rows = search.rows
+    marks = search.marks
+    slack = search.n + 1
+    is_exceeded = False
+    for r in range(count):
         i = begin + r
         value = 0.0
         noise = 0.0
         for j in range(slack):
-            value += search.G[i, j] * z[j]
-            noise += abs(search.G[i, j] * z[j])
+            value += rows[i, j] * z[j]
+            noise += abs(rows[i, j] * z[j])
         above = value - search.ends[_UPPER, i]
         below = search.ends[_LOWER, i] - value
-        A[r, slack + r] = search.length[i]
-        search.G[i, slack + r] = -1.0
-        search.marks[_STATE, i] = _FREE
+        marks[_STATE, i] = _FREE
         if max(above, below) > ROUNDING * noise:
             z[slack + r] = above if above > below else -below
-            hold(search, i, z[slack + r])
+            marks[_STATE, i] = _HELD
+            marks[_SIDE, i] = 1 if above > below else -1
+            is_exceeded = True
+    if is_exceeded:
+        marks[_COUNT, _VARIABLES] = slack + count
+        for r in range(count):
+            rows[begin + r, slack + r] = -1.0
+            rows[level + r, slack + r] = search.length[begin + r]
+        build_basis(search)
+    return is_exceeded
 
 
-@part
-def _close_slack(search: _Search, begin: int, A: np.ndarray, slack: int) -> float:
+@inlined
+def _close_slack(search: _Search, begin: int, count: int) -> float:
     """Move the ends of limits that remain in excess to where they are.
 
     Returns:
         The sum of squares of the excess.
     """
     z = search.z
+    rows = search.rows
+    ends = search.ends
+    slack = search.n + 1
+    search.marks[_COUNT, _VARIABLES] = slack
     square = 0.0
-    for r in range(len(A)):
+    for r in range(count):
         i = begin + r
         square += (search.length[i] * z[slack + r]) ** 2
         z[slack + r] = 0.0
-        search.G[i, slack + r] = 0.0
-        value = dot(search.G, i, z)
-        search.ends[_UPPER, i] = max(search.ends[_UPPER, i], value)
-        search.ends[_LOWER, i] = min(search.ends[_LOWER, i], value)
+        rows[i, slack + r] = 0.0
+        value = dot(rows, i, z, slack)
+        ends[_UPPER, i] = max(ends[_UPPER, i], value)
+        ends[_LOWER, i] = min(ends[_LOWER, i], value)
+    build_basis(search)
     return square
 
 
@@ -439,7 +477,10 @@ def _begin_at(
     C: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
-    d: int,
+    J: np.ndarray,
+    dx: np.ndarray,
+    first: int,
+    most: int,
     held: np.ndarray,
 ) -> _Search:
     """A search that starts at the point of the box nearest to dq_free, with a share of 1.
@@ -449,66 +490,76 @@ def _begin_at(
     where the search ends, but for rounding.
     """
     n = len(dq_free)
-    K = n + 1 + len(C)
+    d = n + 1 + most
+    limits = n + 1 + len(C)
+    K = limits + len(J) + max(n, most)
+    vectors = np.zeros((3, d))
     search = _Search(
-        np.zeros(d),
-        zeros(K, d),
-        zeros(_UPPER + 1, K),
+        vectors[0],
+        vectors[1],
+        vectors[2],
+        np.zeros((K, d)),
+        np.zeros((_WANTED + 1, K)),
         np.zeros(K),
-        zeros(d, d),
-        zeros(d, d),
-        np.zeros((_COUNT + 1, K + d), np.int64),
+        np.full(K, _DEPENDENT),
+        np.zeros((d, d)),
+        np.zeros((d, d)),
+        np.full((_COUNT + 1, K + 3), _LATER),
         n,
-        np.zeros(d),
     )
     z = search.z
-    G = search.G
+    rows = search.rows
     ends = search.ends
-    length = search.length
     marks = search.marks
-    z[n] = 1.0
-    G[n, n] = 1.0  # 0 <= s <= 1
-    ends[_UPPER, n] = 1.0
     for i in range(n):
-        G[i, i] = 1.0
+        rows[i, i] = 1.0
         ends[_LOWER, i] = lower[i]
         ends[_UPPER, i] = upper[i]
         z[i] = min(max(dq_free[i], lower[i]), upper[i])
-        if lower[i] == upper[i]:
-            hold(search, i, dq_free[i] - z[i])
-            marks[_STATE, i] = _FIXED
-    marks[_COUNT, 0] = marks[_COUNT, 1]
-    for i in range(n):
-        if marks[_STATE, i] == _FIXED:
-            continue
         towards = dq_free[i] - z[i]
-        if held[n] != _UNKNOWN:
+        marks[_STATE, i] = _FREE
+        if lower[i] == upper[i]:
+            marks[_STATE, i] = _FIXED
+        elif held[n] != _UNKNOWN:
             towards = float(held[i])
             end = upper[i] if towards > 0.0 else lower[i]
-            if towards == 0.0 or not np.isfinite(end):
-                continue
-            z[i] = end
-        if towards != 0.0:
-            hold(search, i, towards)
-    if held[n] != _LESS:
-        hold(search, n, 1.0)
+            if towards != 0.0 and np.isfinite(end):
+                z[i] = end
+                marks[_STATE, i] = _HELD
+        elif towards != 0.0:
+            marks[_STATE, i] = _HELD
+        marks[_SIDE, i] = 1 if towards > 0.0 else -1
+    z[n] = 1.0
+    rows[n, n] = 1.0  # 0 <= s <= 1
+    ends[_UPPER, n] = 1.0
+    ends[_WANTED, n] = 1.0
+    marks[_STATE, n] = _FREE if held[n] == _LESS else _HELD
+    marks[_SIDE, n] = 1
     for r in range(len(C)):
         i = n + 1 + r
-        marks[_STATE, i] = _LATER
         square = 0.0
         for j in range(n):
             square += C[r, j] ** 2
-        length[i] = np.sqrt(square) if square > 0.0 else 1.0
+        search.length[i] = np.sqrt(square) if square > 0.0 else 1.0
         for j in range(n):
-            G[i, j] = C[r, j] / length[i]
-        ends[_LOWER, i] = low[r] / length[i]
-        ends[_UPPER, i] = high[r] / length[i]
+            rows[i, j] = C[r, j] / search.length[i]
+        ends[_LOWER, i] = low[r] / search.length[i]
+        ends[_UPPER, i] = high[r] / search.length[i]
+    for r in range(len(J)):  # J dq - s dx = 0 of the first task, J dq = dx of others
+        for j in range(n):
+            rows[limits + r, j] = J[r, j]
+        if r < first:
+            rows[limits + r, n] = -dx[r]
+        else:
+            ends[_WANTED, limits + r] = dx[r]
     for j in range(n + 1):
         search.largest[j] = abs(z[j])
+    marks[_COUNT, _VARIABLES] = n + 1
+    build_basis(search)
     return search
 
 
-@inlined
+@part
 def _leave_behind(search: _Search, held: np.ndarray) -> None:
     """Write down which limits a search holds in the end: the side of each joint, and the share."""
     for i in range(search.n):
@@ -519,35 +570,6 @@ def _leave_behind(search: _Search, held: np.ndarray) -> None:
 
 
 # --- all levels -----------------------------------------------------------------------------------
-
-
-@inlined
-def _rows_of(level: int, groups: np.ndarray, tasks: np.ndarray, n: int) -> int:
-    """How many rows a level has: limits, the first task, its share, the other tasks, the law."""
-    first_task = len(groups)
-    if level < first_task:
-        return groups[level]
-    if level == first_task:
-        return tasks[0]
-    if level == first_task + 1:
-        return 1
-    task = level - first_task - 1
-    return tasks[task] if task < len(tasks) else n
-
-
-@inlined
-def _ask_for_task(
-    J: np.ndarray, dx: np.ndarray, row: int, is_first: bool, A: np.ndarray, a: np.ndarray
-) -> None:
-    """J dq - s dx = 0 of the first task, J dq = dx of another one, whose rows begin at `row`."""
-    n = J.shape[1]
-    for i in range(len(A)):
-        for j in range(n):
-            A[i, j] = J[row + i, j]
-        if is_first:
-            A[i, n] = -dx[row + i]
-        else:
-            a[i] = dx[row + i]
 
 
 @part
@@ -617,57 +639,61 @@ def hierarchical_qp(
         end; and whether each level got to its least.
     """
     n = len(dq_free)
-    d = n + 1  # z = (dq, s, slack variables of one group)
+    most = 0
     for rows in groups:
-        d = max(d, n + 1 + rows)
-    search = _begin_at(dq_free, lower, upper, C, low, high, d, held)
+        most = max(most, rows)
+    search = _begin_at(dq_free, lower, upper, C, low, high, J, dx, tasks[0], most, held)
     z = search.z
     first_task = len(groups)
     share = first_task + 1
     law = share + len(tasks)
+    last = n + 1 + len(C) + len(J)  # the rows of the law, or of slack variables
+    force = np.zeros(len(z))
     hardest = -1
     solved = True
     excess = 0.0
     error = 0.0
-    limit_row = n + 1
-    task_row = 0
+    following = n + 1  # the next limits, and then tasks
     for level in range(law + 1):
-        A = zeros(_rows_of(level, groups, tasks, n), d)
-        a = np.zeros(len(A))
         if level < first_task:
-            _open_slack(search, limit_row, A, n + 1)
+            begin = last
+            end = last + groups[level]
+            limits = following
+            following += groups[level]
+            if not _open_slack(search, limits, groups[level], begin):
+                continue
         elif level == share:
-            A[0, n] = 1.0  # s = 1
-            a[0] = 1.0
+            begin = n  # s = 1
+            end = n + 1
         elif level == law:
-            _ask_for_law(W, is_factor, dq_free, A, a)
+            begin = last
+            end = last + n
+            _ask_for_law(W, is_factor, dq_free, search.rows[begin:], search.ends[_WANTED, begin:])
         else:
-            _ask_for_task(J, dx, task_row, level == first_task, A, a)
-            task_row += len(A)
-        force, tight, reached = minimise(search, A, a, level == law and len(W) == 0)
+            begin = following
+            following += tasks[max(level - share, 0)]
+            end = following
+        tight, reached = minimise(search, begin, end, level == law and len(W) == 0, force)
         solved = solved and reached
         if level == first_task:
-            for i in range(len(A)):
-                error += dot(A, i, z) ** 2
-        if hardest < 0:
-            hardest = _hardest_of(search, force, tight)
+            for i in range(begin, end):
+                error += dot(search.rows, i, z, n + 1) ** 2
         if level < first_task:
-            excess += _close_slack(search, limit_row, A, n + 1)
-            limit_row += len(A)
-            A = A[:0]
-        if level < law:
-            _fix_level(search, A, force, tight)
+            end = begin  # its rows go with the slack variables
+        found = _fix_level(search, begin, end, force, tight)
+        if hardest < 0:
+            hardest = found
+        if level < first_task:
+            excess += _close_slack(search, limits, groups[level])
 
     _leave_behind(search, held)
     dq = np.zeros(n)
     total = error + excess + z[n]
     for i in range(n):
-        total += a[i] + z[i]
+        total += search.ends[_WANTED, last + i] + z[i]
     if not np.isfinite(total):  # as the input was
-        for j in range(d):
-            z[j] = 0.0
-        for i in range(len(held)):
-            held[i] = 0
+        z[:] = 0.0
+        held[:] = 0
         error = np.nan
         solved = False
     for i in range(n):
