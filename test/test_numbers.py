@@ -76,6 +76,7 @@ def test_the_tables_of_the_study_are_those_of_its_results(
     short = evidence.read(DOCS / 'studies' / 'laws.parquet')
     long = evidence.read(DOCS / 'studies' / 'long.parquet')
     assert on_page(numbers, 1, 'evidence_sample') == evidence.sample(short, long)
+    assert not differences(on_page(numbers, 1, 'evidence_words'), evidence.words(short))
     assert not differences(on_page(numbers, 1, 'evidence'), evidence.default_table(short))
     assert not differences(on_page(numbers, 1, 'evidence_laws'), evidence.table(short))
     assert not differences(on_page(numbers, 1, 'evidence_long'), evidence.long_table(long))
