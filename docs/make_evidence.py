@@ -101,10 +101,11 @@ def words(results: Sequence[Result]) -> str:
         f'Without limits the default and `{FIRST}` have the same peak of acceleration to '
         f'{EQUAL:.0%}\nin {np.mean(equal):.0%} of these short tasks. Near singularities (σ_min / '
         f"reach below {middle:g}) the default's\npeak is 25 % higher in "
-        f'{np.mean(beside > MORE):.1%} of the tasks and 20 % lower in {np.mean(beside < LESS):.1%}; '
-        f'farther away\nin {np.mean(away > MORE):.1%} and {np.mean(away < LESS):.1%}. With the limits '
-        f'on, they finish {_share(ours)} and {_share(firsts)} of the tasks, and lose\n{_time_lost(ours)} and '
-        f'{_time_lost(firsts)} s on average. `{THRIFTY}` takes {energy:.2f} of the '
+        f'{np.mean(beside > MORE):.1%} of the tasks and 20 % lower in '
+        f'{np.mean(beside < LESS):.1%}; farther away\nin {np.mean(away > MORE):.1%} and '
+        f'{np.mean(away < LESS):.1%}. With the limits on, they finish {_share(ours)} and '
+        f'{_share(firsts)} of the tasks, and lose\n{_time_lost(ours)} and {_time_lost(firsts)} s '
+        f'on average. `{THRIFTY}` takes {energy:.2f} of the '
         f"pseudoinverse's\nenergy in the median, with {acceleration:.1f} times its peak of "
         'acceleration.\n'
     )
