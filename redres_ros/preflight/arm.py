@@ -5,6 +5,7 @@ expected one.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +41,11 @@ class Verdict(NamedTuple):
         return f'{self.level.value:<6} {self.subject:<11} {self.text}'
 
 
+ok = partial(Verdict, Level.OK)
+note = partial(Verdict, Level.NOTE)
+fault = partial(Verdict, Level.FAULT)
+
+
 @dataclass(frozen=True)
 class ExpectedArm:
     """The arm and the rate that are expected, from the controller's parameters or from the user.
@@ -67,7 +73,7 @@ def judge_arm(seen: GraphSnapshot, expected: ExpectedArm) -> Iterator[Verdict]:
     try:
         model = _model_of(expected, seen.description)
     except RedresError as error:
-        yield Verdict(Level.FAULT, 'arm', str(error))
+        yield fault('arm', str(error))
         return
     limits = JointLimits.of(model.arm)
     yield from _judge_joints(seen.states, limits)
@@ -89,18 +95,17 @@ def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> Iterato
     if states and not ours:
         got = ', '.join(states[-1].positions)
         wanted = ', '.join(limits.joint_names)
-        text = f'{STATES} holds {got}; expected {wanted}'
-        yield Verdict(Level.FAULT, 'joints', text)
+        yield fault('joints', f'{STATES} holds {got}; expected {wanted}')
     if not ours:
         return
     positions = ours[-1].positions
     missing = [name for name in limits.joint_names if name not in positions]
     if missing:
-        yield Verdict(Level.FAULT, 'joints', f'{STATES} lacks {", ".join(missing)}')
+        yield fault('joints', f'{STATES} lacks {", ".join(missing)}')
         return
     others = ', '.join(name for name in positions if name not in limits.joint_names)
     ignored = f'; ignored: {others}' if others else ''
-    yield Verdict(Level.OK, 'joints', f'all {len(limits.joint_names)}{ignored}')
+    yield ok('joints', f'all {len(limits.joint_names)}{ignored}')
     q = np.array([positions[name] for name in limits.joint_names])
     yield from _judge_positions(q, limits)
     yield from _judge_standstill(ours, limits.joint_names)
@@ -109,26 +114,26 @@ def _judge_joints(states: tuple[StateSeen, ...], limits: JointLimits) -> Iterato
 def _judge_order(got: tuple[str, ...], expected: tuple[str, ...]) -> Iterator[Verdict]:
     """Commands for ros2_control are numbers without names: the order must be the arm's."""
     if got == expected:
-        yield Verdict(Level.OK, 'order', f'{FORWARD} has the joints {", ".join(got)}')
+        yield ok('order', f'{FORWARD} has the joints {", ".join(got)}')
     elif got:
         text = f'{FORWARD} has the joints {", ".join(got)}; expected {", ".join(expected)}'
-        yield Verdict(Level.FAULT, 'order', text)
+        yield fault('order', text)
 
 
 def _judge_positions(q: np.ndarray, limits: JointLimits) -> Iterator[Verdict]:
     if not np.isfinite(q).all():
-        yield Verdict(Level.FAULT, 'positions', f'{q.tolist()}; every value must be finite')
+        yield fault('positions', f'{q.tolist()}; every value must be finite')
         return
     margin = np.minimum(q - limits.lower, limits.upper - q) / (limits.upper - limits.lower)  # (n,)
     j = int(np.argmin(margin))
     where = f'{limits.joint_names[j]} is at {q[j]:.3f}'
     allowed = f'{limits.lower[j]:.3f} to {limits.upper[j]:.3f}'
     if margin[j] < 0.0:
-        yield Verdict(Level.FAULT, 'positions', f'{where}; allowed: {allowed}')
+        yield fault('positions', f'{where}; allowed: {allowed}')
     elif margin[j] < _NEAR:
-        yield Verdict(Level.NOTE, 'positions', f'{where}, near an end of its range {allowed}')
+        yield note('positions', f'{where}, near an end of its range {allowed}')
     else:
-        yield Verdict(Level.OK, 'positions', 'inside all ranges')
+        yield ok('positions', 'inside all ranges')
 
 
 def _judge_standstill(states: list[StateSeen], names: tuple[str, ...]) -> Iterator[Verdict]:
@@ -141,8 +146,7 @@ def _judge_standstill(states: list[StateSeen], names: tuple[str, ...]) -> Iterat
     speeds = [abs(last.positions[name] - first.positions[name]) / elapsed for name in names]
     if max(speeds) > _MOVING:
         fastest = names[int(np.argmax(speeds))]
-        text = f'the arm moves: {fastest} at {max(speeds):.3g}/s'
-        yield Verdict(Level.NOTE, 'standstill', text)
+        yield note('standstill', f'the arm moves: {fastest} at {max(speeds):.3g}/s')
 
 
 def _judge_description(
@@ -155,8 +159,7 @@ def _judge_description(
         tip = expected.tip_frame or choose_arm(expected.robot).tip_frame
         published = JointLimits.of(arm_from_urdf(description, tip))
     except RedresError as error:
-        text = f'the URDF on {DESCRIPTION} is of another arm: {error}'
-        yield Verdict(Level.NOTE, 'limits', text)
+        yield note('limits', f'the URDF on {DESCRIPTION} is of another arm: {error}')
         return
     for j, name in enumerate(limits.joint_names):
         if name not in published.joint_names:
@@ -166,8 +169,7 @@ def _judge_description(
         ours = (limits.lower[j], limits.upper[j], limits.velocity[j])
         excess = (theirs[0] - ours[0], ours[1] - theirs[1])
         if max(*excess, ours[2] - theirs[2] + expected.margin) - expected.margin > _SAME:
-            yield Verdict(
-                Level.FAULT,
+            yield fault(
                 'limits',
                 f'{name}: {DESCRIPTION} allows {_range(theirs)}, the arm expected {_range(ours)}',
             )
@@ -187,7 +189,7 @@ def _judge_frames(seen: GraphSnapshot, model: RobotModel) -> Iterator[Verdict]:
         try:
             model.pose(np.zeros(model.n), frame)
         except RedresError as error:
-            yield Verdict(Level.FAULT, 'frames', f'{TWISTS} comes in an {error}')
+            yield fault('frames', f'{TWISTS} comes in an {error}')
             return
     tip = model.arm.tip_frame
-    yield Verdict(Level.OK, 'frames', f'tip {tip}, base {base or model.base_frame}')
+    yield ok('frames', f'tip {tip}, base {base or model.base_frame}')

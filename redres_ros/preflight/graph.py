@@ -9,7 +9,7 @@ from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.session import COMMANDING
 from redres_ros.loop.settings import why_it_would_leap
 from redres_ros.nodes.topics import REASON, SESSION
-from redres_ros.preflight.arm import ExpectedArm, Level, Verdict, judge_arm
+from redres_ros.preflight.arm import ExpectedArm, Verdict, fault, judge_arm, note, ok
 from redres_ros.preflight.graph_snapshot import (
     ACTIVITY,
     COMMANDS,
@@ -38,7 +38,7 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
     verdicts = [*_judge_states(seen), *_judge_session(seen)]
     if expected is None:
         text = 'no controller runs and no --robot is named: joints and limits are not known'
-        verdicts.append(Verdict(Level.FAULT, 'arm', text))
+        verdicts.append(fault('arm', text))
     else:
         verdicts += _judge_stamps(seen.states, expected.rate)
         verdicts += judge_arm(seen, expected)
@@ -58,24 +58,23 @@ def _judge_stamps(states: tuple[StateSeen, ...], rate: float) -> Iterator[Verdic
         return
     stamps = np.array([state.stamp for state in states]) / 1e9  # [s]
     if not stamps.all():
-        yield Verdict(Level.FAULT, 'stamps', f'{STATES} without a stamp')
+        yield fault('stamps', f'{STATES} without a stamp')
         return
     stamps = np.unique(stamps)  # a robot that waits for its response sends a state again
     if len(stamps) < _FEWEST:
-        text = f'only {len(stamps)} states came; too few to estimate the rate'
-        yield Verdict(Level.FAULT, 'rate', text)
+        yield fault('rate', f'only {len(stamps)} states came; too few to estimate the rate')
         return
     period = float(np.median(np.diff(stamps)))  # [s]
     if abs(period * rate - 1.0) > _RATE_ERROR:
         text = f'{1.0 / period:.4g} states a second; expected {rate:g}: change the parameter rate'
-        yield Verdict(Level.FAULT, 'rate', text)
+        yield fault('rate', text)
     else:
-        yield Verdict(Level.OK, 'rate', f'{1.0 / period:.4g} states a second')
+        yield ok('rate', f'{1.0 / period:.4g} states a second')
         yield _judge_jitter(states, rate)
     apart = states[-1].arrived / NANOSECONDS - stamps[-1]
     if abs(apart) > _CLOCKS:
         text = f"the robot's clock is {apart:.3g} s from this computer's; stamp task velocities 0"
-        yield Verdict(Level.NOTE, 'clock', text)
+        yield note('clock', text)
 
 
 def _judge_jitter(states: tuple[StateSeen, ...], rate: float) -> Verdict:
@@ -102,8 +101,8 @@ def _judge_jitter(states: tuple[StateSeen, ...], rate: float) -> Verdict:
     unclear = refused + int(np.sum(errors > _HALF))
     if unclear > _FEW * len(states):
         text += f'; the cycle of {unclear} states is not clear, as they jitter by half a period'
-        return Verdict(Level.FAULT, 'jitter', text)
-    return Verdict(Level.OK, 'jitter', text)
+        return fault('jitter', text)
+    return ok('jitter', text)
 
 
 _NECESSARY = ('position', 'velocity', 'acceleration')  # limits of a real arm
@@ -115,45 +114,44 @@ def _judge_states(seen: GraphSnapshot) -> Iterator[Verdict]:
     publishers = seen.publishers.get(STATES, ())
     names = ', '.join(publishers)
     if not publishers:
-        yield Verdict(Level.FAULT, 'states', f'{STATES} has no publisher in this ROS domain')
+        yield fault('states', f'{STATES} has no publisher in this ROS domain')
     elif not seen.states:
-        text = f'{names} publishes {STATES}, but none came; is the robot running?'
-        yield Verdict(Level.FAULT, 'states', text)
+        yield fault('states', f'{names} publishes {STATES}, but none came; is the robot running?')
     elif len(publishers) > 1:
         text = f'{names} publish {STATES}; only one may publish the joints of the arm'
-        yield Verdict(Level.NOTE, 'states', text)
+        yield note('states', text)
     else:
-        yield Verdict(Level.OK, 'states', f'from {names}')
+        yield ok('states', f'from {names}')
 
 
 def _judge_session(seen: GraphSnapshot) -> Iterator[Verdict]:
     reason = seen.words.get(REASON, '')
     session = seen.words.get(SESSION, '')
     if reason:
-        yield Verdict(Level.FAULT, 'session', f'the robot has stopped: {reason}')
+        yield fault('session', f'the robot has stopped: {reason}')
     elif session and session not in COMMANDING:
-        yield Verdict(Level.NOTE, 'session', f'the robot takes no commands yet: {session}')
+        yield note('session', f'the robot takes no commands yet: {session}')
     elif session:
-        yield Verdict(Level.OK, 'session', session)
+        yield ok('session', session)
 
 
 def _judge_controller(seen: GraphSnapshot) -> Iterator[Verdict]:
     if seen.controllers > 1:
-        yield Verdict(Level.FAULT, 'controller', f'there are {seen.controllers} of that name')
+        yield fault('controller', f'there are {seen.controllers} of that name')
     if seen.controller is None:
-        yield Verdict(Level.FAULT, 'controller', 'none runs: start redres_controller')
+        yield fault('controller', 'none runs: start redres_controller')
         return
     kept = seen.controller['limits']
     missing = [name for name in _NECESSARY if name not in kept]
     scale = seen.controller['limit_scale']
     if missing:
         text = f'the limits {", ".join(missing)} are not in force: add them to the parameter limits'
-        yield Verdict(Level.FAULT, 'controller', text)
+        yield fault('controller', text)
     elif scale > _CAREFUL:
         text = f'limit_scale is {scale:g}; for the first steps on a robot set 0.2'
-        yield Verdict(Level.NOTE, 'controller', text)
+        yield note('controller', text)
     else:
-        yield Verdict(Level.OK, 'controller', f'keeps {", ".join(kept)} at a scale of {scale:g}')
+        yield ok('controller', f'keeps {", ".join(kept)} at a scale of {scale:g}')
 
 
 def _judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
@@ -165,21 +163,21 @@ def _judge_commands(seen: GraphSnapshot) -> Iterator[Verdict]:
     topic = FORWARD if forward else COMMANDS
     listeners = seen.subscribers.get(topic, ())
     if listeners:
-        yield Verdict(Level.OK, 'commands', f'{topic} has the subscribers {", ".join(listeners)}')
+        yield ok('commands', f'{topic} has the subscribers {", ".join(listeners)}')
     else:
         advice = 'is that controller loaded and active?'
         if not forward:
             advice = f'a robot behind ros2_control needs forward_commands, which uses {FORWARD}'
-        yield Verdict(Level.FAULT, 'commands', f'{topic} has no subscriber; {advice}')
+        yield fault('commands', f'{topic} has no subscriber; {advice}')
     if leap := why_it_would_leap(forward, str(seen.controller['bridging'])):
-        yield Verdict(Level.FAULT, 'commands', leap)
+        yield fault('commands', leap)
     if forward and listeners:
         yield from _judge_forwarding(seen)
     for other in (COMMANDS, FORWARD):
         rivals = [name for name in seen.publishers.get(other, ()) if Path(name).name != CONTROLLER]
         if rivals:
             text = f'{", ".join(rivals)} publishes {other} too; only the controller may'
-            yield Verdict(Level.FAULT, 'commands', text)
+            yield fault('commands', text)
 
 
 def _judge_forwarding(seen: GraphSnapshot) -> Iterator[Verdict]:
@@ -190,10 +188,10 @@ def _judge_forwarding(seen: GraphSnapshot) -> Iterator[Verdict]:
     command = 'ros2 control switch_controllers --activate forward_position_controller'
     if states and 'active' not in states:
         text = f'the forward_position_controller is {", ".join(sorted(states))}: {command}'
-        yield Verdict(Level.FAULT, 'forwarding', text)
+        yield fault('forwarding', text)
     elif seen.mode == 'mirroring':
         text = f'the arm executes no commands: our controller mirrors it; {command}'
-        yield Verdict(Level.FAULT, 'forwarding', text)
+        yield fault('forwarding', text)
     elif not states:
         text = (
             'no controller_manager reports on /diagnostics whether the forward_position_controller '
@@ -201,13 +199,13 @@ def _judge_forwarding(seen: GraphSnapshot) -> Iterator[Verdict]:
         )
         if seen.publishers.get(ACTIVITY):
             text += f'. Install controller_manager_msgs here: then {ACTIVITY} can be read, too'
-        yield Verdict(Level.NOTE, 'forwarding', text)
+        yield note('forwarding', text)
     else:
-        yield Verdict(Level.OK, 'forwarding', 'the forward_position_controller is active')
+        yield ok('forwarding', 'the forward_position_controller is active')
     for name, state in sorted(seen.hardware.items()):
         if state != 'active':
             command = f'ros2 control set_hardware_component_state {name} active'
-            yield Verdict(Level.NOTE, 'hardware', f'{name} is {state}: {command}')
+            yield note('hardware', f'{name} is {state}: {command}')
 
 
 def _judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
@@ -215,9 +213,8 @@ def _judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
     names = ', '.join(sources)
     if not sources:
         text = f'{TWISTS} has no publisher yet: the planner, redres teleop or a node of yours'
-        yield Verdict(Level.NOTE, 'task', text)
+        yield note('task', text)
     elif len(sources) > 1:
-        text = f'{names} publish {TWISTS}; let only one of them speak at a time'
-        yield Verdict(Level.NOTE, 'task', text)
+        yield note('task', f'{names} publish {TWISTS}; let only one of them speak at a time')
     else:
-        yield Verdict(Level.OK, 'task', f'{TWISTS} from {names}')
+        yield ok('task', f'{TWISTS} from {names}')
