@@ -1,6 +1,5 @@
 """What a motion demands of the arm, and whether the arm could do it."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,18 +72,6 @@ def first_violation(recording: Recording, limits: JointLimits) -> str:
         recording: Of a motion that began at rest.
         limits: Of the same arm.
     """
-    found = [
-        (float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}')
-        for kind, (tick, joint) in _violations(recording, limits)
-    ]
-    if not found:
-        return ''
-    t, what = min(found)
-    return f'{what}, {t:.2f} s'
-
-
-def _violations(recording: Recording, limits: JointLimits) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Each kind of limit that is broken, and the tick and the joint where it is first."""
     q = recording.vectors('q1')
     tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
     more = 1.0 + _ROUNDING
@@ -93,10 +80,15 @@ def _violations(recording: Recording, limits: JointLimits) -> Iterator[tuple[str
         'velocity': np.abs(recording.vectors('dq1')) > more * limits.velocity,
         'acceleration': np.abs(recording.accelerations) > more * limits.acceleration,
     }
+    found = []
     for kind, where in beyond.items():
         if where.any():
             tick, joint = np.argwhere(where)[0]
-            yield kind, (int(tick), int(joint))
+            found.append((float(recording['t'][tick]), f'{limits.joint_names[joint]} {kind}'))
+    if not found:
+        return ''
+    t, what = min(found)
+    return f'{what}, {t:.2f} s'
 
 
 def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
@@ -106,8 +98,8 @@ def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
         recording: Of commands.
         model: The arm, with its limits.
     """
-    velocity: np.ndarray = np.abs(recording.vectors('dq1')) / JointLimits.of(model.arm).velocity
-    return velocity.max(axis=1)
+    usage = np.abs(recording.vectors('dq1')) / JointLimits.of(model.arm).velocity
+    return usage.max(axis=1)
 
 
 def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
@@ -117,6 +109,5 @@ def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
         recording: Of commands.
         model: The arm, with its limits.
     """
-    acceleration = JointLimits.of(model.arm).acceleration
-    usage: np.ndarray = np.abs(recording.accelerations) / acceleration
+    usage = np.abs(recording.accelerations) / JointLimits.of(model.arm).acceleration
     return usage.max(axis=1)
