@@ -102,7 +102,7 @@ class Bounds:
             row = np.zeros(n)
             row[index] = 1.0
             return row
-        C: np.ndarray = np.concatenate([C for C, _, _ in self.rows])
+        C = np.concatenate([C for C, _, _ in self.rows])
         return C[index - n]
 
     def acting_limit(self, solved: Constrained) -> tuple[Limit, int] | None:

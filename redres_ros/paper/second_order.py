@@ -65,7 +65,7 @@ class Scheme(ABC):
         """ddq_N of Eq. (18), (n,) [rad/s^2]: null-space damping -k_d dq, Eq. (21), and the
         preference.
         """
-        ddq_N: np.ndarray = -self.damping * state.dq_prev
+        ddq_N = -self.damping * state.dq_prev
         return ddq_N if self.preference is None else ddq_N + self.preference.acceleration(state)
 
 

@@ -25,7 +25,7 @@ def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
         limit: Of its norm, in the unit of the feedback; may be infinite.
         error: e, (3,).
     """
-    feedback: np.ndarray = gain * error
+    feedback = gain * error
     if limit == np.inf:
         return feedback
     excess = float(np.linalg.norm(feedback)) / limit

@@ -126,7 +126,7 @@ class Compliance(Preference):
             raise ArrayError(
                 f'{self.measurement} has the shape {torques.shape}; expected {state.q.size} values'
             )
-        ddq_N: np.ndarray = self.gain * torques
+        ddq_N = self.gain * torques
         for _ in range(self.inertia_power):
             ddq_N = np.linalg.solve(state.M, ddq_N)
         return ddq_N

@@ -157,7 +157,7 @@ def _null_velocities(
 def _norms(vectors: Any) -> np.ndarray:
     """Euclidean norms of vectors (ticks, n), (ticks,)."""
     rows = np.asarray(vectors)
-    squares: np.ndarray = np.einsum('ki,ki->k', rows, rows)
+    squares = np.einsum('ki,ki->k', rows, rows)
     return np.sqrt(squares)
 
 

@@ -167,7 +167,7 @@ def elbow_direction(state: RobotState) -> np.ndarray:
     J = state.J[:3]
     P = np.eye(len(state.q)) - np.linalg.pinv(J) @ J
     U, _, _ = np.linalg.svd(state.jacobian(state.model.elbow_frame)[:3] @ P)
-    direction: np.ndarray = U[:, 0]
+    direction = U[:, 0]
     return direction * np.sign(direction[np.abs(direction).argmax()])
 
 

@@ -52,8 +52,7 @@ class _SecondOrderImpedance:
         """tau of a torque scheme, (n,) [Nm], which takes the force on the tip off."""
         assert isinstance(self._scheme, TorqueScheme)
         dde = self._task_acceleration(e, de, force)
-        torque: np.ndarray = self._scheme.torque(state, dde, self._bent(state))
-        return torque - state.J[:3].T @ force
+        return self._scheme.torque(state, dde, self._bent(state)) - state.J[:3].T @ force
 
     def _task_acceleration(self, e: np.ndarray, de: np.ndarray, force: np.ndarray) -> np.ndarray:
         """dde, (3,) [m/s^2], with M dde + D (de + T dde) + K (e + T de + T^2 dde) = f - f_d."""
