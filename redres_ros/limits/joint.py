@@ -284,12 +284,16 @@ class TorqueLimit(RowLimit):
         """The torque that is allowed, (n,) [Nm]."""
         return self.scale * self.model.tau_max
 
+    @cached_property
+    def _tau_min(self) -> np.ndarray:
+        return -self.tau_max
+
     def rows(self, state: ReferenceState, T: float) -> Rows:
         C = state.M / T  # (n, n)
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
-        return C, -self.tau_max - rest, self.tau_max - rest
+        return C, self._tau_min - rest, self.tau_max - rest
 
     def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
         ddq = (dq - state.dq_prev) / T  # Eq. (13)
         tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
-        return bool(within(tau, -self.tau_max, self.tau_max))
+        return bool(within(tau, self._tau_min, self.tau_max))

@@ -82,8 +82,7 @@ class Bounds:
             place = limit.model.joint_names[index]
         else:
             place = limit.place(self.state, index, self.T)
-        escape = -solved.side * self._row(solved.limiting)
-        return solved, f'{place}: {self.limits.names[limit]}', escape
+        return solved, f'{place}: {self.limits.names[limit]}', self._escape(solved)
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
@@ -95,15 +94,15 @@ class Bounds:
                 upper = np.clip(high, 0.0, upper)
         return lower, upper
 
-    def _row(self, index: int) -> np.ndarray:
-        """The row (n,) of a bound: of the joints first, then of the rows."""
+    def _escape(self, solved: Constrained) -> np.ndarray:
+        """The direction (n,) that leads away from the limit that resists hardest."""
         n = len(self.state.q)
-        if index < n:
-            row = np.zeros(n)
-            row[index] = 1.0
-            return row
+        if solved.limiting < n:
+            direction = np.zeros(n)
+            direction[solved.limiting] = -solved.side
+            return direction
         C = np.concatenate([C for C, _, _ in self.rows])
-        return C[index - n]
+        return -solved.side * C[solved.limiting - n]
 
     def acting_limit(self, solved: Constrained) -> tuple[Limit, int] | None:
         """The limit that resists hardest, and its joint or row; None where none does."""
@@ -112,9 +111,9 @@ class Bounds:
         if index < 0:
             return None
         if index < n:
-            end = _UPPER if solved.side > 0 else 0
-            distances = np.abs(self.boxes[:-1, end, index] - self.box[end][index])
-            return self.limits.box_limits[int(distances.argmin())], index
+            *ends, end = self.boxes[:, _UPPER if solved.side > 0 else 0, index].tolist()
+            distances = [abs(each - end) for each in ends]
+            return self.limits.box_limits[distances.index(min(distances))], index
         index -= n
         for limit, (C, _, _) in zip(self.limits.row_limits, self.rows, strict=True):
             if index < len(C):
