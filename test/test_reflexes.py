@@ -3,7 +3,7 @@
 A Franka arm at 1000 Hz, whose client commands a motion that each test continues in its own way.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import product
 
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 from fake_robot_helpers import Door
 from nightly import by_day
 
-from redres_ros import Controller, RobotModel, load_task, make_law
+from redres_ros import Controller, RobotModel, load_task
 from redres_ros.fake_robot.command_validator import CommandValidator, Reflex
 from redres_ros.fake_robot.plant import IdealPlant
 from redres_ros.fake_robot.profile import FCI, State
@@ -23,7 +23,8 @@ from redres_ros.loop.settings import LoopSettings
 from redres_ros.robots import find_arm
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation import closed_loop
-from redres_ros.simulation.operators import GoalOperator
+from redres_ros.simulation.operators import GoalOperator, Operator
+from redres_ros.simulation.recording import Recording
 
 T = 0.001  # [s]
 LIMITS = JointLimits.of(find_arm('fr3'))
@@ -216,29 +217,78 @@ def test_lost_packets_are_bridged_at_the_last_acceleration():
     assert client.session.reason == ''
 
 
+def full_limits(law: str, task: str, lost: float) -> Controller:
+    """A controller of the arm at its full limits.
+
+    Args:
+        law: Its name.
+        task: position or pose.
+        lost: Fraction of the commands that get lost.
+    """
+    return Controller(
+        RobotModel.named('fr3'),
+        law,
+        T,
+        task=task,
+        switch_time=0.3,
+        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
+        limit_gains={'jerk.lost': 3 if lost else 0, 'acceleration.reach': 0.02},
+    )
+
+
+def followed(motion: Iterable[np.ndarray], lost: float) -> Client:
+    """The client of a robot after a motion, or when the robot stops it.
+
+    Args:
+        motion: A command for each tick, (n,) [rad].
+        lost: Fraction of the commands that get lost at random.
+    """
+    client = commanding()
+    random = np.random.default_rng(0)
+    for q in motion:
+        if random.random() < lost:
+            client.advance()
+        else:
+            client.say(q)
+        if client.session.state is not State.MOVE:
+            break
+    return client
+
+
+def planned(law: str, task: str, lost: float) -> Recording:
+    """A task along waypoints; arguments as of full_limits()."""
+    arm = find_arm('fr3')
+    waypoints = load_task(arm.pose_task if task == 'pose' else arm.task)
+    return closed_loop.run(full_limits(law, task, lost), waypoints, greedy=False)
+
+
+def steered(controller: Controller, operator: Operator, seconds: float) -> Iterator[np.ndarray]:
+    """The commands of a motion under an operator, (n,) [rad] each.
+
+    Args:
+        controller: Of a pose.
+        operator: Sees the tip.
+        seconds: [s].
+    """
+    loop = CommandLoop(controller, LoopSettings(scaling='components'))
+    q = START
+    for k in range(1, round(seconds / T)):
+        x, R = controller.model.tip(q)
+        loop.enter_twist(0, operator.twist(k * T, x, R), k * T)
+        response = loop.enter_state(round(1e9 * k * T), q, k * T)
+        q = q if response is None else response.command.q_ref
+        yield q
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('law', 'lost'),
     by_day(1, product(['minimum_velocity', 'minimum_weighted_torque'], [0.0, 0.02])),
 )
 def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
-    model = RobotModel.named('fr3')
-    controller = Controller(
-        model,
-        make_law(law),
-        T,
-        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
-        limit_gains={'jerk.lost': 2 if lost else 0},
-    )
-    recording = closed_loop.run(controller, load_task(find_arm('fr3').task))
+    recording = planned(law, 'position', lost)
     assert recording.finished
-    client = commanding()
-    random = np.random.default_rng(0)
-    for q in np.column_stack([recording[f'q{joint}'] for joint in range(1, 8)]):
-        if random.random() < lost:
-            client.advance()
-        else:
-            client.say(q)
+    client = followed(recording.vectors('q1'), lost)
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
 
 
@@ -246,33 +296,16 @@ def test_a_task_at_the_full_limits_keeps_clear_of_every_reflex(law, lost):
 @pytest.mark.parametrize('lost', [0.0, 0.02], ids=['every command comes', 'one in fifty is lost'])
 def test_teleoperation_at_the_full_limits_keeps_clear_of_every_reflex(lost):
     """By an operator who steers the tip to goals, under one law after the other."""
-    model = RobotModel.named('fr3')
-    controller = Controller(
-        model,
-        'minimum_acceleration',
-        T,
-        task='pose',
-        switch_time=0.3,
-        limits=('position', 'velocity', 'acceleration', 'jerk', 'end_speed'),
-        limit_gains={'jerk.lost': 3 if lost else 0, 'acceleration.reach': 0.02},
-        scaling='components',
-    )
-    loop = CommandLoop(controller, LoopSettings(scaling='components'))
-    operator = GoalOperator(model, T, 0)
-    client = commanding()
-    random = np.random.default_rng(0)
+    controller = full_limits('minimum_acceleration', 'pose', lost)
+    operator = GoalOperator(controller.model, T, 0)
     laws = list(LAWS)
-    q = START
-    for k in range(1, round(OPERATED / T)):
-        if k % round(OPERATED / T / len(laws)) == 0:
-            controller.switch_law(laws.pop())
-        x, R = model.tip(q)
-        loop.enter_twist(0, operator.twist(k * T, x, R), k * T)
-        response = loop.enter_state(round(1e9 * k * T), q, k * T)
-        q = q if response is None else response.command.q_ref
-        if random.random() < lost:
-            client.advance()
-        else:
-            client.say(q)
+
+    def motion() -> Iterator[np.ndarray]:
+        for k, q in enumerate(steered(controller, operator, OPERATED)):
+            if k % round(OPERATED / T / len(LAWS)) == 0 and laws:
+                controller.switch_law(laws.pop())
+            yield q
+
+    client = followed(motion(), lost)
     assert (client.session.state, client.session.reason) == (State.MOVE, '')
     assert operator.reached > 0
