@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from redres_ros.errors import RangeError
 from redres_ros.fake_robot.profile import PROFILES, Profile, State
-from redres_ros.fake_robot.quality import THRESHOLDS, Quality, Statistics
+from redres_ros.fake_robot.quality import Quality, Statistics, thresholds_of
 from redres_ros.fake_robot.session import CommandError, Refusal, Session, SessionSettings
 from redres_ros.fake_robot.timing import WINDOW, TimingMonitor
 
+THRESHOLDS = thresholds_of(Quality)
 T = 0.002  # [s]
 
 
@@ -238,7 +239,7 @@ def test_command_mode_never_goes_with_a_reason_and_begins_only_with_a_good_first
 
 
 def test_statistics_are_those_of_the_packets():
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for lateness, latency in [(0, 0.001), (None, 9.0), (0, 0.002), (1, 0.003)]:
         timing.record(lateness, latency)
     figures = timing.statistics
@@ -250,7 +251,7 @@ def test_statistics_are_those_of_the_packets():
 
 
 def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not():
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for lateness in [None] * 30 + [2] * 20 + [0] * WINDOW:
         timing.record(lateness, 0.0005 if lateness == 0 else 9.0)
     assert timing.statistics == Statistics(1.0, pytest.approx(0.0005), pytest.approx(0.0), 0.0, 50)
@@ -272,7 +273,7 @@ def test_statistics_forget_what_is_older_than_the_window_but_the_counts_do_not()
     )
 )
 def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for lateness, latency in packets:
         timing.record(lateness, latency)
     latenesses = [lateness for lateness, _ in packets][-WINDOW:]
@@ -290,7 +291,7 @@ def test_whatever_came_the_statistics_are_those_of_the_last_packets(packets):
 
 
 def test_no_latency_leaves_a_trace_once_it_is_out_of_the_window():
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for latency in [math.nan, math.inf, 1e9, 3000.0, -math.inf] * 20 + [0.0005] * WINDOW:
         timing.record(0, latency)
     assert timing.statistics == Statistics(
@@ -308,7 +309,7 @@ CAUSES = {
 
 @pytest.mark.parametrize('cause', CAUSES)
 def test_what_is_at_fault_is_named_as_soon_as_the_quality_falls(cause):
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for _ in range(WINDOW):
         timing.record(0, 0.0)
         assert (timing.quality, timing.at_fault, timing.complaint) == (
@@ -326,7 +327,7 @@ def test_what_is_at_fault_is_named_as_soon_as_the_quality_falls(cause):
 
 
 def test_what_is_at_fault_is_what_the_next_better_quality_asks_for():
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for k in range(WINDOW):
         timing.record(None if k % 20 == 0 else 0, 2.5 * T)  # 5 % missed is allowed for PERFECT
     assert (timing.quality, timing.at_fault) == (Quality.BAD, 'latency')
@@ -342,7 +343,7 @@ def test_a_statistic_that_is_no_number_breaks_its_bound(name):
 
 
 def test_before_the_first_packet_it_is_the_lack_of_commands_that_is_at_fault():
-    assert TimingMonitor(T).at_fault == 'response_rate'
+    assert TimingMonitor(T, THRESHOLDS).at_fault == 'response_rate'
 
 
 @pytest.mark.parametrize(
@@ -358,7 +359,7 @@ def test_before_the_first_packet_it_is_the_lack_of_commands_that_is_at_fault():
     ],
 )
 def test_quality_falls_with_the_miss_rate(missed, quality):
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     for packet in range(WINDOW):
         timing.record(None if packet < missed else 0, 0.0)
     assert timing.quality is quality
@@ -376,7 +377,7 @@ def test_quality_falls_with_the_miss_rate(missed, quality):
 )
 @pytest.mark.parametrize('figure', ['latency', 'jitter'])
 def test_quality_falls_with_latency_and_jitter(figure, cycles, quality):
-    timing = TimingMonitor(T)
+    timing = TimingMonitor(T, THRESHOLDS)
     mean = cycles * (figure == 'latency')
     deviation = cycles * (figure == 'jitter')
     for packet in range(WINDOW):

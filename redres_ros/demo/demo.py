@@ -212,22 +212,19 @@ class Demo:
         """Wait until the task begins, or the robot is stopped; the planner may refuse at first."""
         before = monitor.began
         until = time.monotonic() + START_PATIENCE
-        granted = False
+        is_granted = False
+        refusal = ''
         while monitor.began == before and not monitor.word(REASON):
             self._check(monitor)
-            late = time.monotonic() > until
-            if granted:
-                if late:
-                    raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s')
-                time.sleep(_LOOK)
-                continue
-            try:
-                monitor.client.trigger('planner/start')
-                granted = True
-            except CallError:
-                if late:
-                    raise
-                time.sleep(_ASK_AGAIN)
+            if time.monotonic() > until:
+                raise DemoError(f'the planner did not begin within {START_PATIENCE:g} s{refusal}')
+            if not is_granted:
+                try:
+                    monitor.client.trigger('planner/start')
+                    is_granted = True
+                except CallError as error:
+                    refusal = f': {error}'
+            time.sleep(_LOOK if is_granted else _ASK_AGAIN)
 
     def _repeat(self, monitor: _DemoMonitor, progress: Callable[[float], None]) -> Endurance:
         """Repeat the task, each round from where the last one ended."""

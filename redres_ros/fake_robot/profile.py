@@ -6,13 +6,11 @@ from enum import Enum, IntEnum
 
 from redres_ros.fake_robot.command_validator import KUKA_NAMES, Reflex, ValidatorSettings
 from redres_ros.fake_robot.quality import (
-    FCI_THRESHOLDS,
-    SUNRISE_THRESHOLDS,
-    THRESHOLDS,
     FciQuality,
     Quality,
     SunriseQuality,
     Threshold,
+    thresholds_of,
 )
 
 
@@ -101,7 +99,7 @@ LWR_FRI1 = Profile(
         State.CMD: dict.fromkeys((Event.SILENCE, Event.FAULT, Event.RESET), State.MON),
     },
     commanding=State.CMD,
-    thresholds=THRESHOLDS,
+    thresholds=thresholds_of(Quality),
     entry=Quality.PERFECT,
     lowest=Quality.BAD,
     reflexes=KUKA_NAMES,
@@ -129,7 +127,7 @@ SUNRISE = Profile(
         State.COMMANDING_ACTIVE: _CLOSED,
     },
     commanding=State.COMMANDING_ACTIVE,
-    thresholds=SUNRISE_THRESHOLDS,
+    thresholds=thresholds_of(SunriseQuality),
     entry=SunriseQuality.GOOD,
     lowest=SunriseQuality.GOOD,
     reflexes=KUKA_NAMES,
@@ -158,7 +156,7 @@ FCI = Profile(
         },
     },
     commanding=State.MOVE,
-    thresholds=FCI_THRESHOLDS,
+    thresholds=thresholds_of(FciQuality),
     entry=FciQuality.GOOD,
     lowest=FciQuality.INSUFFICIENT,
     reflexes={

@@ -1,6 +1,5 @@
 """Connection quality: its statistics, and the thresholds of each grade."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -98,24 +97,13 @@ class Threshold:
         return f'{name.replace("_", " ")} {value:.0%}, {asked} {bound:.0%}'
 
 
-# Figures of ours, as KUKA's are not public.
-PERFECT = Threshold(response_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0)
-OK = Threshold(response_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0)
-BAD = Threshold(response_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0)
-
-# best first; the worst asks for nothing
-THRESHOLDS: Mapping[IntEnum, Threshold] = {
-    Quality.PERFECT: PERFECT,
-    Quality.OK: OK,
-    Quality.BAD: BAD,
-}
-SUNRISE_THRESHOLDS: Mapping[IntEnum, Threshold] = {
-    SunriseQuality.EXCELLENT: PERFECT,
-    SunriseQuality.GOOD: OK,
-    SunriseQuality.FAIR: BAD,
-}
-FCI_THRESHOLDS: Mapping[IntEnum, Threshold] = {
-    FciQuality.EXCELLENT: PERFECT,
-    FciQuality.GOOD: OK,
-    FciQuality.POOR: BAD,
-}
+def thresholds_of(qualities: type[IntEnum]) -> dict[IntEnum, Threshold]:
+    """What every quality but the worst asks for, best first; figures of ours, as KUKA's are not
+    public.
+    """
+    _, bad, ok, perfect = sorted(qualities)
+    return {
+        perfect: Threshold(response_rate=0.95, miss_rate=0.05, latency=1.0, jitter=1.0),
+        ok: Threshold(response_rate=0.85, miss_rate=0.15, latency=2.0, jitter=2.0),
+        bad: Threshold(response_rate=0.60, miss_rate=0.40, latency=4.0, jitter=4.0),
+    }

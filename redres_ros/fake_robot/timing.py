@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from redres_ros.fake_robot.quality import THRESHOLDS, Statistics, Threshold
+from redres_ros.fake_robot.quality import Statistics, Threshold
 from redres_ros.fake_robot.robot_clock import NANOSECONDS
 
 WINDOW = 100  # packets
@@ -50,7 +50,7 @@ class TimingMonitor:
         thresholds: What every quality but the worst asks for, best first.
     """
 
-    def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold] = THRESHOLDS) -> None:
+    def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold]) -> None:
         self._thresholds = {
             quality: threshold.seconds(period) for quality, threshold in thresholds.items()
         }

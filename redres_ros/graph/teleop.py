@@ -1,4 +1,4 @@
-"""`redres teleop`: keys of a terminal as task velocities on cartesian_velocity."""
+"""What publishes an operator's commands; and `redres teleop`: keys of a terminal as task velocities."""
 
 import math
 import os

@@ -12,7 +12,7 @@ import numpy as np
 
 if TYPE_CHECKING:  # who reads a report needs no compiled formulas
     from redres_ros.command import Command
-    from redres_ros.limits import Limits
+    from redres_ros.limits import Limit, Limits
 
 _COMPONENTS = ('translation', 'rotation')
 _AXES = ('x', 'y', 'z')
@@ -106,14 +106,21 @@ def _touched(command: 'Command', limits: 'Limits | None') -> list[str]:
     if not limits:
         return []
     bounds = limits.at(command.state, command.T)
-    values = [command.dq] * len(limits.box_limits) + [C @ command.dq for C, _, _ in bounds.rows]
-    ranges = [*bounds.boxes[:-1], *((low, high) for _, low, high in bounds.rows)]
-    touched = []
-    for limit, value, (low, high) in zip(limits, values, ranges, strict=True):
-        for index in np.flatnonzero(np.minimum(value - low, high - value) < _TOUCHING).tolist():
-            place = limit.place(command.state, index, command.T)
-            touched.append(f'{place}: {limits.names[limit]}')
-    return touched
+    touched: list[tuple[Limit, int]] = []
+    for box_limit, box in zip(limits.box_limits, bounds.boxes[:-1], strict=True):
+        touched += [(box_limit, joint) for joint in _at_a_bound(command.dq, *box)]
+    for row_limit, (C, low, high) in zip(limits.row_limits, bounds.rows, strict=True):
+        touched += [(row_limit, row) for row in _at_a_bound(C @ command.dq, low, high)]
+    return [
+        f'{limit.place(command.state, index, command.T)}: {limits.names[limit]}'
+        for limit, index in touched
+    ]
+
+
+def _at_a_bound(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int]:
+    """Indices of the values at or beyond one of their bounds."""
+    margin = np.minimum(values - lower, upper - values)
+    return np.flatnonzero(margin < _TOUCHING).tolist()
 
 
 def _axis_away(command: 'Command') -> str:

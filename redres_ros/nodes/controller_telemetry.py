@@ -30,6 +30,7 @@ PERIOD = 50_000_000  # [ns] of the robot's clock from one snapshot to the next
 _SCALING = 'task_scaling'
 _LIMITS = 'active_limits'
 _FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING}
+_EVERY_TICK = ('tip_pose', *_FIGURES, 'lost_velocity', 'law')  # others are published less often
 _TYPES = {
     'tip_pose': PoseStamped,
     **dict.fromkeys((*FIGURES, 'lost_velocity'), Float64),
@@ -185,6 +186,8 @@ class MotionTelemetry:
         command = response.command
         self._publish_limits(command, policy)
         self._snapshots.see(response.stamp, command)
+        if self._telemetry.subscribed.isdisjoint(_EVERY_TICK):
+            return
         publish = self._telemetry.publish
         publish('tip_pose', lambda: self._tip_pose(response))
         for name, figure in _FIGURES.items():
