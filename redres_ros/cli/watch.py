@@ -85,7 +85,5 @@ def _values(client: 'GraphClient', texts: dict[str, str]) -> dict[str, Any]:
             raise OptionError(
                 f'--set {name}={text}; expected a value, as 0.5 or [position, torque]'
             )
-        if isinstance(present[name], float) and type(value) is int:
-            value = float(value)  # a node refuses 5 where it expects 5.0
         values[name] = value
     return values

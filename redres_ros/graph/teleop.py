@@ -1,4 +1,4 @@
-"""What publishes an operator's commands; and `redres teleop`: keys of a terminal as task velocities."""
+"""An operator's commands as messages; and `redres teleop`: keys of a terminal as velocities."""
 
 import math
 import os
