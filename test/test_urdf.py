@@ -233,6 +233,12 @@ def test_the_simulated_arm_follows_with_a_linear_axis():
     assert np.abs(plant.q - references[-1]).max() < 1e-4
 
 
+def test_last_links_are_listed_by_the_joints_that_lead_to_them():
+    sensor = '<link name="sensor"/>' + joint('sensor_joint', 'a', 'sensor', '', 'fixed')
+    with pytest.raises(FileError, match=r'\(5\), .*tip \(4\), .*sensor \(1\)'):
+        arm_from_urdf(urdf(sensor))
+
+
 # --- several tips ---------------------------------------------------------------------------------
 
 

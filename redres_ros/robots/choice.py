@@ -102,11 +102,28 @@ def _last_link(source: Path | str) -> str:
     if not ends:
         raise urdf.error('there is no last link: its joints form a circle')
     if len(ends) > 1:
+        joints = {link: _joints_to(link, urdf) for link in ends}
+        ends.sort(
+            key=lambda link: -joints[link]
+        )  # the tip of an arm first, wheels and sensors last
+        listed = ', '.join(f'{link} ({joints[link]})' for link in ends)
         raise urdf.error(
-            f'there are {len(ends)} last links, {", ".join(ends)}; '
+            f'there are {len(ends)} last links, with so many joints before them: {listed}; '
             'choose the tip with --tip FRAME or the parameter tip_frame'
         )
     return ends[0]
+
+
+def _joints_to(link: str, urdf: Urdf) -> int:
+    """How many joints move on the way from the root to a link."""
+    joints = {joint.child: joint for joint in urdf.joints}
+    count = 0
+    for _ in joints:  # no more of them even if they form a circle
+        if link not in joints:
+            break
+        count += joints[link].type != 'fixed'
+        link = joints[link].parent
+    return count
 
 
 def _assumed_accelerations(limits: tuple[float, ...]) -> str:
