@@ -90,7 +90,7 @@ const nothing = {addEventListener() {}};
 require('vm').runInNewContext(require('fs').readFileSync(0, 'utf8'), {
   WebSocket,
   location: {host: 'here'},
-  window: nothing,
+  window: {...nothing, matchMedia: () => nothing},
   document: {
     hasFocus: () => true,
     addEventListener: (name, call) => name === 'DOMContentLoaded' && call(),

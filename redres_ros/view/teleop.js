@@ -129,11 +129,14 @@
     element.addEventListener('contextmenu', (event) => event.preventDefault());
   };
 
-  const build = (rows) => {
+  const NARROW = window.matchMedia('(max-width: 599px)');
+  let rows = 0;
+
+  const build = () => {
     const old = document.getElementById('teleop');
     if (old) old.remove();
     if (!rows) return;
-    const narrow = window.innerWidth < 600;
+    const narrow = NARROW.matches;
     const box = make('div', document.body,
       'position: fixed; z-index: 20; font: 13px/1.4 system-ui, sans-serif; background: white; '
       + 'border: 1px solid #ced4da; border-radius: 6px; box-shadow: 0 1px 4px #0003; '
@@ -167,7 +170,10 @@
     socket = new WebSocket(`ws://${location.host}/teleop`);
     socket.addEventListener('message', (event) => {
       const message = JSON.parse(event.data);
-      if ('rows' in message) build(message.rows);
+      if ('rows' in message) {
+        rows = message.rows;
+        build();
+      }
       if ('text' in message && status) status.textContent = message.text;
     });
     socket.addEventListener('close', () => {
@@ -176,6 +182,7 @@
     });
   };
 
+  NARROW.addEventListener('change', build);  // a turned phone
   document.addEventListener('DOMContentLoaded', connect);
   setInterval(beat, PERIOD);
 })();
