@@ -141,7 +141,7 @@ def _contrast(model: RobotModel, task: WaypointTask) -> float:
         if not effort.finished or (effort.violation and not peaks):
             return 0.0
         peaks.append(effort.acceleration)
-    return peaks[1] / peaks[0]
+    return peaks[1] / peaks[0] if peaks[0] else 0.0
 
 
 RANDOM_TASKS: dict[str, Callable[[RobotModel, str, int], WaypointTask]] = {
