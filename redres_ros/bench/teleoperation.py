@@ -232,7 +232,10 @@ def make_follower(name: str, model: RobotModel) -> Follower:
 
 
 def our_follower(
-    model: RobotModel, scaling: str, preferences: Iterable[str | Preference] = ()
+    model: RobotModel,
+    scaling: str,
+    preferences: Iterable[str | Preference] = (),
+    task: str = 'pose',
 ) -> Follower:
     """What redres_controller does, in simulated time.
 
@@ -240,12 +243,13 @@ def our_follower(
         model: The arm.
         scaling: What limits scale.
         preferences: In the null space.
+        task: 'pose', or 'position': then the turns of a twist are left out.
     """
     controller = Controller(
         model,
         LAW,
         T,
-        task='pose',
+        task=task,
         limits=LIMITS,
         limit_gains={'acceleration.reach': REACH},
         scaling=scaling,
@@ -257,7 +261,7 @@ def our_follower(
     def follow(q: np.ndarray, dq: np.ndarray, dx: np.ndarray) -> np.ndarray:
         nonlocal k
         k += 1
-        loop.enter_twist(0, dx, k * T)
+        loop.enter_twist(0, dx[: controller.m], k * T)
         response = loop.enter_state(round(1e9 * k * T), q, k * T)
         return q if response is None else response.command.q_ref
 

@@ -259,7 +259,7 @@ class Demo:
         if not self._page:
             self._page = self._node_group.page
             if self._page:
-                self._report(f'page {self._page}; the nodes stay until Ctrl-C')
+                self._report(f'page {self._page} (the nodes stay until Ctrl-C)')
         if monitor.newest and time.monotonic() - monitor.received_at > SILENCE:
             raise DemoError(f'no state from the robot for {SILENCE:g} s; see {self._out}/*.log')
 
