@@ -257,8 +257,7 @@ def followed(motion: Iterable[np.ndarray], lost: float) -> Client:
 
 def planned(law: str, task: str, lost: float) -> Recording:
     """A task along waypoints; arguments as of full_limits()."""
-    arm = find_arm('fr3')
-    waypoints = load_task(arm.pose_task if task == 'pose' else arm.task)
+    waypoints = load_task('fr3_pose' if task == 'pose' else find_arm('fr3').task)
     return closed_loop.run(full_limits(law, task, lost), waypoints, greedy=False)
 
 
