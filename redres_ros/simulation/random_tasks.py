@@ -29,7 +29,7 @@ _STEPS = 60  # of a descent
 _STEP_LENGTH = 0.05  # [rad]
 _AWAY = 0.8  # [rad] from one posture to where the descent to the next one begins
 
-# The search for a path on which laws differ: two seconds of a processor, and deterministic
+# The search for a path on which laws differ: some seconds of a processor, and no clock decides
 _COMPARED = ('minimum_velocity', 'minimum_acceleration')
 _CORNERS = 3
 _TRIANGLES = 48  # of random ones, to begin with
