@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from redres_ros import RobotModel
-from redres_ros.bench.teleoperation import T, figures_of, our_follower, steered
+from redres_ros.bench.teleoperation import HEADS, T, cells, figures_of, our_follower, steered
 from redres_ros.simulation.operators import GoalOperator, TipGoal
 from redres_ros.simulation.parallel import in_parallel
 
@@ -22,6 +22,7 @@ ARMS = ('fr3', 'iiwa7', 'lwr4')
 SEEDS = 3
 DURATION = 120.0  # [s]
 SETTINGS = ((), ('joint_limit_avoidance',))  # preferences of the two runs
+SHOWN = ('near an end', 'stuck', 'longest [s]', 'goals reached / given up')  # of HEADS
 
 
 class PositionOperator(GoalOperator):
@@ -38,9 +39,8 @@ def main() -> int:
     parser.add_argument('--arm', nargs='+', default=ARMS, help='names; default: %(default)s')
     options = parser.parse_args()
     runs = [(options.task, arm, seed) for arm in options.arm for seed in range(SEEDS)]
-    print('| | near an end, without | with | stuck, without | with | longest [s], without | with | '
-          'goals, without | with |')  # fmt: skip
-    print('|---' * 9 + '|')
+    print('| |', ' '.join(f'{head}, without | with |' for head in SHOWN))
+    print('|---' * (1 + len(SHOWN) * len(SETTINGS)) + '|')
     for line in in_parallel(row, runs, lambda fraction: None):
         print(line)
     return 0
@@ -54,7 +54,7 @@ def row(run: tuple[str, str, int], progress: Callable[[float], None]) -> str:
         progress: As of in_parallel().
     """
     task, arm, seed = run
-    cells: list[list[str]] = []
+    found: list[dict[str, str]] = []
     for preferences in SETTINGS:
         model = RobotModel.named(arm)
         operator = (PositionOperator if task == 'position' else GoalOperator)(model, T, seed)
@@ -63,13 +63,8 @@ def row(run: tuple[str, str, int], progress: Callable[[float], None]) -> str:
         if task == 'position':
             motion = replace(motion, R=np.tile(np.eye(3), (len(motion.q), 1, 1)))
         figures = figures_of(motion, model, operator)
-        cells.append([
-            f'{figures.near_end:.0%}',
-            f'{figures.stuck:.1%}',
-            f'{figures.longest_stuck:.1f}',
-            f'{figures.reached} / {figures.given_up}',
-        ])  # fmt: skip
-    pairs = [f'{without} | {avoiding}' for without, avoiding in zip(*cells, strict=True)]
+        found.append(dict(zip(HEADS, cells(figures), strict=True)))
+    pairs = [' | '.join(each[head] for each in found) for head in SHOWN]
     return f'| {arm}, seed {seed} | {" | ".join(pairs)} |'
 
 

@@ -53,18 +53,8 @@ def replace(page: str, mark: str, text: str) -> str:
 
 def machine(figures: Mapping[str, Any]) -> str:
     """One sentence."""
-    versions = figures['versions']
-    names = (
-        'numpy',
-        'pin',
-        'mujoco',
-        'ros-jazzy-rclpy',
-        'embodik',
-        'roboplan-oink',
-        'pin-pink',
-        'mink',
-    )
-    packages = ', '.join(f'{name} {versions[name]}' for name in names if name in versions)
+    versions = figures['versions'].items()
+    packages = ', '.join(f'{name} {version}' for name, version in versions if name != 'redres_ros')
     return (
         f'{figures["processor"]}, {figures["cores"]} cores, Linux {figures["kernel"]}, '
         f'Python {figures["python"]}; {packages}.'
