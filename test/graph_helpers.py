@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,7 +18,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from reference_judge import ReferenceJudge
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -26,10 +26,11 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
+from redres_ros.graph.graph_monitor import Sampler
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
-from redres_ros.nodes.topics import LATCHED
-from redres_ros.nodes.wire import to_nanoseconds, to_time
+from redres_ros.nodes.topics import LATCHED, MODE, SESSION
+from redres_ros.nodes.wire import deserialised, to_nanoseconds, to_time
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
@@ -46,7 +47,7 @@ START = load_task('rectangle').start
 # more
 JUMP = 0.02
 SLOW = 1e-3  # [rad/s] of an arm at rest
-LATE = 500_000_000  # [ns] at most between the arrivals of two topics
+LATE = 500_000_000  # [ns] after which a node has noticed what another one has published
 PATIENCE = 60.0  # [s] for what must happen, where a process may take 20 s to start
 
 _clients: WeakKeyDictionary[Node, GraphClient] = WeakKeyDictionary()
@@ -152,6 +153,16 @@ class Probe(Node):
         self.responses[to_nanoseconds(message.header.stamp)] = message
 
 
+class Published(NamedTuple):
+    """A message, and when it was published by the computer's clock [ns].
+
+    On a busy machine messages of one topic are received before older ones of another topic.
+    """
+
+    message: Any
+    at: int
+
+
 class Observer(Node):
     """Records what robot and controller send each other, and checks it; sets and calls what a
     test wants.
@@ -165,17 +176,27 @@ class Observer(Node):
         self.states: list[State] = []  # in the order of arrival
         self.commands: list[tuple[int, np.ndarray, np.ndarray]] = []  # (stamp, q_ref, dq)
         self.session: list[tuple[int, str]] = []
-        self.modes: list[tuple[int, str]] = []  # of the controller
+        self.modes: list[str] = []  # of the controller
         self.reasons: list[str] = []
         self.gate_counts: list[int] = []  # references that the controller's gate has changed
         self._setter = self.create_client(
             SetParametersAtomically, 'controller/set_parameters_atomically'
         )
-        everything = QoSProfile(depth=5000)
+        everything = QoSProfile(depth=50_000)
+        latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._sampler = Sampler(self)
+        self._sampled: dict[str, list[Published]] = {}
+        for topic, kind, quality in (
+            ('joint_command', JointState, everything),
+            (SESSION, String, latched),
+            (MODE, String, latched),
+        ):
+            self._sampler.add(topic, kind, quality)
+            self._sampled[topic] = []
         self.create_subscription(JointState, 'joint_states', self._on_state, everything)
         self.create_subscription(JointState, 'joint_command', self._on_command, everything)
-        self.create_subscription(String, 'sim/session_state', self._on_session, LATCHED)
-        self.create_subscription(String, 'controller/mode', self._on_mode, LATCHED)
+        self.create_subscription(String, SESSION, self._on_session, LATCHED)
+        self.create_subscription(String, MODE, self._on_mode, LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self.create_subscription(
             String, 'sim/stop_reason', lambda message: self.reasons.append(message.data), LATCHED
@@ -251,15 +272,41 @@ class Observer(Node):
         period = float(np.median(np.diff(stamps))) / 1e9
         judge = ReferenceJudge(limits, period, 'extrapolate', complete=False)
         measured = dict(self.states)
+        self._sample()
+        published = {
+            to_nanoseconds(command.header.stamp): at
+            for command, at in self._sampled['joint_command']
+        }
         for stamp, q_ref, _ in sorted(self.commands, key=itemgetter(0)):
             if stamp in measured:
                 judge.enter_state(stamp, measured[stamp])
-            modes = _around(stamp, self.modes)
-            mirrors = 'mirroring' in modes or _around(stamp, self.session) != {'CMD'}
+            at = published.get(stamp, 0)
+            modes = _around(at, self._sampled[MODE])
+            mirrors = 'mirroring' in modes or _around(at, self._sampled[SESSION]) != {'CMD'}
             mode = next(iter(modes)) if len(modes) == 1 else ''
             judge.mode = 'mirroring' if mirrors else mode
             judge.enter_reference(stamp, q_ref)
         return judge
+
+    def forget_commands(self) -> None:
+        """Judge only what is published from now on."""
+        self._sample()
+        self._sampled['joint_command'].clear()
+        self._sampled[MODE].clear()
+        self.commands.clear()
+        self.modes.clear()
+
+    def _sample(self) -> None:
+        for topic, sampled in self._sampled.items():
+            kind = JointState if topic == 'joint_command' else String
+            sampled += [
+                Published(deserialised(sample.data, kind), sample.sent)
+                for sample in self._sampler.take(topic)
+            ]
+
+    def close(self) -> None:
+        """Release the subscriptions."""
+        self._sampler.close()
 
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)
@@ -275,7 +322,7 @@ class Observer(Node):
         self.session.append((self.at, message.data))
 
     def _on_mode(self, message: String) -> None:
-        self.modes.append((self.at, message.data))
+        self.modes.append(message.data)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for value in message.status[0].values:
@@ -283,15 +330,15 @@ class Observer(Node):
                 self.gate_counts.append(int(value.value))
 
 
-def _around(stamp: int, words: list[tuple[int, str]]) -> set[str]:
-    """Words that may have held at a stamp [ns]; some are received late.
+def _around(at: int, words: list[Published]) -> set[str]:
+    """Words that may have held when a command was published, which may not know the newest.
 
     Args:
-        stamp: Of a state.
-        words: The newest stamp when each was received, and itself.
+        at: When that was [ns].
+        words: In their order.
     """
-    before = [word for received, word in words if received <= stamp - LATE][-1:]
-    near = [word for received, word in words if abs(received - stamp) <= LATE]
+    before = [word.message.data for word in words if word.at <= at - LATE][-1:]
+    near = [word.message.data for word in words if abs(word.at - at) <= LATE]
     return {*before, *near}
 
 

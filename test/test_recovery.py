@@ -230,8 +230,7 @@ class TestStopped:
         await_that(
             lambda: moving.lines('sim', accepted) == moving.lines('sim', refused), 'one controller'
         )
-        observer.commands.clear()  # of both
-        observer.modes.clear()
+        observer.forget_commands()  # of both
         assert observer.reset() < RECOVERY
         await_going_on(observer)
 
@@ -274,7 +273,7 @@ def bring_to(mode: str, observer: Observer) -> None:
         hold(observer, True)
     elif mode == 'inactive':
         change_controller(observer, Transition.TRANSITION_DEACTIVATE)
-    await_that(lambda: mode in [word for _, word in observer.modes[before:]], mode, every=0.001)
+    await_that(lambda: mode in observer.modes[before:], mode, every=0.001)
 
 
 MODES = ('moving', 'mirroring', 'stopping', 'holding', 'inactive')
