@@ -33,6 +33,7 @@ BAND = (0.1, 0.9)  # quantiles
 LESS = 0.8  # ratio to the first law that makes a difference
 MORE = 1.25
 EQUAL = 0.01  # by which a ratio may be away from 1
+CONFIDENCE = 1.96  # standard deviations, for 95 %
 PEAK = 'peak |ddq|'
 THRIFTY = 'minimum_kinetic_energy'
 HEADS = tuple(head for head in RATIOS if head != 'RMS |tau|')  # of the columns of a table
@@ -101,14 +102,24 @@ def words(results: Sequence[Result]) -> str:
         f'Without limits the default and `{FIRST}` have the same peak of acceleration to '
         f'{EQUAL:.0%}\nin {np.mean(equal):.0%} of these short tasks. Near singularities (σ_min / '
         f"reach below {middle:g}) the default's\npeak is 25 % higher in "
-        f'{np.mean(beside > MORE):.1%} of the tasks and 20 % lower in '
-        f'{np.mean(beside < LESS):.1%}; farther away\nin {np.mean(away > MORE):.1%} and '
-        f'{np.mean(away < LESS):.1%}. With the limits on, they finish {_share(ours)} and '
-        f'{_share(firsts)} of the tasks, and lose\n{_time_lost(ours)} and {_time_lost(firsts)} s '
+        f'{_frequency(beside > MORE)} of the tasks\nand 20 % lower in '
+        f'{_frequency(beside < LESS)}; farther away\nin {_frequency(away > MORE)} and '
+        f'{_frequency(away < LESS)}: in brackets,\nwhere the share lies with a confidence of 95 %. '
+        f'With the limits on, they finish {_share(ours)}\nand {_share(firsts)} of the tasks, and '
+        f'lose {_time_lost(ours)} and {_time_lost(firsts)} s '
         f'on average. `{THRIFTY}` takes {energy:.2f} of the '
         f"pseudoinverse's\nenergy in the median, with {acceleration:.1f} times its peak of "
         'acceleration.\n'
     )
+
+
+def _frequency(happened: np.ndarray) -> str:
+    """The share of tasks (k,) bool in which something happened, and where it lies (Wilson 1927)."""
+    share = np.mean(happened)
+    squared = CONFIDENCE**2 / len(happened)
+    middle = (share + squared / 2.0) / (1.0 + squared)
+    half = np.sqrt(squared * (share * (1.0 - share) + squared / 4.0)) / (1.0 + squared)
+    return f'{share:.1%} ({middle - half:.1%} to {middle + half:.1%})'
 
 
 def _counts(results: Sequence[Result]) -> list[int]:
