@@ -36,48 +36,31 @@ if TYPE_CHECKING:
     from redres_ros.simulation.recording import Recording
     from redres_ros.tasks import TASKS, Task, make_task
 
-# Where each name lives. They are imported when first asked for: `redres --help` needs neither numpy
-# nor pinocchio.
-_HOMES = {
-    'Command': 'command',
-    'Controller': 'controller',
-    'RedresError': 'errors',
-    'LAWS': 'laws',
-    'Law': 'laws',
-    'make_law': 'laws',
-    'Planner': 'planning.planner',
-    'resolve': 'resolution',
-    'RobotModel': 'robot_model',
-    'RobotState': 'robot_model',
-    'TASKS': 'tasks',
-    'Task': 'tasks',
-    'make_task': 'tasks',
-    'LIMITS': 'limits',
-    'Limit': 'limits',
-    'make_limits': 'limits',
-    'param': 'parameter',
-    'load_plugin': 'files.plugins',
-    'PREFERENCES': 'preferences',
-    'Compliance': 'preferences',
-    'ElbowHeight': 'preferences',
-    'JointCentering': 'preferences',
-    'JointLimitAvoidance': 'preferences',
-    'Manipulability': 'preferences',
-    'Posture': 'preferences',
-    'Preference': 'preferences',
-    'make_preference': 'preferences',
-    'WaypointTask': 'planning.waypoints',
-    'load_task': 'planning.waypoints',
-    'Case': 'simulation.case',
-    'Result': 'simulation.batch',
-    'batch': 'simulation.batch',
-    'run': 'simulation.closed_loop',
-    'Effort': 'simulation.effort',
-    'Recording': 'simulation.recording',
-    'Comparison': 'simulation.comparison',
-    'compare': 'simulation.comparison',
-    'plot': 'simulation.comparison',
+# Public names by the module that they live in, which is imported when one is first asked for:
+# `redres --help` needs neither numpy nor pinocchio.
+_PUBLIC = {
+    'command': 'Command',
+    'controller': 'Controller',
+    'errors': 'RedresError',
+    'laws': 'LAWS Law make_law',
+    'planning.planner': 'Planner',
+    'resolution': 'resolve',
+    'robot_model': 'RobotModel RobotState',
+    'tasks': 'TASKS Task make_task',
+    'limits': 'LIMITS Limit make_limits',
+    'parameter': 'param',
+    'files.plugins': 'load_plugin',
+    'preferences': 'PREFERENCES Preference make_preference Compliance ElbowHeight JointCentering '
+    'JointLimitAvoidance Manipulability Posture',
+    'planning.waypoints': 'WaypointTask load_task',
+    'simulation.case': 'Case',
+    'simulation.batch': 'Result batch',
+    'simulation.closed_loop': 'run',
+    'simulation.effort': 'Effort',
+    'simulation.recording': 'Recording',
+    'simulation.comparison': 'Comparison compare plot',
 }
+_HOMES = {name: home for home, names in _PUBLIC.items() for name in names.split()}
 
 __all__ = [
     'LAWS',

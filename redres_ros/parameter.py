@@ -3,42 +3,15 @@ and docs.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection
 from dataclasses import Field, dataclass, field, fields
 from functools import cache
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any
 
-from redres_ros.errors import RangeError, RepeatedNameError, UnknownNameError
-
-SHARED_GAINS = ('damping',)  # all laws have them
+from redres_ros.errors import RangeError, UnknownNameError
 
 _KEY = 'parameter'
-
-T = TypeVar('T')
-
-
-class Names(Collection[str]):
-    """The names in a table at the time of the call, and further words.
-
-    Args:
-        table: Name to anything.
-        words: What else is allowed.
-    """
-
-    def __init__(self, table: Mapping[str, Any], *words: str) -> None:
-        self._table = table
-        self._words = words
-
-    def __iter__(self) -> Iterator[str]:
-        yield from self._table
-        yield from self._words
-
-    def __len__(self) -> int:
-        return len(self._table) + len(self._words)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._table or name in self._words
 
 
 @dataclass(frozen=True)
@@ -95,103 +68,6 @@ def check_parameters(instance: Any) -> None:
         check_value(f.name, value, parameter)
         if isinstance(value, Real) and hasattr(value, 'item'):
             object.__setattr__(instance, f.name, value.item())
-
-
-def make(kind: str, table: Mapping[str, type[T]], name: str, gains: Mapping[str, Any]) -> T:
-    """An object of the class that a table has under that name.
-
-    Args:
-        kind: What the table holds, for the errors: law, task, preference.
-        table: Name to class.
-        name: What is wanted.
-        gains: Fields declared with `param` that are not to have their defaults.
-
-    Raises:
-        UnknownNameError: No such name in the table, or no such field.
-        RangeError: A value outside its range.
-    """
-    if name not in table:
-        raise UnknownNameError(kind, name, table)
-    allowed = [f.name for f in parameters(table[name])]
-    for gain in gains:
-        if gain not in allowed:
-            raise UnknownNameError(f'gain of {name}', gain, allowed)
-    try:
-        return table[name](**gains)
-    except RangeError as error:
-        raise error.about(gain_key(name, error.name)) from None
-
-
-def gain_key(owner: str, gain: str) -> str:
-    """The name of a gain for nodes, the command line and errors.
-
-    Args:
-        owner: Name of the law, preference, task or limit.
-        gain: Name of its field. One that all laws have is called without the law's name.
-    """
-    return gain if gain in SHARED_GAINS else f'{owner}.{gain}'
-
-
-def own_gains(table: Mapping[str, type], name: str, gains: Mapping[str, Any]) -> dict[str, Any]:
-    """The gains of one entry of a table, by the names of its fields.
-
-    Args:
-        table: Name to class.
-        name: In the table.
-        gains: Of any entries, by their keys, such as 'posture.gain'.
-    """
-    keys = {field.name: gain_key(name, field.name) for field in parameters(table[name])}
-    return {field: gains[key] for field, key in keys.items() if key in gains}
-
-
-def check_once(kind: str, names: Iterable[object]) -> None:
-    """Raise RepeatedNameError for a name that is given twice; what is no name may be.
-
-    Args:
-        kind: What the names are of: limit, preference, task.
-        names: Names, or the objects themselves.
-    """
-    seen = set()
-    for name in names:
-        if isinstance(name, str) and name in seen:
-            raise RepeatedNameError(kind, name)
-        if isinstance(name, str):
-            seen.add(name)
-
-
-def resolve_entry(kind: str, table: Mapping[str, type[T]], base: type, entry: str | T) -> T:
-    """An entry of a table, given by name or as an object.
-
-    Args:
-        kind: What the table holds, for the errors: law, task, preference.
-        table: Name to class.
-        base: Base class of that kind.
-        entry: A name, whose gains then have their defaults; or an object of that kind.
-
-    Raises:
-        UnknownNameError: No such name in the table, or an object of another kind.
-    """
-    if isinstance(entry, str):
-        return make(kind, table, entry, {})
-    if not isinstance(entry, base):
-        raise UnknownNameError(kind, entry, table)
-    return entry
-
-
-def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
-    """Entries given by name or as objects; a single text is one name."""
-    return (entries,) if isinstance(entries, str) else tuple(entries)
-
-
-def name_of(entry: object, table: Mapping[str, type]) -> str:
-    """The name of an object's class in a table; the class's own name if it is not in it.
-
-    Args:
-        entry: The object.
-        table: Classes by their names.
-    """
-    cls = type(entry)
-    return next((name for name, listed in table.items() if listed is cls), cls.__name__)
 
 
 def check_value(name: str, value: Any, parameter: Parameter) -> None:

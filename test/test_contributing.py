@@ -50,8 +50,8 @@ def apply(diff: str, content: str) -> str:
             place += 1
             lines.insert(place, row[1:])
         else:
-            assert lines.count(row[1:]) == 1, f'not once in the file: {row[1:]}'
-            place = lines.index(row[1:])
+            assert place >= 0 or lines.count(row[1:]) == 1, f'not once in the file: {row[1:]}'
+            place = lines.index(row[1:], place + 1)
     return '\n'.join(lines) + '\n'
 
 

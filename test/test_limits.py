@@ -11,7 +11,7 @@ from redres_ros import Controller, RobotModel, load_task
 from redres_ros.constrained import solve_constrained
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.kernels.boxes import stopping_speed
-from redres_ros.limits import LIMITS, BoxLimit, Limits, gain_names, limit_name, make_limits
+from redres_ros.limits import LIMITS, BoxLimit, Limits, limit_name, make_limits
 from redres_ros.limits.joint import AccelerationLimit
 from redres_ros.resolution import resolve
 from redres_ros.robot_model import RobotState
@@ -306,7 +306,7 @@ def test_what_is_not_in_the_table_is_refused_by_name(model):
         make_limits(('speed',), model)
     with pytest.raises(UnknownNameError, match='unknown gain'):
         make_limits(('position',), model, gains={'position.width': 1.0})
-    assert 'position.margin' in gain_names()
+    assert 'position.margin' in LIMITS.gain_keys
 
 
 @pytest.mark.parametrize('scale', [0.0, -1.0, 1.5, np.nan])

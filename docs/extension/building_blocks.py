@@ -14,8 +14,8 @@ _HEADINGS = {'law': 'Laws', 'preference': 'Preferences', 'task': 'Tasks', 'limit
 
 def building_blocks() -> Iterator[str]:
     """A table for each kind, then one of the arms."""
-    for kind, entries in find_tables(limits=True).items():
-        yield from (f'## {_HEADINGS[kind]}', '')
+    for entries in find_tables(limits=True):
+        yield from (f'## {_HEADINGS[entries.kind]}', '')
         rows = [(code(name), plain(_says(cls)), _gains(cls)) for name, cls in entries.items()]
         yield from table(('name', 'is', 'gains'), rows)
     yield from ('## Arms', '')

@@ -29,7 +29,7 @@ def find_law(options: argparse.Namespace, name: str, damping: float | None = Non
     """
     from redres_ros.laws import make_law
 
-    given = given_gains(options).items()
+    given = given_gains(options)
     gains = {gain.name: value for gain, value in given if (gain.kind, gain.owner) == ('law', name)}
     if damping is None:
         damping = options.damping
@@ -116,7 +116,7 @@ def _building_blocks(options: argparse.Namespace) -> dict[str, Any]:
 
 def _find_gains(options: argparse.Namespace) -> dict[str, Any]:
     """The given gains, such as {'posture.gain': 4.0}. Raises OptionError for no number."""
-    gains = {gain.key: value for gain, value in given_gains(options).items()}
+    gains = {gain.key: value for gain, value in given_gains(options)}
     for name, text in _preferences(options).items():
         if text is None:
             continue
@@ -149,7 +149,7 @@ def _check_scales(options: argparse.Namespace, names: tuple[str, ...]) -> None:
 
 def _preferences(options: argparse.Namespace) -> dict[str, str | None]:
     """The text of each preference's gain by name; None: its default. Raises RepeatedNameError."""
-    from redres_ros.parameter import check_once
+    from redres_ros.table import check_once
 
     given = [text.partition('=') for text in options.prefer or ()]
     check_once('preference', (name for name, _, _ in given))
@@ -161,7 +161,7 @@ def _limit_names(options: argparse.Namespace) -> tuple[str, ...]:
     if options.limits == NONE:
         return ()
     from redres_ros.limits import LIMITS
-    from redres_ros.parameter import check_once
+    from redres_ros.table import check_once
 
     names = tuple(name.strip() for name in options.limits.split(','))
     if NONE in names:
@@ -196,7 +196,7 @@ def node_parameters(options: argparse.Namespace, motion: 'WantedMotion') -> dict
     Raises:
         OptionError: A target that is open by default: ROS has no parameters for such ones.
     """
-    for gain in given_gains(options):
+    for gain, _ in given_gains(options):
         if gain.default == ():
             raise OptionError(f'--{gain.key} cannot be set on nodes, which take the start for it')
     parameters = _find_gains(options) | _building_blocks(options)

@@ -40,8 +40,8 @@ def _laws(options: argparse.Namespace) -> int:
     from redres_ros.cli.gains import find_tables
     from redres_ros.robots import ARMS
 
-    for kind, table in find_tables(limits=True).items():
-        print(_HEADS[kind])
+    for table in find_tables(limits=True):
+        print(_HEADS[table.kind])
         for name, cls in table.items():
             _print_entry(name, _says(cls))
         print()

@@ -3,6 +3,8 @@
 import argparse
 import re
 from collections.abc import Sequence
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -91,16 +93,19 @@ def _add_limits(group: Any, default: str) -> None:
 
 def _add_gains(parser: Parser, words: Sequence[str]) -> None:
     """An option for every gain that is declared with `param` in the tables."""
-    from redres_ros.cli.gains import find_tables, gains_in
+    from redres_ros.cli.gains import find_tables, help_text, metavar, read_value
+    from redres_ros.table import SHARED_GAINS
 
     wanted = parser.get_default('limits') != NONE or any(map(_concerns_limits, words))
-    gains = tuple(gains_in(find_tables(limits=wanted)))
+    declared = chain.from_iterable(table.gains() for table in find_tables(limits=wanted))
+    gains = tuple(gain for gain in declared if gain.name not in SHARED_GAINS)
     parser.set_defaults(gains=gains)
     group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
     group.add_argument(GAINS_HELP, action='help', help='print this help with all gains, and end')
     for gain in gains:
-        shown = gain.help if GAINS_HELP in words else argparse.SUPPRESS
-        group.add_argument(f'--{gain.key}', type=gain.read, metavar=gain.metavar, help=shown)
+        shown = help_text(gain) if GAINS_HELP in words else argparse.SUPPRESS
+        read = partial(read_value, gain)
+        group.add_argument(f'--{gain.key}', type=read, metavar=metavar(gain), help=shown)
 
 
 def _concerns_limits(word: str) -> bool:

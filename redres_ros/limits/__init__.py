@@ -5,9 +5,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from redres_ros.errors import ArrayError, RangeError, UnknownNameError
-from redres_ros.files.installed import installed
-from redres_ros.files.plugins import register
+from redres_ros.errors import ArrayError, UnknownNameError
 from redres_ros.limits.clearance import ClearanceLimit, CollisionLimit
 from redres_ros.limits.joint import (
     AccelerationLimit,
@@ -20,21 +18,22 @@ from redres_ros.limits.joint import (
 from redres_ros.limits.limit import BoxLimit, Limit, RowLimit
 from redres_ros.limits.limits import Bounds, Limits
 from redres_ros.limits.workspace import WorkspaceLimit
-from redres_ros.parameter import check_once, gain_key, name_of, own_gains, parameters
 from redres_ros.robot_model import RobotModel
+from redres_ros.table import Table, check_once
 
-LIMITS: dict[str, type[Limit]] = {
-    'position': PositionLimit,
-    'velocity': VelocityLimit,
-    'acceleration': AccelerationLimit,
-    'jerk': JerkLimit,
-    'end_speed': EndSpeedLimit,
-    'collision': CollisionLimit,
-    'workspace': WorkspaceLimit,
-    'torque': TorqueLimit,
-}
-LIMITS.update(installed('limits'))
-register(Limit, LIMITS)
+LIMITS: Table[Limit] = Table(
+    'limit',
+    Limit,
+    position=PositionLimit,
+    velocity=VelocityLimit,
+    acceleration=AccelerationLimit,
+    jerk=JerkLimit,
+    end_speed=EndSpeedLimit,
+    collision=CollisionLimit,
+    workspace=WorkspaceLimit,
+    torque=TorqueLimit,
+)
+limit_name = LIMITS.name_of
 
 
 def make_limits(
@@ -62,7 +61,7 @@ def make_limits(
     """
     names = tuple(names)
     check_once('limit', names)
-    known = gain_names()
+    known = LIMITS.gain_keys
     for gain in gains:
         if gain not in known:
             raise UnknownNameError('gain of a limit', gain, known)
@@ -78,14 +77,8 @@ def _made(
     if isinstance(name, Limit):
         _check_arm(name, model)
         return name
-    if name not in LIMITS:
-        raise UnknownNameError('limit', name, LIMITS)
-    cls = LIMITS[name]
-    try:
-        return cls(model, scale=scales[cls.scaled_by], **own_gains(LIMITS, name, gains))
-    except RangeError as error:
-        called = cls.scaled_by if error.name == 'scale' else gain_key(name, error.name)
-        raise error.about(called) from None
+    scale = scales[LIMITS[name].scaled_by] if name in LIMITS else 1.0
+    return LIMITS.resolve(name, gains, model, scale)
 
 
 def _with_the_acceleration_in_force(limits: list[Limit]) -> list[Limit]:
@@ -111,21 +104,6 @@ def _check_arm(limit: Limit, model: RobotModel) -> None:
         )
 
 
-def gain_names() -> tuple[str, ...]:
-    """What can be set of each limit beside the scales, as position.margin."""
-    return tuple(
-        f'{name}.{field.name}'
-        for name, cls in LIMITS.items()
-        for field in parameters(cls)
-        if field.name != 'scale'
-    )
-
-
-def limit_name(limit: Limit) -> str:
-    """The limit's name in the table; the class name for one that is not in it."""
-    return name_of(limit, LIMITS)
-
-
 __all__ = [
     'LIMITS',
     'Bounds',
@@ -133,7 +111,6 @@ __all__ = [
     'Limit',
     'Limits',
     'RowLimit',
-    'gain_names',
     'limit_name',
     'make_limits',
 ]

@@ -7,10 +7,12 @@ from typing import ClassVar
 import numpy as np
 
 from redres_ros.constrained import Box, Rows
-from redres_ros.parameter import check_parameters, param
+from redres_ros.parameter import Parameter, check_parameters, check_value
 from redres_ros.robot_model import RobotModel, RobotState
 
 ReferenceState = RobotState  # at the reference that is integrated, with the last command
+
+_SCALE = Parameter('fraction of the limit that is allowed', 1e-3, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,10 @@ class Limit(ABC):
     scaled_by: ClassVar[str] = 'limit_scale'  # the parameter that sets `scale` of all such limits
 
     model: RobotModel = field(repr=False)
-    scale: float = param(1.0, 'fraction of the limit that is allowed', 1e-3, 1.0, live=True)
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
+        check_value(self.scaled_by, self.scale, _SCALE)
         check_parameters(self)
 
     def place(self, state: ReferenceState, index: int, T: float) -> str:

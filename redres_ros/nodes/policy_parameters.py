@@ -1,34 +1,28 @@
 """How the arm is to move, as ROS parameters: law, limits, preferences, tasks and their gains."""
 
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 from rclpy.node import Node
 
 from redres_ros.errors import RedresError
 from redres_ros.laws import LAWS
-from redres_ros.limits import LIMITS, gain_names
+from redres_ros.limits import LIMITS
 from redres_ros.nodes.parameters import NONE, declare, declare_one, with_changes
-from redres_ros.parameter import (
-    SHARED_GAINS,
-    Names,
-    Parameter,
-    check_once,
-    check_parameters,
-    gain_key,
-    param,
-    parameters,
-)
+from redres_ros.parameter import Parameter, check_parameters, param
 from redres_ros.policy import Policy, make_policy
 from redres_ros.preferences import PREFERENCES
 from redres_ros.robot_model import RobotModel
+from redres_ros.table import SHARED_GAINS, check_once
 from redres_ros.tasks import TASKS
 
-_SCALES = {'scale'}  # of a limit, given by limit_scale and torque_scale
 # Nodes have limits on; a point out of reach is then to be a standstill, not a swinging arm.
 END_OF_REACH = 0.02  # of the largest singular value of the task
 _NODES_OWN = {'acceleration.reach': END_OF_REACH}
+_NONE: dict[str, Any] = {NONE: None}  # as a table, beside one that plugins may still add to
 
 
 class _NoneError(RedresError):
@@ -44,13 +38,11 @@ class _PolicySettings:
         RepeatedNameError: A name stands twice.
     """
 
-    law: str = param(
-        'minimum_acceleration', 'redundancy resolution law', choices=Names(LAWS), live=True
-    )
+    law: str = param('minimum_acceleration', 'redundancy resolution law', choices=LAWS, live=True)
     limits: tuple[str, ...] = param(
         ('position', 'velocity', 'acceleration'),
         'limits that every command keeps',
-        choices=Names(LIMITS, NONE),
+        choices=ChainMap(_NONE, LIMITS),
         live=True,
     )
     limit_scale: float = param(
@@ -60,10 +52,10 @@ class _PolicySettings:
         1.0, 'fraction of the torque limits that is used', 0.001, 1.0, live=True
     )
     preferences: tuple[str, ...] = param(
-        (NONE,), 'objectives in the null space', choices=Names(PREFERENCES, NONE), live=True
+        (NONE,), 'objectives in the null space', choices=ChainMap(_NONE, PREFERENCES), live=True
     )
     secondary_tasks: tuple[str, ...] = param(
-        (NONE,), 'further tasks in order of priority', choices=Names(TASKS, NONE), live=True
+        (NONE,), 'further tasks in order of priority', choices=ChainMap(_NONE, TASKS), live=True
     )
 
     def __post_init__(self) -> None:
@@ -151,7 +143,7 @@ class PolicyParameters:
 
 def _of_limits(settings: _PolicySettings, gains: Mapping[str, Any]) -> tuple[Any, ...]:
     """All that the limits depend on."""
-    values = [gains.get(name) for name in gain_names()]
+    values = [gains.get(name) for name in LIMITS.gain_keys]
     return (settings.limits, settings.limit_scale, settings.torque_scale, *values)
 
 
@@ -162,17 +154,14 @@ def _all_gains(T: float) -> Iterator[tuple[str, Any, Parameter]]:
     among them.
     """
     seen = set()
-    for table in (LAWS, LIMITS, PREFERENCES, TASKS):
-        for name, cls in table.items():
-            for field, parameter in parameters(cls).items():
-                key = gain_key(name, field.name)
-                is_scale = table is LIMITS and field.name in _SCALES
-                if key in seen or field.default == () or is_scale:
-                    continue
-                seen.add(key)
-                upper = 1.0 / T if key in SHARED_GAINS else parameter.upper  # Appendix B
-                default = _NODES_OWN.get(key, field.default)
-                yield key, default, replace(parameter, upper=upper, live=True)
+    for gain in chain.from_iterable(table.gains() for table in (LAWS, LIMITS, PREFERENCES, TASKS)):
+        key = gain.key
+        if key in seen or gain.default == ():
+            continue
+        seen.add(key)
+        upper = 1.0 / T if key in SHARED_GAINS else gain.parameter.upper  # Appendix B
+        default = _NODES_OWN.get(key, gain.default)
+        yield key, default, replace(gain.parameter, upper=upper, live=True)
 
 
 def named(words: Iterable[str]) -> tuple[str, ...]:

@@ -5,19 +5,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from redres_ros.laws import LAWS, Law
-from redres_ros.parameter import (
-    as_tuple,
-    check_once,
-    gain_key,
-    make,
-    own_gains,
-    parameters,
-    resolve_entry,
-)
 from redres_ros.policy.crossfade import Crossfade, advanced
 from redres_ros.policy.policy import SCALING, SPEED_LIMIT, Hold, Motion, Policy
 from redres_ros.preferences import PREFERENCES, Preference
 from redres_ros.robot_model import RobotModel
+from redres_ros.table import as_tuple
 from redres_ros.tasks import TASKS, Task
 
 if TYPE_CHECKING:
@@ -60,31 +52,15 @@ def make_policy(
         ArrayError: Limits that the arm has no figures for, a target that does not fit.
     """
     policy = Policy(
-        _entry('law', LAWS, Law, law, gains),
-        _entry('task', TASKS, Task, task, {}),
-        _entries('preference', PREFERENCES, Preference, preferences, gains),
-        _entries('task', TASKS, Task, secondary_tasks, gains),
+        LAWS.resolve(law, gains),
+        TASKS.resolve(task),
+        PREFERENCES.resolve_all(preferences, gains),
+        TASKS.resolve_all(secondary_tasks, gains),
         _limits(model, limits, limit_scale, torque_scale, gains),
         scaling,
     )
     policy.check(model)
     return policy
-
-
-def _entry(
-    kind: str, table: Mapping[str, Any], base: type, entry: Any, gains: Mapping[str, Any]
-) -> Any:
-    if isinstance(entry, str) and entry in table:
-        return make(kind, table, entry, own_gains(table, entry, gains))
-    return resolve_entry(kind, table, base, entry)
-
-
-def _entries(
-    kind: str, table: Mapping[str, Any], base: type, entries: Any, gains: Mapping[str, Any]
-) -> tuple[Any, ...]:
-    given = as_tuple(entries)
-    check_once(kind, given)
-    return tuple(_entry(kind, table, base, entry, gains) for entry in given)
 
 
 def _limits(
@@ -95,20 +71,16 @@ def _limits(
     gains: Mapping[str, Any],
 ) -> 'Limits | None':
     given = as_tuple(limits)
-    others = gains.keys() - {*_gain_keys(LAWS), *_gain_keys(PREFERENCES), *_gain_keys(TASKS)}
+    others = gains.keys() - {*LAWS.gain_keys, *PREFERENCES.gain_keys, *TASKS.gain_keys}
     if not given and not others:
         return None
-    from redres_ros.limits import gain_names, make_limits  # compiled: loaded only if in use
+    from redres_ros.limits import LIMITS, make_limits  # compiled: loaded only if in use
 
-    own = {key: gains[key] for key in gains.keys() & (others | set(gain_names()))}
+    own = {key: gains[key] for key in gains.keys() & (others | LIMITS.gain_keys.keys())}
     made = make_limits(
         given, model, limit_scale=limit_scale, torque_scale=torque_scale, gains=own
     )  # refuses gains of nothing
     return made if given else None
-
-
-def _gain_keys(table: Mapping[str, type]) -> set[str]:
-    return {gain_key(name, field.name) for name in table for field in parameters(table[name])}
 
 
 __all__ = [

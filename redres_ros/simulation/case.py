@@ -6,7 +6,7 @@ from itertools import product
 from typing import Any
 
 from redres_ros.errors import RangeError, RedresError, UnknownNameError, quoted
-from redres_ros.parameter import as_tuple
+from redres_ros.table import as_tuple
 
 MOST_SEEDS = 1_000_000
 
