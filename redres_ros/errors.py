@@ -24,6 +24,12 @@ def quoted(value: Any) -> str:
     return f'{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}'
 
 
+def reason_of(error: BaseException) -> str:
+    """What an error says, on one line; of the operating system without the name of a file."""
+    text = getattr(error, 'strerror', None) or str(error)
+    return ' '.join(text.split())
+
+
 def one_line(text: str) -> str:
     """A text from outside, safe for a log or a terminal.
 

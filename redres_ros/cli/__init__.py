@@ -46,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     # At its end Python would look for garbage in all that was loaded: 0.15 s after a demo.
     atexit.register(gc.freeze)
     try:
-        from redres_ros.files.streams import open_error_output
+        from redres_ros.files.processes import open_error_output
 
         open_error_output()
         return _run(sys.argv[1:] if arguments is None else arguments)
@@ -111,11 +111,11 @@ def _line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.strerror:
         place = f': {error.filename}' if error.filename else ''
         return f'{error.strerror}{place}'
-    if isinstance(error, MemoryError):
-        from redres_ros.errors import quoted
+    from redres_ros.errors import quoted, reason_of
 
+    if isinstance(error, MemoryError):
         return f'out of memory {quoted(error)}'
-    return ' '.join(str(error).split())
+    return reason_of(error)
 
 
 def _complain(line: str) -> None:

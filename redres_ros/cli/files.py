@@ -16,11 +16,10 @@ def made(directory: Path, *names: str) -> Path:
     Raises:
         FileError: It cannot be made or written to, or one of the files cannot.
     """
-    try:
+    from redres_ros.files.text import attempting
+
+    with attempting(f'make the directory {directory}'):
         directory.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or str(error)
-        raise FileError(f'cannot make the directory {directory}: {reason}') from None
     if not os.access(directory, os.W_OK | os.X_OK):
         raise FileError(f'cannot write into {directory}: permission denied')
     for name in names:

@@ -13,7 +13,7 @@ from typing import Any
 
 from redres_ros.demo.log import JUDGED
 from redres_ros.errors import RedresError
-from redres_ros.files.modules import module_command, module_environment
+from redres_ros.files.processes import module_command, module_environment
 from redres_ros.files.signals import handled
 from redres_ros.laws import Law
 from redres_ros.nodes.runtime import PARENT

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from redres_ros.errors import FileError, RangeError, UnknownNameError
+from redres_ros.errors import FileError, RangeError, UnknownNameError, reason_of
 from redres_ros.fake_robot.environment import EnvironmentSettings, add_environment, set_stiffness
 from redres_ros.parameter import check_parameters, param
 from redres_ros.robots import Arm
@@ -107,7 +107,7 @@ def compiled(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel:
     try:
         return spec.compile()
     except ValueError as error:
-        raise FileError(f'MuJoCo cannot use {arm.urdf}: {" ".join(str(error).split())}') from None
+        raise FileError(f'MuJoCo cannot use {arm.urdf}: {reason_of(error)}') from None
 
 
 def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[np.ndarray, np.ndarray]:

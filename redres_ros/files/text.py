@@ -3,10 +3,10 @@
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-from redres_ros.errors import FileError
+from redres_ros.errors import FileError, reason_of
 
 
 def read_file(path: Path, largest: int) -> bytes:
@@ -31,10 +31,14 @@ def read_file(path: Path, largest: int) -> bytes:
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """For a block that writes a file. Raises FileError, which names it, where that fails."""
+def attempting(what: str) -> Iterator[None]:
+    """For a block that does something to a file, in words. Raises FileError where that fails."""
     try:
         yield
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or str(error)
-        raise FileError(f'cannot write {path}: {reason}') from None
+    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
+        raise FileError(f'cannot {what}: {reason_of(error)}') from None
+
+
+def writing(path: Path) -> AbstractContextManager[None]:
+    """For a block that writes a file. Raises FileError, which names it, where that fails."""
+    return attempting(f'write {path}')

@@ -5,8 +5,8 @@ from typing import Any
 
 import yaml
 
-from redres_ros.errors import FileError
-from redres_ros.files.text import read_file
+from redres_ros.errors import FileError, reason_of
+from redres_ros.files.text import attempting, read_file
 
 _LARGEST = 200_000  # [bytes], some seconds of PyYAML's time
 _MOST_NODES = 100_000  # every alias counted as what it stands for
@@ -32,17 +32,14 @@ def read_yaml(path: Path) -> Any:
     """The content of a file. Raises FileError if it cannot be read, is too large, or is no
     YAML.
     """
-    try:
+    with attempting(f'read {path}'):
         text = read_file(path, _LARGEST)
-    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
-        reason = getattr(error, 'strerror', None) or str(error)
-        raise FileError(f'cannot read {path}: {reason}') from None
     try:
         return yaml.load(text.decode(), _Loader)
     except RecursionError:
         raise FileError(f'{path} is nested too deeply') from None
     except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8, or a number too long
-        raise FileError(f'{path} is no YAML: {" ".join(str(error).split())}') from None
+        raise FileError(f'{path} is no YAML: {reason_of(error)}') from None
 
 
 def _size(node: yaml.Node, known: dict[int, float]) -> float:

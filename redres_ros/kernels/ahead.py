@@ -6,7 +6,7 @@ A command has nothing else to do then. As a program, this is the second process.
 import subprocess
 from importlib import import_module
 
-from redres_ros.files.modules import module_command, module_environment
+from redres_ros.files.processes import module_command, module_environment
 from redres_ros.kernels.compile_log import time_compiling
 
 _FIRST = 'redres_ros.kernels.tick'  # the smallest; whether it was there says whether others are

@@ -9,7 +9,7 @@ from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
-from redres_ros.errors import RedresError, UnknownNameError
+from redres_ros.errors import RedresError, UnknownNameError, reason_of
 from redres_ros.files.installed import installed
 from redres_ros.files.remedy import not_installed
 
@@ -50,7 +50,7 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
         print(f'redres_{name}: {not_installed(error.name or "")}', file=sys.stderr)
         return 1
     except (OSError, ImportError, RedresError) as error:
-        print(f'redres_{name}: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'redres_{name}: {reason_of(error)}', file=sys.stderr)
         return 1
 
 
@@ -88,13 +88,11 @@ def check_law(name: str) -> None:
 
 
 def _law_names() -> list[str]:
-    """The keys of the table LAWS."""
+    """The names in the table LAWS."""
     tree = ast.parse(_LAWS.read_text(encoding='utf-8'))
     [table] = [node.value for node in tree.body if isinstance(node, ast.AnnAssign)]
-    keys = table.keys if isinstance(table, ast.Dict) else []
-    return [
-        key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)
-    ]
+    keywords = table.keywords if isinstance(table, ast.Call) else []
+    return [keyword.arg for keyword in keywords if keyword.arg]
 
 
 def _parameters_in(file: Path) -> Iterator[tuple[str, Any]]:

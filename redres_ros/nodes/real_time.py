@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rclpy.node import Node
 
+from redres_ros.errors import reason_of
 from redres_ros.nodes.parameters import declare
 from redres_ros.parameter import param
 
@@ -60,7 +61,7 @@ def _try(node: Node, wanted: str, otherwise: str, see: str, ask: Callable[[], No
     try:
         ask()
     except (OSError, ValueError) as error:  # ValueError: a processor below 0
-        reason = error.strerror if isinstance(error, OSError) else str(error)
+        reason = reason_of(error)
         node.get_logger().warning(f'{wanted}: {reason} ({see}); going on with {otherwise}')
     else:
         node.get_logger().info(f'{wanted}: granted')

@@ -1,6 +1,5 @@
 """How a node of this package runs and ends: executor, signals, errors in one line."""
 
-import ctypes
 import gc
 import os
 import signal
@@ -21,9 +20,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from redres_ros.errors import RedresError
+from redres_ros.errors import RedresError, reason_of
+from redres_ros.files.processes import end_with_parent, open_error_output
 from redres_ros.files.signals import handle
-from redres_ros.files.streams import open_error_output
 from redres_ros.kernels.compile_log import time_compiling
 from redres_ros.nodes import discovery
 from redres_ros.nodes.parameters import misspelt, overruled
@@ -36,7 +35,6 @@ _RCLError = rclpy_implementation.RCLError
 # environment variable: number of the process without which a node is not to live on
 PARENT = 'REDRES_PARENT'
 
-_PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _WAIT = 0.1  # [s] Python's signal handlers do not run while the executor waits in C++
 
 
@@ -138,7 +136,7 @@ def start(arguments: list[str] | None = None) -> None:
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001, what rclpy raises here has no base class of its own
-        reason = ' '.join(str(error).split())
+        reason = reason_of(error)
         if 'logging' in reason:
             reason += '; set ROS_LOG_DIR to a directory that can be written to'
         raise _StartError(f'ROS 2 does not start ({type(error).__name__}): {reason}') from None
@@ -151,7 +149,7 @@ def _made(make: Callable[[], N]) -> N:
     except RuntimeError as error:
         if isinstance(error, _RCLError):
             raise
-        raise _StartError(f'ROS 2 makes no node: {" ".join(str(error).split())}') from None
+        raise _StartError(f'ROS 2 makes no node: {reason_of(error)}') from None
 
 
 @contextmanager
@@ -189,7 +187,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     # Results are looked at; numpy's warning would be a second line.
     np.seterr(over='ignore', invalid='ignore')
     handle(lambda *_: stopped.set(), signal.SIGINT, signal.SIGTERM)
-    _end_with_parent(stopped)
+    _watch_parent(stopped)
     try:
         start(arguments)
         nodes = [_made(make) for make in makes]
@@ -200,9 +198,7 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
     except (RedresError, _RCLError, ParameterException) as error:
         if isinstance(error, _RCLError) and not rclpy.ok():
             return 0  # the context went down under a call: the end, not an error
-        print(
-            f'{Path(sys.argv[0]).stem}: {" ".join(str(error).split())}', file=sys.stderr, flush=True
-        )
+        print(f'{Path(sys.argv[0]).stem}: {reason_of(error)}', file=sys.stderr, flush=True)
         return 1
     finally:
         rclpy.try_shutdown()
@@ -225,11 +221,11 @@ def _log_start(nodes: list[Node], arguments: list[str]) -> None:
         )
 
 
-def _end_with_parent(stopped: threading.Event) -> None:
-    """Have the kernel send SIGTERM when the process named in the environment dies."""
+def _watch_parent(stopped: threading.Event) -> None:
+    """End when the process named in the environment dies."""
     parent = os.environ.get(PARENT)
     if parent:
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        end_with_parent(signal.SIGTERM)
         if os.getppid() != int(parent):
             stopped.set()  # it had died before
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from redres_ros.errors import FileError, UnknownNameError
+from redres_ros.errors import FileError, UnknownNameError, reason_of
 from redres_ros.files.remedy import remedy
 from redres_ros.files.text import read_file
 
@@ -192,7 +192,7 @@ def _read(path: Path) -> str:
     try:
         return str(xacro.process_file(str(path)).toxml())
     except Exception as error:  # noqa: BLE001  # a xacro evaluates expressions: of any type
-        raise FileError(f'xacro cannot convert {path}: {" ".join(str(error).split())}') from None
+        raise FileError(f'xacro cannot convert {path}: {reason_of(error)}') from None
 
 
 def child(element: ET.Element, tag: str) -> ET.Element:

@@ -1,6 +1,5 @@
 """The same work on many items, on all processors, with one progress for the whole."""
 
-import ctypes
 import gc
 import multiprocessing
 import os
@@ -11,13 +10,13 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from redres_ros.errors import RedresError
+from redres_ros.files.processes import end_with_parent
 from redres_ros.files.signals import handle
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
 Progress = Callable[[float], None]
 
-_PR_SET_PDEATHSIG = 1  # Linux, see prctl(2)
 _LOOK = 0.1  # [s] between looks at how far the others are
 
 # in a worker: what to do, with what, and an array, shared by all, of how far each piece is
@@ -93,7 +92,7 @@ def _watch(futures: Sequence[Future[Any]], fractions: Sequence[float], progress:
 def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
     # Ctrl-C and Slurm's SIGTERM reach all processes: end without words.
     handle(signal.SIG_DFL, signal.SIGINT, signal.SIGTERM)
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # else it would wait for ever
+    end_with_parent(signal.SIGKILL)  # else it would wait for ever
     if begin:
         begin(*args)
 

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from redres_ros.errors import RedresError
-from redres_ros.files.modules import module_command, module_environment
+from redres_ros.files.processes import module_command, module_environment
 from redres_ros.robots import Arm
 
 # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
