@@ -238,7 +238,7 @@ def rows_and_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, 
     path = tmp_path_factory.mktemp('recording') / 'file'
     recorder = Recorder(path)
     q = task.start
-    motion = MotionRecorder(model.n, T)
+    motion = MotionRecorder(model, T)
     for k in range(200):
         reference = planner.reference(model.tip(q)[0], k * T)
         command = controller.update(q, reference.dx)

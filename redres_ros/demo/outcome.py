@@ -151,7 +151,7 @@ def replay(
     desired = {}
     if under_way:
         desired = dict(zip(under_way, log.desired_at(under_way), strict=True))
-    recorder = MotionRecorder(model.n, T, pose)
+    recorder = MotionRecorder(model, T, pose)
     dq_prev = np.zeros(model.n)
     stamp_prev = 0
     for stamp in sorted(log.states.keys() & log.commands.keys()):

@@ -15,6 +15,7 @@ _OTHERS = (
     'redres_ros.kernels.boxes',
     'redres_ros.kernels.closed_form',
     'redres_ros.kernels.rotation_error',
+    'redres_ros.kernels.straight_line',
 )
 
 

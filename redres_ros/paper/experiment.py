@@ -199,7 +199,7 @@ class _Run:
 
     def _follow(self) -> Recording:
         """Run until the task is finished, the robot has stopped, or it took too long."""
-        motion = MotionRecorder(self._client.model.n, self._client.T)
+        motion = MotionRecorder(self._client.model, self._client.T)
         limit = PATIENCE * self._task.segments * self._task.segment_time
         while (t := self._t) < limit:
             reference = self._reference()

@@ -2,34 +2,19 @@
 position of the tip alone or together with its orientation.
 """
 
-from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from redres_ros.interpolation import quintic
 from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.straight_line import follow_line, limited
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
 
 LEVER = 0.1  # [m] on which a turn is compared with a length
 _START_TOLERANCE = 0.005  # [m] from x_0, at which a task begins without an approach
 _ROUNDING = 1e-9  # [s] of the time of a segment
-
-
-def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
-    """The feedback k_P e of Eq. (37), (3,), no longer than the limit.
-
-    Args:
-        gain: k_P [1/s].
-        limit: Of its norm, in the unit of the feedback; may be infinite.
-        error: e, (3,).
-    """
-    feedback = gain * error
-    if limit == np.inf:
-        return feedback
-    excess = float(np.linalg.norm(feedback)) / limit
-    return feedback / max(excess, 1.0)
 
 
 class Reference(NamedTuple):
@@ -116,9 +101,8 @@ class Planner(ReferenceSource):
         """
         self._task = task
         self._approach_time = task.segment_time  # [s]
-        self._feedback = partial(limited, task.feedback_gain, feedback_limit)
+        self._feedback = task.feedback_gain, feedback_limit
         self._points = task.waypoints.copy()  # (N, 3)
-        self._lines = np.diff(self._points, axis=0)  # (N - 1, 3), from each point to the next
         self._turns = task.orientations  # (N, 3, 3), None until one is known
         self._first_segment = 1
         if self._is_away(x_start, R_start):
@@ -151,15 +135,17 @@ class Planner(ReferenceSource):
         T_AB = self._T_AB
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
         start = min(self._index, len(self._points) - 2)
-        x_d, way = self._on_the_line(start, s)
-        error = x_d - x
-        dx = way * (rate * ds / T_AB) + self._feedback(error)  # Eq. (36), (37)
+        ds *= rate / T_AB  # [1/s]
+        x_d = np.empty(3)
+        error = np.empty(3)
+        dx = np.empty(3)
+        follow_line(self._points, start, s, ds, x, *self._feedback, x_d, error, dx)
         segment = start + self._first_segment
         if R is None or self._turns is None:
             return Reference(dx, x_d, error, segment, self._finished)
         R_d, turn = self._on_the_arc(self._turns, start, s)
         turn_left = rotation_error(R, R_d)
-        w = turn * (rate * ds / T_AB) + self._feedback(turn_left)
+        w = turn * ds + limited(*self._feedback, turn_left)  # Eq. (36), (37)
         twist = np.concatenate((dx, w))
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
@@ -193,12 +179,6 @@ class Planner(ReferenceSource):
         is_approach = index + self._first_segment == 0
         self._T_AB = self._approach_time if is_approach else self._task.segment_time  # [s]
 
-    def _on_the_line(self, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """x_d, (3,), at the fraction s of the line to the next point, and that line, (3,)."""
-        line = self._lines[start]
-        x_d = self._points[start] + line * s if s < 1.0 else self._points[start + 1].copy()
-        return x_d, line
-
     def _on_the_arc(self, turns: np.ndarray, start: int, s: float) -> tuple[np.ndarray, np.ndarray]:
         """R_d, (3, 3), at the fraction s of the turn to the next point, and that turn, (3,)."""
         A = turns[start]
@@ -229,7 +209,7 @@ class Planner(ReferenceSource):
 
     def _reachable(self, error: np.ndarray, unachieved: np.ndarray) -> np.ndarray:
         """The part of an error (3,) whose feedback is achieved."""
-        asked = self._feedback(error)
+        asked = limited(*self._feedback, error)
         size = float(np.linalg.norm(asked))
         if size == 0.0:
             return error
@@ -248,7 +228,6 @@ class Planner(ReferenceSource):
         """Add a segment to x_0 before the task."""
         x = self._points[0] if x_start is None else x_start
         self._points = np.vstack((x, self._points))
-        self._lines = np.diff(self._points, axis=0)
         self._first_segment = 0
         if self._turns is not None:
             R = self._turns[0] if R_start is None else R_start
@@ -259,8 +238,7 @@ class Planner(ReferenceSource):
 
     def _size(self, start: int) -> float:
         """Length of a segment [m]; a turn counts by its arc at a radius of 0.1 m."""
-        _, way = self._on_the_line(start, 1.0)
-        size = float(np.linalg.norm(way))
+        size = float(np.linalg.norm(self._points[start + 1] - self._points[start]))
         if self._turns is None:
             return size
         _, turn = self._on_the_arc(self._turns, start, 1.0)

@@ -106,9 +106,8 @@ class _Loop:
         self._on_the_way = deque([task.start] * delay)  # references not yet taken up
         self._late = 0.0  # [s] by which the planner's clock is behind
         self._unachieved: np.ndarray | None = None  # of the last task velocity, (m,)
-        n = len(task.start)
-        self._rest = np.zeros(n)
-        self._recorder = MotionRecorder(n, controller.T, self._turns)
+        self._rest = np.zeros(len(task.start))
+        self._recorder = MotionRecorder(controller.model, controller.T, self._turns)
 
     def advance(self, t: float) -> bool:
         """One tick at the time t [s]. True, and nothing is done, once the last point is reached.

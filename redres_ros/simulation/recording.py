@@ -12,8 +12,10 @@ import numpy as np
 from redres_ros.command import FIGURES, Command
 from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
+from redres_ros.resolution import Weight, resolve_one
+from redres_ros.robot_model import RobotModel
 
-_BLOCK = 100  # ticks: so many commands, with their states, stay in a processor's cache
+_BLOCK = 100  # ticks: so many stay in a processor's cache
 _NEAR = 1e-2  # ratio of singular values below which their squares have lost too many digits
 
 
@@ -46,17 +48,20 @@ class MotionRecorder:
     """Collects the ticks of a motion; figures are computed in arrays, many ticks at a time.
 
     Args:
-        n: Number of joints.
+        model: Of the arm.
         T: Sampling time [s].
         pose: Whether the task has orientations.
     """
 
-    def __init__(self, n: int, T: float, pose: bool = False) -> None:
-        self._n = n
+    def __init__(self, model: RobotModel, T: float, pose: bool = False) -> None:
+        self._model = model
         self._T = T
         self._pose = pose
-        self._ticks: list[tuple[float, Command, Reference]] = []  # whose figures are to be computed
-        self._blocks: list[np.ndarray] = [np.empty((0, len(columns(n, pose))))]
+        # Of the ticks whose figures are to be computed, one after the other.
+        self._weights: list[Weight] = []
+        self._scalars: list[float] = []
+        self._vectors: list[np.ndarray] = []
+        self._blocks: list[np.ndarray] = [np.empty((0, len(columns(model.n, pose))))]
 
     def add(self, t: float, command: Command, reference: Reference) -> None:
         """Add a tick.
@@ -66,9 +71,13 @@ class MotionRecorder:
             command: Of this tick.
             reference: Where the task is.
         """
-        command.state.x  # noqa: B018 (while the model has the arm there, it costs little)
-        self._ticks.append((t, command, reference))
-        if len(self._ticks) == _BLOCK:
+        state = command.state
+        turn_left = (reference.orientation_error,) if self._pose else ()
+        self._weights.append(command.W)
+        self._scalars += (t, command.T, command.s, reference.segment)
+        self._vectors += (state.q, state.dq_prev, command.dq)
+        self._vectors += (reference.x_d, reference.error, *turn_left, command.J.ravel())
+        if len(self._weights) == _BLOCK:
             self._compute()
 
     def recording(self, ending: str, *, finished: bool = False) -> 'Recording':
@@ -78,80 +87,67 @@ class MotionRecorder:
             ending: How it ended, in words.
             finished: Whether the last point was reached.
         """
-        if self._ticks:
+        if self._weights:
             self._compute()
         data = np.concatenate(self._blocks)
-        return Recording(data, self._n, self._T, finished, ending, self._pose)
+        return Recording(data, self._model.n, self._T, finished, ending, self._pose)
 
     def _compute(self) -> None:
-        self._blocks.append(_block(self._ticks, self._pose))
-        self._ticks.clear()
+        """Compute the rows of the ticks since the last block; all norms are Euclidean."""
+        n = self._model.n
+        t, T, s, segment = np.array(self._scalars).reshape(-1, 4).T
+        table = np.concatenate(self._vectors).reshape(len(t), -1)
+        ends = np.cumsum((n, n, n, 3, 3, 3 if self._pose else 0))
+        q, dq_prev, dq, x_d, error, turn_left, J = np.split(table, ends, axis=1)
+        ddq = (dq - dq_prev) / T[:, None]  # Eq. (13)
+        tau = list(map(self._model.torque, q, dq_prev, ddq))  # Eq. (6)
+        null, sigma = _null_velocities(J.reshape(len(t), -1, n), dq, self._weights)
+        figures = {
+            'joint_velocity_norm': _norms(dq),
+            'joint_acceleration_norm': _norms(ddq),
+            'null_velocity_norm': _norms(null),
+            'joint_torque_norm': _norms(tau),
+            'min_singular_value': sigma,
+            'task_scaling': s,
+        }
+        norms = [_norms(error), _norms(turn_left)] if self._pose else [_norms(error)]
+        ordered = [figures[name] for name in FIGURES]
+        block = np.column_stack((t, q, dq, x_d - error, x_d, *norms, *ordered, segment))
+        self._blocks.append(block)
+        self._weights.clear()
+        self._scalars.clear()
+        self._vectors.clear()
 
 
-def _block(ticks: Sequence[tuple[float, Command, Reference]], pose: bool) -> np.ndarray:
-    """Ticks in the order of `columns`, (ticks, columns); all norms are Euclidean."""
-    times, commands, references = zip(*ticks, strict=True)
-    states = [command.state for command in commands]
-    T = np.array([[command.T] for command in commands])  # (ticks, 1) [s]
-    dq = np.array([command.dq for command in commands])  # (ticks, n)
-    ddq = (dq - np.array([state.dq_prev for state in states])) / T  # Eq. (13)
-    moves = zip(states, ddq, strict=True)
-    tau = [state.model.torque(state.q, state.dq_prev, each) for state, each in moves]  # Eq. (6)
-    J = np.array([command.J for command in commands])  # (ticks, m, n)
+def _null_velocities(
+    J: np.ndarray, dq: np.ndarray, weights: Sequence[Weight]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The null-space terms of Eq. (2), (ticks, n) [rad/s], and the smallest singular values of J,
+    (ticks,).
+
+    The terms are dq - J' (J J')^-1 J dq, in arrays, where the weight is the identity and J is far
+    from singular.
+
+    Args:
+        J: (ticks, m, n).
+        dq: (ticks, n) [rad/s].
+        weights: One a tick.
+    """
     squares = J @ J.transpose(0, 2, 1)  # J J', in a quarter of the time of singular values
     eigenvalues = np.linalg.eigvalsh(squares)  # (ticks, m), the least first
     is_near = eigenvalues[:, 0] <= _NEAR**2 * eigenvalues[:, -1]
     sigma = np.sqrt(np.maximum(eigenvalues[:, 0], 0.0))
     sigma[is_near] = np.linalg.svd(J[is_near], compute_uv=False)[:, -1]
-    figures = {
-        'joint_velocity_norm': _norms(dq),
-        'joint_acceleration_norm': _norms(ddq),
-        'null_velocity_norm': _norms(_null_velocities(commands, dq, J, squares, is_near)),
-        'joint_torque_norm': _norms(tau),
-        'min_singular_value': sigma,
-        'task_scaling': np.array([command.s for command in commands]),
-    }
-    turns = [_norms([each.orientation_error for each in references])] if pose else []
-    vectors = [
-        np.array(times),
-        np.array([state.q for state in states]),
-        dq,
-        np.array([state.x for state in states]),
-        np.array([reference.x_d for reference in references]),
-        _norms([reference.error for reference in references]),
-        *turns,
-        *(figures[name] for name in FIGURES),
-        np.array([reference.segment for reference in references]),
-    ]
-    return np.column_stack(vectors)
-
-
-def _null_velocities(
-    commands: Sequence[Command],
-    dq: np.ndarray,
-    J: np.ndarray,
-    squares: np.ndarray,
-    is_near: np.ndarray,
-) -> np.ndarray:
-    """Their null-space terms, (ticks, n) [rad/s]: dq - J' (J J')^-1 J dq in arrays where the weight
-    is the identity and J is far from singular.
-
-    Args:
-        commands: One a tick.
-        dq: Theirs, (ticks, n) [rad/s].
-        J: Theirs, (ticks, m, n).
-        squares: J J', (ticks, m, m).
-        is_near: Whether J is near a singularity, (ticks,).
-    """
-    alone = is_near | np.array([command.W is not None for command in commands])
+    alone = is_near | np.array([W is not None for W in weights])
     far = ~alone
     dx = np.einsum('kmi,ki->km', J[far], dq[far])
     forces = np.linalg.solve(squares[far], dx[..., None])[..., 0]
     null = dq.copy()
     null[far] -= np.einsum('kmi,km->ki', J[far], forces)
+    rest = np.zeros(J.shape[1])
     for k in np.flatnonzero(alone).tolist():
-        null[k] = commands[k].null
-    return null
+        null[k], _ = resolve_one(J[k], rest, dq[k], weights[k])
+    return null, sigma
 
 
 def _norms(vectors: Any) -> np.ndarray:
