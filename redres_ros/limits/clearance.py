@@ -122,8 +122,9 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
 
         Those that the acceleration limits imply are left out. There are two kinds, with d the
         distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
-        velocity damper C dq <= rate (d - d_s). And at q + s(dq), where the joints come
-        to rest if they brake by A from the next tick on, d >= d_s. To first order in dq, about the
+        velocity damper C dq <= rate (d - d_s), with C in the middle of the tick, q + T dq_prev / 2:
+        a fast arm leaves the tangent of its path at q. And at q + s(dq), where the joints come to
+        rest if they brake by A from the next tick on, d >= d_s. To first order in dq, about the
         velocity v of braking already in this tick,
 
             C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2,
@@ -139,7 +140,9 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         Returns:
             C (r, n), high (r,), and who approaches whom (r, 2).
         """
-        near = self.near(state)
+        half = 0.5 * T * state.gap * state.dq_prev
+        C, at_half, who = self.approaches(state.q + half, self.influence)
+        distance = at_half + C.dot(half)
         n = len(state.q)
         q_stop = np.empty(n)
         v = np.empty(n)
@@ -148,7 +151,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         further = brake(state.q, dq_prev, state.gap, self.A, T, q_stop, v, slope)
         at_rest = self.approaches(q_stop, self.clearance + self.lever * further)
         figures = (dq_prev, v, slope, self.A, T, state.gap, self._rate, self.clearance)
-        return clearance_rows(*near, *at_rest, *figures)
+        return clearance_rows(C, distance, who, *at_rest, *figures)
 
     @property
     def _rate(self) -> float:
