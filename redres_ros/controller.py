@@ -286,7 +286,7 @@ class Controller:
 
         Their drivers may report angles within one turn only. References continue across turns.
         """
-        if self._q_ref is None:
+        if self._q_ref is None or not self._multi_turn.size:
             return q
         turns = np.zeros(len(q))
         turns[self._multi_turn] = np.round((self._q_ref - q)[self._multi_turn] / _TURN)

@@ -21,6 +21,7 @@ from redres_ros.nodes.topics import LATCHED, NEWEST
 from redres_ros.nodes.wire import deserialised
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import arm_from_urdf, choose_arm
+from redres_ros.vectors import finite_vector
 
 _STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
@@ -81,7 +82,7 @@ class LiveArm:
         state = self._samples.newest(_STATES) if self._is_silent else None
         if state is not None and self._joints.concerns(state):
             with suppress(RedresError):  # one that no robot would send
-                self.q = self._joints.positions(state)
+                self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
 
     def _find_model(self, values: Mapping[str, Any]) -> RobotModel:
         """The controller's arm. Raises RedresError for one that is not known here."""

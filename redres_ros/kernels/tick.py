@@ -20,6 +20,16 @@ def are_usable(x: np.ndarray, y: np.ndarray, most: float) -> bool:
 
 
 @direct
+@compiled(float64(vector()))
+def largest(x: np.ndarray) -> float:
+    """The largest magnitude of an element of x, (n,)."""
+    most = 0.0
+    for i in range(len(x)):
+        most = max(most, abs(x[i]))
+    return most
+
+
+@direct
 @compiled(float64(vector(), float64, vector(), vector(), float64[::1], float64[::1]))
 def integrate(
     q: np.ndarray,

@@ -12,6 +12,7 @@ from redres_ros.contact.force_sensor import TareError
 from redres_ros.contact.settings import AdmittanceSettings
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
+from redres_ros.kernels.tick import largest
 from redres_ros.loop.approach import Probe
 from redres_ros.loop.cycle_counter import NANOSECONDS, ClockError, CycleCounter
 from redres_ros.loop.faults import FaultMonitor
@@ -376,7 +377,7 @@ class CommandLoop:
         missed = max(state.cycle - self._response_cycle - 1, 0) if self._response_cycle else 0
         self.skipped += missed
         moves = self.mode in (Mode.MOVING, Mode.STOPPING)
-        if moves:
+        if moves and self._controller.bridging == 'hold':
             self._missed.rollback_if_late(min(state.arrived, self._cycles.earliest_arrival))
         allowed = self.input.settings.restart_after
         if missed <= allowed:
@@ -410,7 +411,7 @@ class CommandLoop:
 
     def _watch(self, state: _State, dx: np.ndarray, stale: bool, missed: int) -> None:
         """Notice faults, and that one is over."""
-        asks = not stale and float(np.abs(dx).max()) > _NO_TASK
+        asks = not stale and largest(dx) > _NO_TASK
         asks = asks or (self._yields and self.measurements.asks)
         self.faults.note_request(asks, stale, (missed + 1) * self._controller.T)
         approach = self._reference.approach
@@ -439,7 +440,7 @@ class CommandLoop:
     def _change_mode(self, state: _State, dx: np.ndarray, stale: bool, commandable: bool) -> None:
         """Switch to the mode of this state."""
         allowed = self._is_motion_allowed(stale)
-        asked = allowed and bool(dx.any() or self.faults.is_probing)
+        asked = allowed and (largest(dx) > 0.0 or self.faults.is_probing)
         if (self._yields or self.measurements.asks) and self._is_yielding_allowed(stale):
             allowed = True
             asked = asked or self.measurements.asks
@@ -449,7 +450,7 @@ class CommandLoop:
             commandable=self.faults.executes and commandable,
             motion_allowed=allowed,
             motion_asked=asked,
-            at_rest=not asked and float(np.abs(self._controller.dq).max()) <= _AT_REST,
+            at_rest=not asked and largest(self._controller.dq) <= _AT_REST,
         )
         mode = next_mode(self.mode, conditions)
         self._yields = mode is Mode.MOVING and stale

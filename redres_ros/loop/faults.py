@@ -8,6 +8,8 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
+from redres_ros.kernels.following import furthest_behind, leap, update_peak, widen
+from redres_ros.kernels.tick import largest
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped
@@ -118,12 +120,12 @@ class FaultMonitor:
         Raises:
             LeapError: It is refused.
         """
-        leap = float((np.abs(q - before) - seconds * self._model.dq_max).max())
-        if leap <= self._allowed:
+        excess = leap(q, before, self._model.dq_max, seconds)
+        if excess <= self._allowed:
             self._leaps = max(self._leaps - _LEAP_DECAY, 0.0)
             return
         self._leaps += 1.0
-        what = f'a joint has moved {leap:.3g} rad further than it can; allowed: {self._allowed:g}'
+        what = f'a joint has moved {excess:.3g} rad further than it can; allowed: {self._allowed:g}'
         if self._leaps < _LEAPS:
             raise LeapError(f'{what} (parameter following_tolerance)')
         self.set(f'{what}; does another robot publish joint_states, too?')
@@ -136,9 +138,7 @@ class FaultMonitor:
         Args:
             q: Measured, (n,) [rad].
         """
-        behind = np.abs(self._controller.reference - q) - _LAG_TIME * self._fast
-        joint = int(behind.argmax())
-        return float(behind[joint]), joint
+        return furthest_behind(self._controller.reference, q, self._fast, _LAG_TIME)
 
     def is_away(self, q: np.ndarray) -> bool:
         """Whether an arm measured at q (n,) [rad] is not where its reference is."""
@@ -151,8 +151,7 @@ class FaultMonitor:
             q: Measured, (n,) [rad].
             cycles: Since the state before.
         """
-        speed = np.abs(self._controller.dq)
-        moves = self._moves(q, speed, cycles * self._controller.T)
+        moves = self._moves(q, cycles * self._controller.T)
         lag, joint = self.lag(q)
         if lag > self._allowed:
             self.set(
@@ -161,25 +160,26 @@ class FaultMonitor:
             )
         if not moves:
             self.set_not_executing()
-        if self._settling > _SETTLING_TIME and float(speed.max()) > _SETTLED:
+        if self._settling > _SETTLING_TIME and largest(self._controller.dq) > _SETTLED:
             self.set(f'the null-space motion has not come to rest within {_SETTLING_TIME:g} s')
 
-    def _moves(self, q: np.ndarray, speed: np.ndarray, seconds: float) -> bool:
+    def _moves(self, q: np.ndarray, seconds: float) -> bool:
         """Whether any joint moves, if any is or was shortly before commanded to."""
         q_ref = self._controller.reference
-        self._fast = np.maximum(speed, self._fast * max(1.0 - seconds / _DECAY_TIME, 0.0))
+        left = max(1.0 - seconds / _DECAY_TIME, 0.0)
+        update_peak(self._controller.dq, left, self._fast)
         delayed = self._references[0] if self._references else q_ref
         self._references.append(q_ref)
         self._elapsed += seconds
-        now = np.array((q_ref, delayed, q))
-        self._lower = np.minimum(self._lower, now)
-        self._upper = np.maximum(self._upper, now)
+        widen(q_ref, delayed, q, self._lower, self._upper)
+        if self._elapsed < _SHORTEST:
+            return True
         in_time, later, moved = self._upper - self._lower
         commanded = np.minimum(in_time, later)
-        is_little = float(commanded.max()) < _COMMANDED
-        if self._elapsed < _SHORTEST or (is_little and self._elapsed < _LONGEST):
+        is_little = largest(commanded) < _COMMANDED
+        if is_little and self._elapsed < _LONGEST:
             return True
-        self._lower = now
-        self._upper = now
+        self._lower = np.array((q_ref, delayed, q))
+        self._upper = self._lower.copy()
         self._elapsed = 0.0
         return is_little or bool((moved > _MOVED * commanded + _NOISE).any())

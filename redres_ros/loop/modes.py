@@ -81,7 +81,7 @@ def next_mode(mode: Mode, conditions: Conditions) -> Mode:
         mode: The one before.
         conditions: As they are at this state.
     """
-    for _ in Mode:  # a mode that is entered may be left at once, as holding is by an inactive node
+    for _ in TRANSITIONS:  # a mode may be left as it is entered: holding, by an inactive node
         for condition, value, following in TRANSITIONS[mode]:
             if getattr(conditions, condition) is value:
                 mode = following

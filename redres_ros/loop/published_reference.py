@@ -202,10 +202,10 @@ class MissedCycles:
         """Take back the last response if the next one will reach the robot in the same cycle.
 
         A robot that holds executes only the second of them, which would be a step of two cycles.
+        Others must not be asked for this.
 
         Args:
             published: When the robot published the next state [s].
         """
-        holds = self._controller.bridging == 'hold'
-        if holds and published - self.sent < self._together:
+        if published - self.sent < self._together:
             self._controller.correct(*self._controller.before)

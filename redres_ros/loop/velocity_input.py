@@ -7,6 +7,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
+from redres_ros.kernels.tick import largest
 from redres_ros.loop.cycle_counter import CycleCounter
 from redres_ros.loop.settings import LoopSettings
 from redres_ros.loop.twist_buffer import TwistBuffer, TwistBufferSettings
@@ -213,7 +214,8 @@ class PoseHold:
             is_open_loop: Whether dx is an operator's.
         """
         task = self._controller.policy.task
-        if not isinstance(task, Pose) or not (is_open_loop or self._added.any()):
+        may_hold = is_open_loop or largest(self._added) > 0.0
+        if not may_hold or not isinstance(task, Pose):
             self.clear()
             return dx, None
         q_ref = self._controller.reference

@@ -129,6 +129,7 @@ class ControllerNode(ManagedNode):
             self._forwarding = Forwarding(self, model.joint_names)
         self._words = LatchedWords(self, MODE)
         self._reported_error = ''
+        self._reported_mode: Mode | None = None
         self._telemetry = MotionTelemetry(self, frame, T)
         self._inputs = InputMonitor(self)
         self._watchdog = Watchdog(self, 'joint_states', settings.state_timeout)
@@ -160,9 +161,9 @@ class ControllerNode(ManagedNode):
             self._inputs.refuse('joint_states', error)
             return
         if self._joints.concerns(sample):
-            self._watchdog.feed()
             self._sensors.enter_effort(message)
             self._respond('joint_states', self._enter_state, sample)
+            self._watchdog.feed()
 
     def _enter_state(self, sample: JointSample) -> Response | None:
         q = self._joints.positions(sample)
@@ -200,11 +201,13 @@ class ControllerNode(ManagedNode):
         except RedresError as error:
             self._inputs.refuse(source, error)
             return
-        self._inputs.accept(source)
-        if self._loop.mode.value != self._words.get(MODE) or self._loop.warning:
+        if self._loop.mode is not self._reported_mode:  # it goes out before its first command
             self._report()
         if response is not None:
             self._publish(response)
+        self._inputs.accept(source)
+        if self._loop.warning:
+            self._report()
 
     def _publish(self, response: Response) -> None:
         # The planner is to know of another scaling before the state after this one.
@@ -226,6 +229,7 @@ class ControllerNode(ManagedNode):
         if error and error != self._reported_error:
             self.get_logger().error(error)
         self._reported_error = error
+        self._reported_mode = loop.mode
         self._words.publish({MODE: loop.mode.value})
 
     @property

@@ -53,7 +53,7 @@ class _Layout(NamedTuple):
     """All between the stamp and the positions; it is the same in every message of one device."""
 
     said: bytes
-    name: list[str]
+    name: tuple[str, ...]
     place: int  # of the positions
 
 
@@ -108,7 +108,7 @@ def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
     end = _STAMP_END
     for size in sizes:
         end += _gap(end, _LENGTH.size) + _LENGTH.size + size
-    return _Layout(bytes(data[_STAMP_END:end]), list(message.name), end + _gap(end, _NUMBER))
+    return _Layout(bytes(data[_STAMP_END:end]), tuple(message.name), end + _gap(end, _NUMBER))
 
 
 def stamp_of(data: bytes) -> int:
