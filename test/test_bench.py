@@ -37,7 +37,7 @@ from redres_ros.bench.tick import (
 from redres_ros.bench.tick import T as TICK
 from redres_ros.bench.timing import BLOCK, COLD, RoundTrips, Times, measure
 from redres_ros.cli import main
-from redres_ros.cli.bench import write_json
+from redres_ros.cli.bench import write_results
 from redres_ros.graph.mcap_file import RecordedMessage
 from redres_ros.nodes.wire import to_time
 
@@ -174,7 +174,7 @@ def test_without_peers_there_is_still_the_floor(capsys: pytest.CaptureFixture[st
 
 def test_the_file_of_results_is_json_where_numbers_are_missing_too(tmp_path: Path) -> None:
     result = LoopResult({500.0: {'echo': trips([np.inf])}})
-    write_json({'loop': result.figures()}, tmp_path / 'bench.json')
+    write_results({'loop': result}, tmp_path / 'bench.json')
     content = json.loads((tmp_path / 'bench.json').read_text(), parse_constant=pytest.fail)
     assert content['loop']['500_Hz']['echo']['median_us'] is None
     assert content['machine']['versions']['numpy'] == np.__version__

@@ -1,7 +1,6 @@
 """`redres bench`: how fast it is on this machine, beside other libraries."""
 
 import argparse
-import json
 import math
 import os
 import platform
@@ -70,9 +69,7 @@ def _bench(options: argparse.Namespace) -> int:
     for name in parts:
         with progress_bar(name) as progress:
             results[name] = _PARTS[name](options, progress)
-    write_json(
-        {name: result.figures() for name, result in results.items()}, options.out / 'bench.json'
-    )
+    write_results(results, options.out / 'bench.json')
     print_tables(*(result.table() for result in results.values()))
     print(f'all figures {options.out}/bench.json')
     return 0
@@ -132,21 +129,20 @@ def _numbers(text: str) -> list[float]:
     return rates
 
 
-def write_json(results: Mapping[str, Mapping[str, object]], path: Path) -> None:
-    """Write figures with units in their names, and the machine; null for what is no number.
+def write_results(results: Mapping[str, Any], path: Path) -> None:
+    """Write figures with units in their names, and the machine.
 
     Args:
-        results: Figures by the part of the bench that measured them.
+        results: By the part of the bench that measured them.
         path: Of the file.
 
     Raises:
         FileError: It cannot be written.
     """
-    from redres_ros.files.text import writing
+    from redres_ros.files.text import write_json
 
-    content = _finite({'machine': _machine(), **results})
-    with writing(path):
-        path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
+    figures = {name: result.figures() for name, result in results.items()}
+    write_json({'machine': _machine(), **figures}, path)
 
 
 def _machine() -> dict[str, object]:
@@ -170,12 +166,3 @@ def _processor() -> str:
         lines = []
     models = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
     return models[0] if models else platform.processor() or 'unknown'
-
-
-def _finite(value: Any) -> Any:
-    """The same with None for NaN and infinity, which JSON does not know."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

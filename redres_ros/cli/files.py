@@ -55,9 +55,9 @@ def prepare(path: Path) -> None:
 
 def check_writable(path: Path) -> None:
     """Raise FileError where a file cannot be written; does not write it."""
-    from redres_ros.files.text import writing
+    from redres_ros.files.text import attempting
 
-    with writing(path):
+    with attempting(f'write {path}'):
         if path.is_dir():
             raise FileError(f'cannot write {path}: Is a directory')
         existing = next(place for place in (path, *path.parents) if place.exists())

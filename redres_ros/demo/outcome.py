@@ -1,6 +1,5 @@
 """The outcome of a demo, from its recordings: the motion as a table, and a summary."""
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -14,7 +13,7 @@ from redres_ros.command import Command
 from redres_ros.demo.cycles import CycleCounts
 from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures, PressingFigures, Rows
 from redres_ros.demo.log import Log
-from redres_ros.files.text import writing
+from redres_ros.files.text import write_json
 from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.laws import Law
 from redres_ros.planning.planner import Reference
@@ -128,8 +127,7 @@ class Outcome:
         for name in ('motion', 'pressing', 'goals', 'cycles', 'endurance'):
             figures = getattr(self, name)
             content[name] = asdict(figures) if figures else None
-        with writing(path):
-            path.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
+        write_json(content, path)
 
 
 def replay(

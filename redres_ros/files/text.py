@@ -1,10 +1,13 @@
 """Reads and writes files that users name: within limits of size, and with errors in one line."""
 
+import json
+import math
 import os
 import stat
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from redres_ros.errors import FileError, reason_of
 
@@ -39,6 +42,34 @@ def attempting(what: str) -> Iterator[None]:
         raise FileError(f'cannot {what}: {reason_of(error)}') from None
 
 
-def writing(path: Path) -> AbstractContextManager[None]:
-    """For a block that writes a file. Raises FileError, which names it, where that fails."""
-    return attempting(f'write {path}')
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """For a block that writes a file, in a folder that is made if need be. Raises FileError."""
+    with attempting(f'write {path}'):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+
+
+def write_json(content: Mapping[str, object], path: Path) -> None:
+    """Write figures by name; null for NaN and infinity, which JSON does not know.
+
+    Args:
+        content: What JSON can hold.
+        path: Of the file.
+
+    Raises:
+        FileError: It cannot be written.
+    """
+    with writing(path):
+        path.write_text(json.dumps(_finite(content), indent=2) + '\n', encoding='utf-8')
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for NaN and infinity."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -42,10 +42,9 @@ def save(figure: Figure, path: Path) -> None:
     """
     if path.suffix in DRAWINGS:
         _fit_column(figure)
-    with writing(path):  # a ValueError says that no picture ends like that
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with rc_context({'pdf.fonttype': 42}):  # TrueType, as publishers ask for
-            figure.savefig(path, dpi=130)
+    # 42: TrueType, as publishers ask for. A ValueError says that no picture ends like that.
+    with writing(path), rc_context({'pdf.fonttype': 42}):
+        figure.savefig(path, dpi=130)
 
 
 def time_panels(

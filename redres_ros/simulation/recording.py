@@ -208,7 +208,6 @@ class Recording:
         FileError.
         """
         with writing(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
             np.savetxt(
                 path,
                 self.data,

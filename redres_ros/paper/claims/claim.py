@@ -120,11 +120,9 @@ def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
     Raises:
         FileError: It cannot be written.
     """
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.writer(file)
-            writer.writerow(('section', 'claim', 'held', 'measured', 'remark'))
-            for claim, finding in findings.items():
-                held = 'yes' if finding.held else 'no'
-                writer.writerow((claim.section, claim.says, held, finding.measured, finding.remark))
+    with writing(path), path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow(('section', 'claim', 'held', 'measured', 'remark'))
+        for claim, finding in findings.items():
+            held = 'yes' if finding.held else 'no'
+            writer.writerow((claim.section, claim.says, held, finding.measured, finding.remark))
