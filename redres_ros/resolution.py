@@ -35,7 +35,8 @@ _DEPENDENT_RATIO = 1e-9
 # |c_i|^2 of a direction in which nothing is free to move; only keeps a division finite
 _NO_FREEDOM = 1e-30
 _NO_WEIGHT = np.zeros((0, 0))
-_NO_TASK = (np.zeros((0, 0)), np.zeros(0))
+_NO_ROWS = np.zeros((0, 0))  # of a lower task
+_NO_RATES = np.zeros(0)
 
 
 class Factor:
@@ -187,7 +188,7 @@ def resolve_in_order(
     """
     J, dx = levels[0]
     dq = np.empty(len(b))
-    outcome = _solve(levels[0], stacked(levels[1:], len(b)), b, W, 0.0, _FASTEST, dq)
+    outcome = _solve(J, dx, *stacked(levels[1:], len(b)), b, W, 0.0, _FASTEST, dq)
     if outcome in (SOLVED, INCOMPLETE):
         return dq, outcome == INCOMPLETE
     _check_outcome(outcome, dq, J, dx, b, W)
@@ -217,7 +218,7 @@ def resolve_one(
         ArrayError: as for `resolve`.
     """
     dq = np.empty(len(b))
-    outcome = _solve((J, dx), _NO_TASK, b, W, size, fastest, dq)
+    outcome = _solve(J, dx, _NO_ROWS, _NO_RATES, b, W, size, fastest, dq)
     if outcome in (SOLVED, INCOMPLETE):
         return dq, outcome == INCOMPLETE
     _check_outcome(outcome, dq, J, dx, b, W)
@@ -228,8 +229,10 @@ def resolve_one(
 
 
 def _solve(
-    first: Level,
-    lower: Level,
+    J: np.ndarray,
+    dx: np.ndarray,
+    J_lower: np.ndarray,
+    dx_lower: np.ndarray,
     b: np.ndarray,
     W: Weight,
     size: float,
@@ -242,9 +245,10 @@ def _solve(
     if W is not None:
         array, form = as_array(W)
     try:
-        outcome: int = closed_form(*first, *lower, b, array, form, size, fastest, dq)
+        outcome: int = closed_form(J, dx, J_lower, dx_lower, b, array, form, size, fastest, dq)
     except TypeError:  # not of float64
-        arrays = [np.asarray(given, np.float64) for given in (*first, *lower, b, array)]
+        given = (J, dx, J_lower, dx_lower, b, array)
+        arrays = [np.asarray(each, np.float64) for each in given]
         outcome = closed_form(*arrays, form, size, fastest, dq)
     return outcome
 

@@ -354,13 +354,15 @@ class RobotModel:
             frame: Name of a link.
         """
         index = self._frame(frame)
+        place = self._data.oMf[index].translation  # in the data: changes with them
         self._placed = b''
-        energies = np.empty(len(q))
+        energies = []
         x = np.empty((len(q), 3))
-        for k, each in enumerate(q):
-            energies[k] = pin.computeKineticEnergy(self._model, self._data, each, dq[k])
-            x[k] = pin.updateFramePlacement(self._model, self._data, index).translation
-        return energies, x
+        for row, q_k, dq_k in zip(x, q, dq, strict=True):
+            energies.append(pin.computeKineticEnergy(self._model, self._data, q_k, dq_k))
+            pin.updateFramePlacement(self._model, self._data, index)
+            row[:] = place
+        return np.array(energies), x
 
     def jacobian(self, q: np.ndarray, frame: str) -> np.ndarray:
         """Jacobian of a frame in the base frame, (6, n): the linear rows, then the angular ones.

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from redres_ros.command import Command
-from redres_ros.errors import ArrayError, RangeError, UnknownNameError
+from redres_ros.command import Command, norm
+from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownNameError
 from redres_ros.parameter import check_parameters, param
+from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
 from redres_ros.resolution import Square, Weight
 from redres_ros.robot_model import RobotModel, RobotState
@@ -229,11 +230,14 @@ class SecondOrderController:
 
         Raises:
             ArrayError: One of them has another shape, or is not finite.
+            DivergedError: The joints would exceed SPEED_LIMIT.
         """
         dx = finite_vector(dx, 3, 'dx')
         state = self.model.state(q, np.zeros(self.model.n) if self._last is None else self._last.dq)
         J_prev = state.J[:3] if self._last is None else self._last.state.J[:3]
         dq = step(self.model, self.scheme, self.T, state, J_prev, dx, self._dx_prev)
+        if norm(dq) > SPEED_LIMIT:
+            raise DivergedError(norm(dq), SPEED_LIMIT, 'the scheme')
         q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
         W = self.scheme.metric(state)
         self._last = Command(

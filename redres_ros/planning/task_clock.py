@@ -38,9 +38,10 @@ class PathSpeed:
             s: Fraction of the task velocity that was executed.
             seconds: [s].
         """
-        if self._greedy:
+        is_limited = s < 1.0 - _ROUNDING
+        if self._greedy or (self.fraction == 1.0 and not is_limited):
             return
-        if s < 1.0 - _ROUNDING:
+        if is_limited:
             self._rate = 0.0
             self.fraction = max(s * self.fraction, self.fraction - FALL * seconds, 0.0)
         else:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from redres_ros.command import Command, norm
+from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.task_clock import PathSpeed
@@ -37,6 +37,9 @@ class Client(Protocol):
         Args:
             q: Joint positions, (n,) [rad].
             dx: Task velocity, (m,).
+
+        Raises:
+            DivergedError: A joint speed above SPEED_LIMIT.
         """
 
 
@@ -125,9 +128,6 @@ class _Loop:
         if reference.finished:
             return True
         command = self._controller.update(self._q, reference.dx)
-        speed = norm(command.dq)
-        if speed > SPEED_LIMIT:
-            raise DivergedError(speed, SPEED_LIMIT, 'the scheme')
         executed = self._speed.fraction * command.s  # of the nominal speed
         recorded = command if executed == command.s else command._replace(s=executed)
         self._recorder.add(t, recorded, reference)

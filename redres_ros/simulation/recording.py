@@ -15,7 +15,7 @@ from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Weight, resolve_one
 from redres_ros.robot_model import RobotModel
 
-_BLOCK = 100  # ticks: so many stay in a processor's cache
+_BLOCK = 400  # ticks: of more, a tick takes no less time
 _NEAR = 1e-2  # ratio of singular values below which their squares have lost too many digits
 
 
