@@ -25,10 +25,7 @@ from redres_ros.simulation.case import grid
 from redres_ros.simulation.random_tasks import (
     RANDOM_TASKS,
     contrasting_task,
-    long_task,
     make_random_task,
-    near_singular_task,
-    random_task,
 )
 from redres_ros.simulation.results_file import COLUMNS, ResultsFile
 from redres_ros.simulation.summary import summaries
@@ -68,7 +65,7 @@ def alone() -> dict[str, Effort]:
     model = RobotModel.named('lwr4_paper')
     efforts = {}
     for case in CASES:
-        task = random_task(model, case.robot, case.seed)
+        task = make_random_task('random', model, case.robot, case.seed)
         efforts[repr(case)] = Effort.of(run(Controller(model, case.law, T), task), model)
     return efforts
 
@@ -206,18 +203,19 @@ def test_on_a_path_searched_for_only_the_pseudoinverse_leaves_the_limits():
 def test_near_singular_tasks_come_nearer_to_singularities_than_others():
     model = RobotModel.named('lwr4')
 
-    def nearest(make: Callable[..., Any]) -> float:
+    def nearest(kind: str) -> float:
         """The median over tasks of the smallest singular value at their starts."""
         states = [
-            model.state(make(model, 'lwr4', seed).start, np.zeros(model.n)) for seed in range(5)
+            model.state(make_random_task(kind, model, 'lwr4', seed).start, np.zeros(model.n))
+            for seed in range(5)
         ]
         return float(np.median([np.linalg.svd(each.J[:3])[1].min() for each in states]))
 
-    assert nearest(near_singular_task) < 0.035 * model.reach < nearest(random_task)
+    assert nearest('near_singular') < 0.035 * model.reach < nearest('random')
 
 
 def test_a_long_task_is_a_minute_there_and_back():
-    task = long_task(RobotModel.named('lwr4'), 'lwr4', 0)
+    task = make_random_task('long', RobotModel.named('lwr4'), 'lwr4', 0)
     assert task.segments * task.segment_time == 60.0
     assert (task.waypoints == task.waypoints[::-1]).all()
 

@@ -7,7 +7,7 @@ from redres_ros import RobotModel
 from redres_ros.cli import main
 from redres_ros.robots.joint_limits import JointLimits
 from redres_ros.simulation.case import Case
-from redres_ros.simulation.random_tasks import random_task
+from redres_ros.simulation.random_tasks import make_random_task
 from redres_ros.simulation.summary import GOOD, Trials, damping_table, sweep
 
 
@@ -16,10 +16,10 @@ def test_random_tasks_begin_within_the_ranges_and_are_the_same_every_time() -> N
     model = RobotModel.named('fr3')
     limits = JointLimits.of(model.arm)
     for seed in range(20):
-        task = random_task(model, 'fr3', seed)
+        task = make_random_task('random', model, 'fr3', seed)
         assert ((task.start > limits.lower) & (task.start < limits.upper)).all()
         assert model.tip(task.start)[0] == pytest.approx(task.waypoints[0])
-        assert (task.waypoints == random_task(model, 'fr3', seed).waypoints).all()
+        assert (task.waypoints == make_random_task('random', model, 'fr3', seed).waypoints).all()
 
 
 def test_a_damping_is_judged_beside_the_best_of_the_same_task() -> None:

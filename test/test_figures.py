@@ -260,7 +260,7 @@ def test_what_is_drawn_as_kept_within_limits_is(runs, name, share, allowed):
 
 def film(runs: Runs) -> Film:
     recording = runs['simulated_23']
-    return motions._film(recording, np.array([0, len(recording.data) - 1]), runs.model, runs.task)
+    return Film.of(recording, runs.model, runs.task, np.array([0, len(recording.data) - 1]))
 
 
 def test_a_film_begins_without_paths_and_ends_with_all_of_them(runs):

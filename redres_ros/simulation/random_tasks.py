@@ -42,42 +42,25 @@ _COARSE = 0.03  # [s] sampling time of the search
 _DIFFERENT = 3.0  # ratio of the peaks of acceleration at which it ends
 
 
-def random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A start within the joints' ranges, and points that the arm reaches from there.
-
-    Args:
-        model: The arm.
-        robot: Its name, for the task.
-        seed: The same one gives the same task.
-    """
+def _random_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
+    """A start within the joints' ranges, and points that the arm reaches from there."""
     start, points = _random_walk(model, _POINTS, seed)
     return WaypointTask(robot, start, points, segment_time=_SEGMENT)
 
 
-def long_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
-    """A minute of motion: many points, and back through all of them to the first.
-
-    Args:
-        model: The arm.
-        robot: Its name, for the task.
-        seed: The same one gives the same task.
-    """
+def _long_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
+    """A minute of motion: many points, and back through all of them to the first."""
     start, points = _random_walk(model, _LONG_POINTS, seed)
     there_and_back = np.concatenate((points, points[-2::-1]))
     return WaypointTask(robot, start, there_and_back, segment_time=_LONG_SEGMENT)
 
 
-def near_singular_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
+def _near_singular_task(model: RobotModel, robot: str, seed: int) -> WaypointTask:
     """Points that the arm reaches in nearly singular postures, and back to the first.
 
     At rest an arm passes any singularity: it is between such points that it moves fast near one.
     The postures are found by descending along the gradient of the Jacobian's smallest singular
     value, from random ones within the joints' ranges.
-
-    Args:
-        model: The arm.
-        robot: Its name, for the task.
-        seed: The same one gives the same task.
     """
     random = np.random.default_rng(seed)
     start = min(
@@ -145,9 +128,9 @@ def _contrast(model: RobotModel, task: WaypointTask) -> float:
 
 
 RANDOM_TASKS: dict[str, Callable[[RobotModel, str, int], WaypointTask]] = {
-    'random': random_task,
-    'near_singular': near_singular_task,
-    'long': long_task,
+    'random': _random_task,
+    'near_singular': _near_singular_task,
+    'long': _long_task,
 }
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -19,6 +20,11 @@ import numpy as np
 from redres_ros.errors import RedresError
 from redres_ros.files.processes import module_command, module_environment
 from redres_ros.robots import Arm
+
+if TYPE_CHECKING:  # the process that draws needs none of them
+    from redres_ros.planning.waypoints import WaypointTask
+    from redres_ros.robot_model import RobotModel
+    from redres_ros.simulation.recording import Recording
 
 # GL libraries that need no display, tried in this order unless MUJOCO_GL names one
 BACKENDS = ('egl', 'osmesa')
@@ -38,6 +44,7 @@ _BLUE = (0.12, 0.47, 0.71, 1.0)
 _RED = (0.84, 0.15, 0.16, 1.0)
 _VIOLET = (0.56, 0.40, 0.72, 1.0)  # of the tool, which no path has
 _LINE = 0.007  # radius [m]
+_PATH = 200  # points of a path at most
 _POINT = 0.022  # radius [m]
 
 
@@ -62,6 +69,26 @@ class Film:
     tip: np.ndarray
     elbow: np.ndarray
     points: np.ndarray
+
+    @classmethod
+    def of(
+        cls, recording: 'Recording', model: 'RobotModel', task: 'WaypointTask', ticks: np.ndarray
+    ) -> 'Film':
+        """Pictures of a motion.
+
+        Args:
+            recording: The motion.
+            model: Of the arm.
+            task: What it was to do.
+            ticks: At which the arm is drawn, (N,).
+        """
+        q = recording.vectors('q1')
+        rows = np.linspace(0, len(q) - 1, min(_PATH, len(q))).astype(int)
+        elbow = np.zeros((0, 3))
+        if model.arm.elbow_frame:
+            elbow = np.array([model.position(q[row], model.arm.elbow_frame) for row in rows])
+        tip = recording.vectors('x')[rows]
+        return cls(q[ticks], ticks / max(len(q) - 1, 1), tip, elbow, task.waypoints)
 
 
 def render(arm: Arm, film: Film) -> np.ndarray:

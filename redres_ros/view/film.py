@@ -23,7 +23,6 @@ _LAST = 1.5  # [s] for which the last picture stays
 _DOTS = 100.0  # a matplotlib inch
 _COMING = '#d9dde3'
 _CURSOR = np.array((214, 39, 40), dtype=np.uint8)
-_PATH = 100  # points of a path at most
 _NORMS = ('joint_velocity_norm', 'joint_acceleration_norm', 'task_scaling')  # of one motion
 _COMPARED_HEIGHT = 0.4  # of the plot of several motions, for that of the arm
 _BANNER = 44  # height [pixels]
@@ -68,8 +67,10 @@ def write_film(
     end = max(motion.recording['t'][-1] for motion in motions)
     start = min(motion.recording['t'][0] for motion in motions)
     times = np.arange(start, end + _LAST, 1.0 / _RATE[path.suffix])
-    scenes = [_scene(motion.recording, model, task, times) for motion in motions]
-    arms = [render(model.arm, scene) for scene in scenes]
+    films = [
+        Film.of(motion.recording, model, task, _rows(motion.recording, times)) for motion in motions
+    ]
+    arms = [render(model.arm, film) for film in films]
     if len(motions) == 1:
         frames = _one(motions[0], arms[0], times)
     else:
@@ -110,22 +111,6 @@ def _rows(recording: Recording, times: np.ndarray) -> np.ndarray:
     t = recording['t']
     rows: np.ndarray = np.minimum(np.searchsorted(t, times), len(t) - 1)
     return rows
-
-
-def _scene(recording: Recording, model: RobotModel, task: WaypointTask, times: np.ndarray) -> Film:
-    ticks = _rows(recording, times)
-    q = recording.vectors('q1')
-    rows = np.linspace(0, len(q) - 1, min(_PATH, len(q))).astype(int)
-    elbow = np.zeros((0, 3))
-    if model.arm.elbow_frame:
-        elbow = np.array([model.position(q[row], model.arm.elbow_frame) for row in rows])
-    return Film(
-        q=q[ticks],
-        traced=ticks / max(len(q) - 1, 1),
-        tip=recording.vectors('x')[rows],
-        elbow=elbow,
-        points=task.waypoints,
-    )
 
 
 class _Banner:

@@ -18,8 +18,6 @@ from redres_ros.simulation.render import AZIMUTH, ELEVATION, Film, RenderError, 
 
 PICTURES = (2, 3)  # rows and columns of pictures, evenly spaced in time
 
-_EVERY = 10  # ticks between the points of a path
-
 
 def draw(number: int, name: str, runs: Runs) -> Figure:
     """The motion of one run.
@@ -58,7 +56,7 @@ def _draw_pictures(
     ticks = np.linspace(0, len(recording.data) - 1, PICTURES[0] * PICTURES[1]).round().astype(int)
     place.suptitle('(b) the arm on its path', fontsize='large')
     try:
-        pictures = render(model.arm, _film(recording, ticks, model, task))
+        pictures = render(model.arm, Film.of(recording, model, task, ticks))
     except RenderError as error:
         _note(place.add_subplot(), f'No pictures: {error}')
         return
@@ -68,14 +66,6 @@ def _draw_pictures(
         ax.imshow(picture)
         ax.set_title(f't = {t:.2f} s', fontsize='medium')
         ax.set_axis_off()
-
-
-def _film(recording: Recording, ticks: np.ndarray, model: RobotModel, task: WaypointTask) -> Film:
-    q = recording.vectors('q1')
-    elbow = np.array([model.position(at, model.arm.elbow_frame) for at in q[::_EVERY]])
-    return Film(
-        q[ticks], ticks / max(ticks[-1], 1), recording.vectors('x')[::_EVERY], elbow, task.waypoints
-    )
 
 
 def _note(ax: Axes, text: str) -> None:
