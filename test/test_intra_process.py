@@ -20,7 +20,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from redres_ros.nodes.composed import IntraProcess
-from redres_ros.nodes.runtime import Arrival, Spinner
+from redres_ros.nodes.runtime import Spinner
 from redres_ros.nodes.topics import NEWEST, PUBLISH
 
 pytestmark = pytest.mark.slow
@@ -151,7 +151,7 @@ def test_a_wait_in_the_thread_of_the_executor_ends_when_a_callback_sets_the_even
 ) -> None:
     node = rclpy.create_node('node')
     stopped = threading.Event()
-    event = Arrival()
+    event = threading.Event()
     spinner = Spinner([node], stopped)
     assert not spinner.wait(event, 0.05)
     node.create_timer(0.05, event.set)

@@ -70,8 +70,7 @@ class CycleCounter:
         self._in_time = 0  # stamp of the newest state with about that delay [ns]
         self._numbers: dict[int, int] = {}
         self._stamps: deque[int] = deque()
-        self._recent: deque[int] = deque(maxlen=_INTERVALS + 1)  # stamps, believed or not [ns]
-        self._unjudged = 0  # states since the rate was judged
+        self._unjudged: list[int] = []  # stamps since the rate was judged, believed or not [ns]
         self._fast_since = 0  # stamp from which on states come too fast [ns]; 0: they do not
         self.rate_error = ''  # that the robot has another rate than expected, and which
 
@@ -87,7 +86,9 @@ class CycleCounter:
         """
         if stamp <= 0:
             raise ClockError('the state has no stamp; expected the time of its measurement')
-        self._judge_rate(stamp)
+        self._unjudged.append(stamp)
+        if len(self._unjudged) > _INTERVALS:
+            self._judge_rate(stamp)
         elapsed = stamp - self.newest
         delay = arrived - stamp / NANOSECONDS
         if self.newest == 0:
@@ -109,12 +110,8 @@ class CycleCounter:
 
         Lost states make some of them longer, and after an overrun some states come at once.
         """
-        self._recent.append(stamp)
-        self._unjudged += 1
-        if self._unjudged <= _INTERVALS:
-            return
-        self._unjudged = 0
-        in_order = sorted(self._recent)
+        in_order = sorted(self._unjudged)
+        self._unjudged.clear()
         intervals = sorted(after - before for before, after in pairwise(in_order))
         short = intervals[_SHORT - 1]
         usual = intervals[_INTERVALS // 2]

@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.kernels.following import furthest_behind, leap, update_peak, widen
+from redres_ros.kernels.following import largest_excess, update_peak, widen
 from redres_ros.kernels.tick import largest
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
@@ -120,12 +120,12 @@ class FaultMonitor:
         Raises:
             LeapError: It is refused.
         """
-        excess = leap(q, before, self._model.dq_max, seconds)
-        if excess <= self._allowed:
+        leap, _ = largest_excess(q, before, self._model.dq_max, seconds)
+        if leap <= self._allowed:
             self._leaps = max(self._leaps - _LEAP_DECAY, 0.0)
             return
         self._leaps += 1.0
-        what = f'a joint has moved {excess:.3g} rad further than it can; allowed: {self._allowed:g}'
+        what = f'a joint has moved {leap:.3g} rad further than it can; allowed: {self._allowed:g}'
         if self._leaps < _LEAPS:
             raise LeapError(f'{what} (parameter following_tolerance)')
         self.set(f'{what}; does another robot publish joint_states, too?')
@@ -138,7 +138,7 @@ class FaultMonitor:
         Args:
             q: Measured, (n,) [rad].
         """
-        return furthest_behind(self._controller.reference, q, self._fast, _LAG_TIME)
+        return largest_excess(self._controller.reference, q, self._fast, _LAG_TIME)
 
     def is_away(self, q: np.ndarray) -> bool:
         """Whether an arm measured at q (n,) [rad] is not where its reference is."""
@@ -166,12 +166,11 @@ class FaultMonitor:
     def _moves(self, q: np.ndarray, seconds: float) -> bool:
         """Whether any joint moves, if any is or was shortly before commanded to."""
         q_ref = self._controller.reference
-        left = max(1.0 - seconds / _DECAY_TIME, 0.0)
-        update_peak(self._controller.dq, left, self._fast)
+        update_peak(self._fast, self._controller.dq, max(1.0 - seconds / _DECAY_TIME, 0.0))
         delayed = self._references[0] if self._references else q_ref
         self._references.append(q_ref)
         self._elapsed += seconds
-        widen(q_ref, delayed, q, self._lower, self._upper)
+        widen(self._lower, self._upper, q_ref, delayed, q)
         if self._elapsed < _SHORTEST:
             return True
         in_time, later, moved = self._upper - self._lower

@@ -125,6 +125,8 @@ class Measurements:
         """
         self._time += (missed + 1) * self._controller.T
         self.yields = self.contact.is_on
+        if not self.yields:
+            self.contact.sensor.advance(missed + 1)
         if not (self.yields and self.contact.sensor.problem):
             self._usable = self._time
         if not self._values and not self.yields:
@@ -137,14 +139,16 @@ class Measurements:
             if self._time - measurement.time <= timeout
         }
         state = self._state(q)
-        asks = self.contact.asks(state, missed) if at_rest else self.contact.moves
+        asks = False
+        if self.yields:
+            asks = self.contact.asks(state, missed) if at_rest else self.contact.moves
         asks = asks or any(p.asks(state) for p in self._controller.policy.preferences)
         if asks:
             self._asked = self._time
         self.asks = self._time - self._asked <= _PAUSE
 
     def velocity(self, dx: np.ndarray, q: np.ndarray, missed: int) -> np.ndarray:
-        """The task velocity with the part of contact, (m,).
+        """The task velocity with the part of contact, (m,), while that yields.
 
         Args:
             dx: Without, (m,).
@@ -155,15 +159,11 @@ class Measurements:
             ContactError: The arm is to hold.
         """
         self._dx = dx
-        if not self.yields:
-            self.contact.sensor.advance(missed + 1)
-            return dx
         return self.contact.velocity(dx, self._state(q), missed)
 
     def record(self, command: Command) -> None:
         """Record what was executed of the last velocity()."""
-        if self.yields:
-            self.contact.record(command, self._dx)
+        self.contact.record(command, self._dx)
 
     def restart(self) -> None:
         """From rest: nothing asks for motion."""

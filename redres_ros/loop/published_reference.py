@@ -103,6 +103,7 @@ class PublishedReference:
             scaling = 'components' if velocities.is_open_loop else 'task'
         controller.set_scaling(scaling)
         is_of_task = self.approach is None and not velocities.is_of_joints
+        yields = yields and is_of_task and self._measurements.yields
         try:
             if self.approach is not None:
                 dx = self.approach.velocity()
@@ -110,13 +111,13 @@ class PublishedReference:
                 # what yields is not held
                 is_open_loop = velocities.is_open_loop and not self._measurements.yields
                 dx, correction = self._pose_hold.hold(dx, is_open_loop)
-            if is_of_task and yields:
+            if yields:
                 dx = self._measurements.velocity(dx, q, missed)
             command = self.gate.admit(controller.update(q, dx, missed, correction))
         except RedresError:
             controller.correct(*before)
             raise
-        if is_of_task and yields:
+        if yields:
             self._measurements.record(command)
         if self.approach is not None and self.approach.is_over(q):
             self.end_approach()

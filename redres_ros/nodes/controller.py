@@ -161,7 +161,8 @@ class ControllerNode(ManagedNode):
             self._inputs.refuse('joint_states', error)
             return
         if self._joints.concerns(sample):
-            self._sensors.enter_effort(message)
+            if self._sensors.from_effort:
+                self._sensors.enter_effort(message)
             self._respond('joint_states', self._enter_state, sample)
             self._watchdog.feed()
 

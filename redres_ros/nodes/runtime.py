@@ -42,25 +42,6 @@ class _StartError(RedresError):
     """ROS cannot be started with this environment."""
 
 
-class Arrival(threading.Event):
-    """An event that ends a wait in the thread of the executor as soon as it is set."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._future = Future()
-
-    def future(self) -> Future:
-        """Is done when the event is set next."""
-        self._future = Future()
-        return self._future
-
-    def set(self) -> None:
-        """Note that it has come."""
-        super().set()
-        if not self._future.done():
-            self._future.set_result(None)
-
-
 class Spinner:
     """An EventsExecutor for some nodes, spun until an event is set.
 
@@ -107,7 +88,7 @@ class Spinner:
         while (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
-    def wait(self, event: Arrival, seconds: float) -> bool:
+    def wait(self, event: threading.Event, seconds: float) -> bool:
         """Run callbacks until the event is set.
 
         Args:

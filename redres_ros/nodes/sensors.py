@@ -59,7 +59,7 @@ class Sensors:
         self, node: Node, model: RobotModel, rows: int, T: float, switch_time: float
     ) -> None:
         settings = declare(node, AdmittanceSettings.of_rows(rows), _PREFIX)
-        self._from_effort = declare(node, _SensorParameters()).external_torques_from == 'effort'
+        self.from_effort = declare(node, _SensorParameters()).external_torques_from == 'effort'
         self._node = node
         self._model = model
         settings.check(rows, T)
@@ -116,13 +116,13 @@ class Sensors:
         for name in measurements:
             if name != _TORQUES:
                 self._subscribe(name, Float64MultiArray, partial(self._on_values, name))
-            elif not self._from_effort:
+            elif not self.from_effort:
                 self._subscribe(name, JointState, self._on_torques)
 
     def enter_effort(self, message: Any) -> None:
-        """Take a JointState's efforts, serialised or not, if asked for and after a response."""
+        """Take a JointState's efforts, serialised or not, after a response."""
         response = self._loop.newest_response
-        if not self._from_effort or response is None:
+        if response is None:
             return
         with self._judged(_TORQUES):
             if isinstance(message, bytes):

@@ -39,7 +39,7 @@ from redres_ros.nodes.parameters import (
     with_changes,
 )
 from redres_ros.nodes.robot_parameters import declare_robot
-from redres_ros.nodes.runtime import Arrival, Spinner, run_nodes
+from redres_ros.nodes.runtime import Spinner, run_nodes
 from redres_ros.nodes.telemetry import LatchedWords, Telemetry
 from redres_ros.nodes.topics import LATCHED, NEWEST, PUBLISH, QUALITY, REASON, SESSION
 from redres_ros.nodes.wire import (
@@ -135,7 +135,7 @@ class SimNode(ManagedNode):
             names, self._robot_clock, self._session, link=faults.commands, seed=seed, timed=timed
         )
         self._commands = JointStateReader()
-        self._arrival = Arrival()  # of a command
+        self._arrival = threading.Event()  # of a command
         self._client_lives = False
         self._cycles_waited = 0
         self._reset_wanted = False

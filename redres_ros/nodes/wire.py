@@ -55,6 +55,7 @@ class _Layout(NamedTuple):
     said: bytes
     name: tuple[str, ...]
     place: int  # of the positions
+    end: int  # behind them
 
 
 class JointStateReader:
@@ -73,18 +74,11 @@ class JointStateReader:
             return JointSample(to_nanoseconds(message.header.stamp), message.name, message.position)
         for layout in self._layouts:
             if message.startswith(layout.said, _STAMP_END):
-                return self._read_known(message, layout)
+                own = message[layout.place : layout.end]  # in the message they are not aligned
+                if layout.end > len(message):
+                    raise EncodingError(f'a JointState of {len(message)} bytes; expected more')
+                return JointSample(stamp_of(message), layout.name, np.frombuffer(own))
         return self._learn(message)
-
-    def _read_known(self, data: bytes, layout: _Layout) -> JointSample:
-        seconds, nanoseconds = _STAMP.unpack_from(data)
-        n = len(layout.name)
-        own = data[layout.place : layout.place + n * _NUMBER]  # in the message they are not aligned
-        try:
-            position = np.frombuffer(own, np.float64, n)
-        except ValueError:
-            raise EncodingError(f'a JointState of {len(data)} bytes; expected more') from None
-        return JointSample(_joined(seconds, nanoseconds), layout.name, position)
 
     def _learn(self, data: bytes) -> JointSample:
         message = deserialised(data, JointState)
@@ -108,13 +102,14 @@ def _layout(message: JointState, data: bytes | bytearray) -> _Layout:
     end = _STAMP_END
     for size in sizes:
         end += _gap(end, _LENGTH.size) + _LENGTH.size + size
-    return _Layout(bytes(data[_STAMP_END:end]), tuple(message.name), end + _gap(end, _NUMBER))
+    place = end + _gap(end, _NUMBER)
+    names = tuple(message.name)
+    return _Layout(bytes(data[_STAMP_END:end]), names, place, place + len(names) * _NUMBER)
 
 
 def stamp_of(data: bytes) -> int:
-    """Stamp [ns] of a serialised message that has a header."""
-    seconds, nanoseconds = _STAMP.unpack_from(data)
-    return int(seconds) * NANOSECONDS + int(nanoseconds)
+    """Stamp [ns] of a serialised message that has a header. Raises EncodingError."""
+    return _joined(*_STAMP.unpack_from(data))
 
 
 def read_twist(message: Any) -> _TwistSample:
@@ -127,7 +122,7 @@ def read_twist(message: Any) -> _TwistSample:
         dx = np.array((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
         return _TwistSample(to_nanoseconds(message.header.stamp), message.header.frame_id, dx)
     try:
-        seconds, nanoseconds = _STAMP.unpack_from(message)
+        stamp = stamp_of(message)
         (length,) = _LENGTH.unpack_from(message, _STAMP_END)
         begin = _STAMP_END + _LENGTH.size
         end = begin + length
@@ -135,7 +130,7 @@ def read_twist(message: Any) -> _TwistSample:
         dx = np.frombuffer(message, np.float64, 6, end + _gap(end, _NUMBER)).copy()
     except (struct.error, ValueError):
         raise EncodingError(f'a TwistStamped of {len(message)} bytes; expected others') from None
-    return _TwistSample(_joined(seconds, nanoseconds), frame, dx)
+    return _TwistSample(stamp, frame, dx)
 
 
 def _joined(seconds: int, nanoseconds: int) -> int:
