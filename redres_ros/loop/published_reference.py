@@ -202,8 +202,8 @@ class MissedCycles:
     def rollback_if_late(self, published: float) -> None:
         """Take back the last response if the next one will reach the robot in the same cycle.
 
-        A robot that holds executes only the second of them, which would be a step of two cycles.
-        Others must not be asked for this.
+        For a robot that holds: it executes only the second of them, which would be a step of two
+        cycles.
 
         Args:
             published: When the robot published the next state [s].
