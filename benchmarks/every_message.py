@@ -31,7 +31,7 @@ START = 120.0  # [s] for the nodes to appear, which may have to be compiled firs
 
 
 class Span(NamedTuple):
-    """What counts: its begin and end [ns], and the recorder's share of a core meanwhile."""
+    """What counts: its begin and end [ns], and the fraction of a core for the recorder."""
 
     begin: int
     end: int

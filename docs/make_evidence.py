@@ -104,8 +104,10 @@ def words(results: Sequence[Result]) -> str:
         f"reach below {middle:g}) the default's\npeak is 25 % higher in "
         f'{_frequency(beside > MORE)} of the tasks\nand 20 % lower in '
         f'{_frequency(beside < LESS)}; farther away\nin {_frequency(away > MORE)} and '
-        f'{_frequency(away < LESS)}: in brackets,\nwhere the share lies with a confidence of 95 %. '
-        f'With the limits on, they finish {_share(ours)}\nand {_share(firsts)} of the tasks, and '
+        f'{_frequency(away < LESS)}: in brackets,\n'
+        'where the fraction lies with a confidence of 95 %. '
+        f'With the limits on, they finish {_finished(ours)}\nand '
+        f'{_finished(firsts)} of the tasks, and '
         f'lose {_time_lost(ours)} and {_time_lost(firsts)} s '
         f'on average. `{THRIFTY}` takes {energy:.2f} of the '
         f"pseudoinverse's\nenergy in the median, with {acceleration:.1f} times its peak of "
@@ -114,12 +116,12 @@ def words(results: Sequence[Result]) -> str:
 
 
 def _frequency(happened: np.ndarray) -> str:
-    """The share of tasks (k,) bool in which something happened, and where it lies (Wilson 1927)."""
-    share = np.mean(happened)
+    """The fraction of tasks (k,) bool in which something happened, and its range (Wilson 1927)."""
+    fraction = np.mean(happened)
     squared = CONFIDENCE**2 / len(happened)
-    middle = (share + squared / 2.0) / (1.0 + squared)
-    half = np.sqrt(squared * (share * (1.0 - share) + squared / 4.0)) / (1.0 + squared)
-    return f'{share:.1%} ({middle - half:.1%} to {middle + half:.1%})'
+    middle = (fraction + squared / 2.0) / (1.0 + squared)
+    half = np.sqrt(squared * (fraction * (1.0 - fraction) + squared / 4.0)) / (1.0 + squared)
+    return f'{fraction:.1%} ({middle - half:.1%} to {middle + half:.1%})'
 
 
 def _counts(results: Sequence[Result]) -> list[int]:
@@ -170,7 +172,7 @@ def default_table(results: Sequence[Result]) -> str:
                 shown(peaks),
                 f'{np.mean(peaks < LESS):.0%}',
                 f'{np.mean(peaks > MORE):.0%}',
-                f'{_share(ours)}; {_share(firsts)}',
+                f'{_finished(ours)}; {_finished(firsts)}',
                 f'{_time_lost(ours)}; {_time_lost(firsts)}' if limited else '–',
             ]
             rows.append(cells)
@@ -194,7 +196,7 @@ def table(results: Sequence[Result]) -> str:
             cells = [
                 f'{lower:g}–{upper:g}' if law == FIRST else '',
                 f'`{law}`',
-                _share([each for each, _ in inside]),
+                _finished([each for each, _ in inside]),
                 *(shown(ratios(inside, head)) for head in HEADS),
                 shown(ratios(kept, PEAK)),
                 _time_lost([each for each, _ in kept]),
@@ -214,7 +216,7 @@ def long_table(results: Sequence[Result]) -> str:
         closures = [each.closure for each, _ in found if each.finished]
         cells = [
             f'`{law}`',
-            _share([each for each, _ in found]),
+            _finished([each for each, _ in found]),
             *(shown(ratios(found, head)) for head in HEADS),
             f'{np.median(closures):.2f}',
             _time_lost([each for each, _ in found]),
@@ -301,7 +303,7 @@ def _within(
     return [pair for pair in found if lower <= near.get(_task(pair[0]), -1.0) < upper]
 
 
-def _share(results: Sequence[Result]) -> str:
+def _finished(results: Sequence[Result]) -> str:
     """Of those that finish and stay within the limits."""
     kept = [each.finished and each.within_limits for each in results]
     return f'{np.mean(kept):.0%}' if kept else '–'

@@ -97,7 +97,7 @@ def half_limits() -> list[Case]:
     ]
 
 
-def result(case: Case, _: Callable[[float], None] = lambda share: None) -> Result:
+def result(case: Case, _: Callable[[float], None] = lambda done: None) -> Result:
     """Run it."""
     task = load_task(case.task)
     model = RobotModel.named(task.robot)
@@ -151,14 +151,14 @@ def damping_table(results: Results) -> str:
 
 def headline(results: Results) -> str:
     """What README says of the laws on the rectangle."""
-    shares = {}
+    usage = {}
     for law in ('minimum_velocity', 'minimum_acceleration'):
         model = RobotModel.named(load_task('rectangle').robot)
-        share = acceleration_usage(results[Case(law)].recording, model)
-        shares[law] = float(share.max())
+        fractions = acceleration_usage(results[Case(law)].recording, model)
+        usage[law] = float(fractions.max())
     bounded = results[Case('minimum_velocity', limits=LIMITS)].recording
-    velocity = shares['minimum_velocity']
-    acceleration = shares['minimum_acceleration']
+    velocity = usage['minimum_velocity']
+    acceleration = usage['minimum_acceleration']
     return (
         f'Near the stretched arm `minimum_velocity` asks a joint for {velocity:.1f} times the\n'
         f'acceleration that it has, `minimum_acceleration` for {acceleration:.0%} of it. Within\n'
@@ -195,11 +195,11 @@ def sweep_table(results: Sequence[Trials]) -> str:
     heads = 'law | k_d [1/s] | ' + ' | '.join(f'{damping:g}' for damping in results[0].dampings)
     rows = []
     for trials in results:
-        good = [f'{share:.0%}' for share in trials.good]
+        good = [f'{fraction:.0%}' for fraction in trials.good]
         rows.append([f'`{trials.law}`', f'within {GOOD:g} × the best', *good])
-        for share, name in _QUANTILES.items():
-            rows.append(['', name, *(f'{ratio:.3g}' for ratio in trials.quantiles(share))])
-        kept = [f'{share:.0%}' for share in trials.kept.mean(axis=0)]
+        for fraction, name in _QUANTILES.items():
+            rows.append(['', name, *(f'{ratio:.3g}' for ratio in trials.quantiles(fraction))])
+        kept = [f'{fraction:.0%}' for fraction in trials.kept.mean(axis=0)]
         rows.append(['', "within the joints' limits", *kept])
     return markdown(heads, rows)
 

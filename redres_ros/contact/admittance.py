@@ -37,7 +37,7 @@ class Admittance:
         """From rest, at x = x_d; the admittance is faded in again."""
         self._old: AdmittanceSettings | None = None  # that are faded out; None: it was off
         self._new: AdmittanceSettings | None = None
-        self._share = 1.0  # of the fade that is over
+        self._faded = 1.0  # fraction of the fade that is over
         m = len(self.settings.damping)
         self.e = np.zeros(m)  # x - x_d in the base frame, (m,) [m], [rad]
         self._de = np.zeros(m)  # its velocity in the last tick, (m,)
@@ -75,9 +75,9 @@ class Admittance:
         """
         self._advance()
         new = self._rate_of(self._new, wrench, state)
-        if self._share >= 1.0:
+        if self._faded >= 1.0:
             return new
-        c, _ = quintic(self._share)
+        c, _ = quintic(self._faded)
         return (1.0 - c) * self._rate_of(self._old, wrench, state) + c * new
 
     def velocity(self, dx: np.ndarray, wrench: np.ndarray, state: RobotState) -> np.ndarray:
@@ -104,15 +104,15 @@ class Admittance:
 
     def _advance(self) -> None:
         """One cycle on in a fade; begin one if other settings are asked for."""
-        if self._share >= 1.0:
+        if self._faded >= 1.0:
             self._old = None
             desired = self.settings if self.settings.enabled else None
             if desired == self._new:
                 return
             self._old = self._new
             self._new = desired
-            self._share = 0.0
-        self._share += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
+            self._faded = 0.0
+        self._faded += self.T / self.switch_time if self.switch_time > 0.0 else 1.0
 
     def _rate_of(
         self, settings: AdmittanceSettings | None, wrench: np.ndarray, state: RobotState

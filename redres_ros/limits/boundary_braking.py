@@ -57,7 +57,7 @@ def end_of_reach(
         dJ: (n, m, n) its derivatives by each joint.
         dx: (m,) the task velocity.
         ddq_max: (n,) [rad/s^2] the acceleration limits.
-        near: Share of the largest singular value below which a direction is beside its end.
+        near: Fraction of the largest singular value below which a direction is beside its end.
     """
     U, s, Vt = np.linalg.svd(J)
     rho = U.T.dot(dx)  # (m,)
@@ -102,8 +102,8 @@ class BoundaryBraking:
         task: The first one.
         model: The arm.
         ddq_max: (n,) [rad/s^2] the acceleration limits.
-        near: Share of the largest singular value below which a direction is beside its end. Farther
-            off, limits make the arm slower on its path, and it may well stop in time.
+        near: Fraction of the largest singular value below which a direction is beside its end.
+            Farther off, limits make the arm slower on its path, and it may well stop in time.
     """
 
     def __init__(self, task: Task, model: RobotModel, ddq_max: np.ndarray, near: float) -> None:

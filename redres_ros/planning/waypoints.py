@@ -101,11 +101,11 @@ class WaypointTask:
         """
         ends = np.maximum(segment.astype(int), 1)
         start = self.waypoints[ends - 1]
-        way = self.waypoints[ends] - start
+        line = self.waypoints[ends] - start
         since = x - start
-        length = np.einsum('ni,ni->n', way, way)  # squared
-        fraction = np.einsum('ni,ni->n', since, way) / np.where(length > 0.0, length, 1.0)
-        distance = np.linalg.norm(since - fraction[:, None] * way, axis=1)
+        length = np.einsum('ni,ni->n', line, line)  # squared
+        fraction = np.einsum('ni,ni->n', since, line) / np.where(length > 0.0, length, 1.0)
+        distance = np.linalg.norm(since - fraction[:, None] * line, axis=1)
         return np.where(segment > 0, distance, 0.0)
 
 

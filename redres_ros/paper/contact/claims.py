@@ -46,7 +46,7 @@ TORQUE_LAWS = {
 }
 _T = 0.002  # [s]
 _LEAST_GIVE = 0.03  # [m] of the elbow
-_SHARE_LEFT = 0.15  # of it, six seconds later
+_FRACTION_LEFT = 0.15  # of it, six seconds later
 
 
 def same_as_scheme(law: str) -> Finding:
@@ -156,7 +156,7 @@ def _yields(
     """
     run = elbow_pushed(arm, presses, law, compliance)
     give = float(run.elbow.max())
-    comes_back = abs(run.elbow[-1]) < _SHARE_LEFT * give
+    comes_back = abs(run.elbow[-1]) < _FRACTION_LEFT * give
     shown = f'gives {1e3 * give:.0f} mm, {1e3 * run.elbow[-1]:.0f} mm left'
     if not presses:
         apart = float(np.linalg.norm(run.tip, axis=1).max())
@@ -201,7 +201,9 @@ def _gravity_claim(law: str) -> Claim:
     def measure(runs: Runs) -> Finding:
         heavy = elbow_pushed('fr3', True, make_law(law, damping=10.0), push=0.0)
         fall = float(np.abs(heavy.elbow).max())
-        return Finding(fall > _SHARE_LEFT * _LEAST_GIVE, f'the elbow moves by {1e3 * fall:.0f} mm')
+        return Finding(
+            fall > _FRACTION_LEFT * _LEAST_GIVE, f'the elbow moves by {1e3 * fall:.0f} mm'
+        )
 
     says = f'fr3, {law} with gravity 1, no push: gravity is a motion of the null space, Eq. (A.14)'
     return Claim('elbow', says, measure, CONTACT)

@@ -83,7 +83,7 @@ class PressingArm:
         self._contact = ContactControl(settings, case.T)
         self._noise = case.noise
         self._random = np.random.default_rng(0)
-        self._on_the_way = [q0] * (case.delay - 1)
+        self._pending = [q0] * (case.delay - 1)
 
     def state(self) -> RobotState:
         """Of the arm at this tick; the admittance asks for no joint velocities."""
@@ -103,8 +103,8 @@ class PressingArm:
         self._contact.sensor.enter(self.plant.wrench + self._noise * self._random.normal(size=6))
         command = self.controller.update(self.plant.q, self._contact.velocity(dx, state))
         self._contact.record(command, dx)
-        self._on_the_way.append(command.q_ref)
-        self.plant.step(self._on_the_way.pop(0))
+        self._pending.append(command.q_ref)
+        self.plant.step(self._pending.pop(0))
 
 
 class Pressed(NamedTuple):
