@@ -74,11 +74,23 @@ def solve_constrained(
     is_factor = form in (FACTOR, SQUARE)  # a SQUARE is symmetric: W = M'M
     if active_set is None:
         active_set = np.zeros(n + 1, np.int64)
-    return Constrained(
-        *hierarchical_qp(
-            dq_free, weight, is_factor, J, dx, sizes, *box, C, low, high, groups, active_set
-        )
+    dq = np.empty(n)
+    figures = hierarchical_qp(
+        dq_free,
+        np.asarray(weight, np.float64),  # these three are users'
+        is_factor,
+        np.asarray(J, np.float64),
+        np.asarray(dx, np.float64),
+        sizes,
+        *box,
+        C,
+        low,
+        high,
+        groups,
+        active_set,
+        dq,
     )
+    return Constrained(dq, *figures)
 
 
 def _stacked_rows(
@@ -87,9 +99,9 @@ def _stacked_rows(
     """C (r, n), low and high (r,) of all rows, and the number of rows in each group."""
     if not rows:
         return _no_rows(n)
-    C = np.concatenate([C for C, _, _ in rows])
-    low = np.concatenate([low for _, low, _ in rows])
-    high = np.concatenate([high for _, _, high in rows])
+    C = np.concatenate([np.zeros((0, n)), *(C for C, _, _ in rows)])
+    low = np.concatenate([np.zeros(0), *(low for _, low, _ in rows)])
+    high = np.concatenate([np.zeros(0), *(high for _, _, high in rows)])
     return C, low, high, np.array([len(low) for _, low, _ in rows], np.int64)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import boolean, float64, int64
 
-from redres_ros.kernels.compiled import compiled, inlined, matrix, part, several, vector
+from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, several, vector
 
 # The rows of Search.ends: of a limit, and what a row of a level is to come to.
 _LOWER = 0
@@ -594,10 +594,12 @@ def _ask_for_law(
             a[i] += A[i, j] * dq_free[j]
 
 
+@direct
 @compiled(
-    several(float64[::1], float64, float64, float64, int64, int64, boolean)(
+    several(float64, float64, float64, int64, int64, boolean)(
         *(vector(), matrix(), boolean, matrix(), vector(), vector(int64)),
         *(vector(), vector(), matrix(), vector(), vector(), vector(int64), int64[::1]),
+        float64[::1],
     )
 )
 def hierarchical_qp(
@@ -614,8 +616,10 @@ def hierarchical_qp(
     high: np.ndarray,
     groups: np.ndarray,
     held: np.ndarray,
-) -> tuple[np.ndarray, float, float, float, int, int, bool]:
-    """The joint velocity nearest to dq_free under limits and after tasks, in order of priority.
+    dq: np.ndarray,
+) -> tuple[float, float, float, int, int, bool]:
+    """Write the joint velocity nearest to dq_free under limits and after tasks, in order of
+    priority.
 
     Args:
         dq_free: (n,) what the last level wants.
@@ -632,9 +636,10 @@ def hierarchical_qp(
         groups: (g,) number of rows of each group that has a priority of its own.
         held: (n + 1,) what the last search left behind, of which this one begins; zeros at first.
             It receives what this one leaves behind.
+        dq: (n,) receives the velocity.
 
     Returns:
-        dq (n,); the share of the first task; its error; the excess of the rows; the limit that
+        The share of the first task; its error; the excess of the rows; the limit that
         resists hardest, the joints' first, then the rows', -1 for none; its side, +1 for the upper
         end; and whether each level got to its least.
     """
@@ -687,7 +692,6 @@ def hierarchical_qp(
             excess += _close_slack(search, limits, groups[level])
 
     _leave_behind(search, held)
-    dq = np.zeros(n)
     total = error + excess + z[n]
     for i in range(n):
         total += search.ends[_WANTED, last + i] + z[i]
@@ -702,4 +706,4 @@ def hierarchical_qp(
     side = search.marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:
         hardest -= 1  # the share is no limit to others
-    return dq, s, np.sqrt(error), np.sqrt(excess), hardest, side, solved
+    return s, np.sqrt(error), np.sqrt(excess), hardest, side, solved

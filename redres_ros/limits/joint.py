@@ -10,6 +10,7 @@ import numpy as np
 from redres_ros.constrained import Box, Rows
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes, within
+from redres_ros.kernels.tick import accelerate
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.parameter import param
 
@@ -294,6 +295,7 @@ class TorqueLimit(RowLimit):
         return C, self._tau_min - rest, self.tau_max - rest
 
     def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
-        ddq = (dq - state.dq_prev) / T  # Eq. (13)
+        ddq = np.empty(len(dq))
+        accelerate(dq, state.dq_prev, T, ddq)  # Eq. (13)
         tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
         return bool(within(tau, self._tau_min, self.tau_max))

@@ -78,10 +78,7 @@ class Bounds:
         if acting is None:
             return solved, '', None
         limit, index = acting
-        if isinstance(limit, BoxLimit):
-            place = limit.model.joint_names[index]
-        else:
-            place = limit.place(self.state, index, self.T)
+        place = limit.place(self.state, index, self.T)
         return solved, f'{place}: {self.limits.names[limit]}', self._escape(solved)
 
     def _steady_box(self) -> Box:
