@@ -22,6 +22,7 @@ ANY = np.full(7, -100.0), np.full(7, 100.0)  # a box in which nothing is locked
 # Postures of the FR3 [rad]
 FIVE_AT_ENDS = -2.735, 1.775, -2.892, -2.808, -2.798, 3.723, -3.003
 FOUR_AT_ENDS = -2.735, -1.106, -2.892, -0.160, -1.603, 0.553, 0.785
+OUTSTRETCHED_AT_ENDS = -0.948, -1.775, 0.231, -0.161, -2.798, 4.508, -3.007
 
 
 class Problem:
@@ -250,6 +251,8 @@ def test_an_operator_at_his_position_can_turn_the_tip_where_both_lock_each_other
         ('pose', FIVE_AT_ENDS, (-0.066, -0.136, 0.199, 0.0, 0.0, 0.0)),  # nothing within 30 degrees
         ('pose', FIVE_AT_ENDS, (-0.066, -0.136, 0.199, 1e-6, 0.0, 0.0)),
         ('position', FOUR_AT_ENDS, (-0.221, -0.017, -0.116)),  # nothing within 60 degrees
+        # the tip could turn, and go the way back by that
+        ('pose', OUTSTRETCHED_AT_ENDS, (0.073, -0.238, -0.024, 0.017, -0.017, -0.019)),
     ],
 )
 def test_where_nothing_is_possible_in_its_direction_the_tip_slides_along(task, q, dx):

@@ -12,11 +12,12 @@ the higher ones allow:
 5. the other tasks, and the law.
 
 Where joints at their ends leave less than a fifth of the whole, the components lock each other.
-Then the largest one that can go on alone does, and of the other what is possible beside it. This is
-judged without the limits on accelerations, and blended in. The one that the arm executes already
-counts LEAD times as much: else the two might come to rest where both are of one size, each undoing
-what the other does. Where none can go on, the tip slides along what stops it: the same within the
-first of SLIDING_TOLERANCES that leaves something.
+Then the largest one that can go on alone does, and of the other what is possible beside it. Where
+it cannot go on in its direction, it slides along what stops it, within the first of
+SLIDING_TOLERANCES that leaves something; only then it is the other's turn. This is judged without
+the limits on accelerations, and blended in. The one that the arm executes already counts LEAD times
+as much: else the two might come to rest where both are of one size, each undoing what the other
+does.
 
 The factors a_i are variables beside dq, so that solve_constrained() does the work.
 """
@@ -32,7 +33,7 @@ from redres_ros.resolution import Factor, Level, Weight, as_array
 from redres_ros.singularity import locked
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
-SLIDING_TOLERANCES = tuple(np.radians((60.0, 80.0)).tolist())  # [rad], where it leaves nothing
+SLIDING_TOLERANCES = tuple(np.radians((60.0, 85.0)).tolist())  # [rad], where it leaves nothing
 LEAD = 4.0  # by which another component must be larger to take over from the one that goes on
 
 _NOTICEABLE = 1e-9  # an error [m/s] or an excess from which on a level counts as not fully kept
@@ -118,7 +119,7 @@ def _alone(
     lengths = _lengths(components)
     left = 1.0  # the part of the mixture that the next one gets
     mixed = dq
-    for tolerance, i in product((DIRECTION_TOLERANCE, *SLIDING_TOLERANCES), order):
+    for i, tolerance in product(order, (DIRECTION_TOLERANCE, *SLIDING_TOLERANCES)):
         if not lengths[i] or not left:
             continue
         # With what goes across, the tip is no faster than asked.
