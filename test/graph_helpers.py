@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -26,11 +26,11 @@ from std_srvs.srv import Trigger
 
 from redres_ros.demo.processes import NodeProcess
 from redres_ros.graph.client import GraphClient
-from redres_ros.graph.graph_monitor import Sampler
+from redres_ros.graph.graph_monitor import Sample, Sampler
 from redres_ros.nodes.discovery import own_domain
 from redres_ros.nodes.runtime import spun
 from redres_ros.nodes.topics import LATCHED, MODE, SESSION
-from redres_ros.nodes.wire import deserialised, to_nanoseconds, to_time
+from redres_ros.nodes.wire import deserialised, stamp_of, to_nanoseconds, to_time
 from redres_ros.planning.waypoints import load_task
 from redres_ros.robot_model import RobotModel
 from redres_ros.robots import find_arm
@@ -153,16 +153,6 @@ class Probe(Node):
         self.responses[to_nanoseconds(message.header.stamp)] = message
 
 
-class Published(NamedTuple):
-    """A message, and when it was published by the computer's clock [ns].
-
-    On a busy machine messages of one topic are received before older ones of another topic.
-    """
-
-    message: Any
-    at: int
-
-
 class Observer(Node):
     """Records what robot and controller send each other, and checks it; sets and calls what a
     test wants.
@@ -184,8 +174,9 @@ class Observer(Node):
         )
         everything = QoSProfile(depth=50_000)
         latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        # Knows when messages were published: one may be received before older ones of other topics.
         self._sampler = Sampler(self)
-        self._sampled: dict[str, list[Published]] = {}
+        self._sampled: dict[str, list[Sample]] = {}
         for topic, kind, quality in (
             ('joint_command', JointState, everything),
             (SESSION, String, latched),
@@ -274,15 +265,16 @@ class Observer(Node):
         measured = dict(self.states)
         self._sample()
         published = {
-            to_nanoseconds(command.header.stamp): at
-            for command, at in self._sampled['joint_command']
+            stamp_of(sample.data): sample.sent for sample in self._sampled['joint_command']
         }
+        all_modes = _words(self._sampled[MODE])
+        sessions = _words(self._sampled[SESSION])
         for stamp, q_ref, _ in sorted(self.commands, key=itemgetter(0)):
             if stamp in measured:
                 judge.enter_state(stamp, measured[stamp])
             at = published.get(stamp, 0)
-            modes = _around(at, self._sampled[MODE])
-            mirrors = 'mirroring' in modes or _around(at, self._sampled[SESSION]) != {'CMD'}
+            modes = _around(at, all_modes)
+            mirrors = 'mirroring' in modes or _around(at, sessions) != {'CMD'}
             mode = next(iter(modes)) if len(modes) == 1 else ''
             judge.mode = 'mirroring' if mirrors else mode
             judge.enter_reference(stamp, q_ref)
@@ -297,16 +289,13 @@ class Observer(Node):
         self.modes.clear()
 
     def _sample(self) -> None:
-        for topic, sampled in self._sampled.items():
-            kind = JointState if topic == 'joint_command' else String
-            sampled += [
-                Published(deserialised(sample.data, kind), sample.sent)
-                for sample in self._sampler.take(topic)
-            ]
+        for topic, samples in self._sampled.items():
+            samples += self._sampler.take(topic)
 
-    def close(self) -> None:
-        """Release the subscriptions."""
+    def destroy_node(self) -> None:
+        """Release this node, and that of the samples."""
         self._sampler.close()
+        super().destroy_node()
 
     def _on_state(self, message: JointState) -> None:
         stamp = to_nanoseconds(message.header.stamp)
@@ -330,15 +319,20 @@ class Observer(Node):
                 self.gate_counts.append(int(value.value))
 
 
-def _around(at: int, words: list[Published]) -> set[str]:
+def _words(samples: list[Sample]) -> list[tuple[int, str]]:
+    """When words were published [ns], and the words."""
+    return [(sample.sent, deserialised(sample.data, String).data) for sample in samples]
+
+
+def _around(at: int, words: list[tuple[int, str]]) -> set[str]:
     """Words that may have held when a command was published, which may not know the newest.
 
     Args:
         at: When that was [ns].
-        words: In their order.
+        words: When each was published, and itself.
     """
-    before = [word.message.data for word in words if word.at <= at - LATE][-1:]
-    near = [word.message.data for word in words if abs(word.at - at) <= LATE]
+    before = [word for sent, word in words if sent <= at - LATE][-1:]
+    near = [word for sent, word in words if abs(sent - at) <= LATE]
     return {*before, *near}
 
 
