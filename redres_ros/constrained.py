@@ -99,9 +99,9 @@ def _stacked_rows(
     """C (r, n), low and high (r,) of all rows, and the number of rows in each group."""
     if not rows:
         return _no_rows(n)
-    C = np.concatenate([np.zeros((0, n)), *(C for C, _, _ in rows)])
-    low = np.concatenate([np.zeros(0), *(low for _, low, _ in rows)])
-    high = np.concatenate([np.zeros(0), *(high for _, _, high in rows)])
+    C = np.concatenate([C for C, _, _ in rows], dtype=np.float64)
+    low = np.concatenate([low for _, low, _ in rows], dtype=np.float64)
+    high = np.concatenate([high for _, _, high in rows], dtype=np.float64)
     return C, low, high, np.array([len(low) for _, low, _ in rows], np.int64)
 
 
