@@ -1,7 +1,8 @@
 """Draws docs/evidence.png and writes the tables of docs/choosing_a_law.md from results of a study.
 
 Run it with: python docs/make_evidence.py docs/studies/laws.parquet docs/studies/long.parquet
-The results come from: redres batch docs/studies/laws.yaml --out docs/studies/laws.parquet
+The results come from: redres batch docs/studies/laws.yaml --out laws.parquet
+Results from elsewhere are first kept in docs/studies, with rounded figures.
 """
 
 import argparse
@@ -12,9 +13,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 from make_numbers import markdown, write
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from pyarrow import parquet
 
 from redres_ros import LAWS, RobotModel
 from redres_ros.simulation.batch import Result
@@ -24,9 +27,11 @@ from redres_ros.simulation.summary import RATIOS
 
 FOLDER = Path(__file__).parent
 PAGE = FOLDER / 'choosing_a_law.md'
+STUDIES = FOLDER / 'studies'
 
 FIRST = 'minimum_velocity'  # the pseudoinverse, which the others are compared with
 DEFAULT = 'minimum_acceleration'
+ORDER = ('robot', 'task', 'limits', 'seed', 'law')  # of the rows: neighbours are alike
 EDGES = (0.0, 0.01, 0.03, 0.1, 1.0)  # of the smallest singular value on the way over the reach
 NEAR = (0.0, 0.03, 1.0)  # the same, for the table of all laws
 BAND = (0.1, 0.9)  # quantiles
@@ -48,8 +53,8 @@ def main() -> None:
     parser.add_argument('short', type=Path)
     parser.add_argument('long', type=Path)
     options = parser.parse_args()
-    short = read(options.short)
-    long = read(options.long)
+    short = read(kept(options.short))
+    long = read(kept(options.long))
     draw(short).savefig(FOLDER / 'evidence.png', dpi=110)
     blocks = {
         'evidence_sample': sample(short, long),
@@ -59,6 +64,28 @@ def main() -> None:
         'evidence_long': long_table(long),
     }
     write(blocks, [PAGE])
+
+
+def kept(path: Path) -> Path:
+    """The file in STUDIES that holds these results, with four digits of each figure.
+
+    All digits would take three times the space, and no table shows more than four.
+    """
+    target = STUDIES / path.name
+    if path.resolve() != target:
+        whole = parquet.read_table(path).sort_by([(name, 'ascending') for name in ORDER])
+        columns = [_rounded(whole[name]) for name in whole.column_names]
+        rounded = pyarrow.table(columns, names=whole.column_names)
+        parquet.write_table(rounded, target, compression='zstd', compression_level=19)
+    return target
+
+
+def _rounded(column: pyarrow.ChunkedArray) -> pyarrow.ChunkedArray | pyarrow.Array:
+    """The column, its floating point numbers with four digits."""
+    if column.type != pyarrow.float64():
+        return column
+    digits = [None if each is None else float(f'{each:.4g}') for each in column.to_pylist()]
+    return pyarrow.array(digits, pyarrow.float32())
 
 
 def read(path: Path) -> list[Result]:
