@@ -14,7 +14,7 @@ from rich.text import Text
 
 from redres_ros.simulation.recording import Recording
 
-_WIDE = 200  # columns, where the output is no terminal and nothing has to be broken
+_WIDE = 240  # columns, where the output is no terminal and nothing has to be broken
 
 _DRAWN_EVERY = 0.1  # [s]
 

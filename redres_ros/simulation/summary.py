@@ -169,7 +169,7 @@ def _shown(ratios: np.ndarray) -> str:
     if not len(ratios):
         return '-'
     low, high = np.quantile(ratios, _BAND)
-    return f'{np.median(ratios):.3f} ({low:.2f} to {high:.2f})'
+    return f'{np.median(ratios):.3f} ({low:.2f}–{high:.2f})'
 
 
 @dataclass(frozen=True)
