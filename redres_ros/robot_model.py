@@ -34,7 +34,7 @@ class RobotState:
     Each quantity is evaluated once, when it is asked for first: most laws do without most of them.
 
     Args:
-        model: Of the arm.
+        model: Model of the arm.
         q: (n,) [rad].
         dq_prev: (n,) [rad/s], the last command, which is all that is known of the velocity at a
             tick (footnote 4).
@@ -211,7 +211,7 @@ class RobotModel:
         """The arm of that name.
 
         Args:
-            name: In the table ARMS.
+            name: Name of an arm in ARMS.
             dynamics: 'identified' or 'cylinders'; None for the arm's own.
             base_offset: Height of the arm above its root link [m]; None for the arm's own.
             tool_offset: Way from the flange to the tip [m]; None for the arm's own.

@@ -20,10 +20,10 @@ class Gain:
     """A parameter of a building block.
 
     Attributes:
-        kind: Of its owner, such as 'law'.
+        kind: Kind of its owner, such as 'law'.
         owner: The name in its table.
-        name: Of its field.
-        default: Of its field, whose type it has.
+        name: Name of its field.
+        default: Default of its field, whose type it has.
         parameter: Its declaration.
     """
 
@@ -45,7 +45,7 @@ class Table(dict[str, type[T]]):
     Args:
         kind: What they are, for errors: law, preference, task, limit.
         base: Their base class.
-        **classes: By their names.
+        **classes: Classes by name.
     """
 
     def __init__(self, kind: str, base: type, **classes: type[T]) -> None:
@@ -59,7 +59,7 @@ class Table(dict[str, type[T]]):
         """An object of the class of that name.
 
         Args:
-            name: In the table.
+            name: Name in the table.
             *arguments: What comes before the gains: of a limit, the arm and a scale.
             **gains: Fields declared with `param` that differ from their defaults, as damping=10.0.
 
@@ -88,8 +88,8 @@ class Table(dict[str, type[T]]):
 
         Args:
             entry: A name in the table, or an object of this kind.
-            gains: Of any entries, by their keys, such as 'posture.gain'.
-            *arguments: As of make().
+            gains: Gains of any entries, by their keys, such as 'posture.gain'.
+            *arguments: See make().
 
         Raises:
             UnknownNameError: No such name in the table, or an object of another kind.
@@ -109,7 +109,7 @@ class Table(dict[str, type[T]]):
 
         Args:
             entries: Names or objects, or a single name.
-            gains: As of resolve().
+            gains: See resolve().
 
         Raises:
             RepeatedNameError: A name is given twice.

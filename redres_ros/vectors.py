@@ -50,7 +50,7 @@ def check_finite(vector: np.ndarray, name: str) -> None:
     """Refuse a vector that is not finite.
 
     Args:
-        vector: Of any length.
+        vector: Vector of any length.
         name: What an error calls it.
 
     Raises:

@@ -208,9 +208,9 @@ def make_operator(name: str, model: RobotModel, seed: int) -> Operator:
     """An operator of OPERATORS.
 
     Args:
-        name: Of the operator.
+        name: Name of the operator.
         model: The arm.
-        seed: Of what is random.
+        seed: Random seed.
     """
     return BlindOperator(T, seed) if name == 'blind' else GoalOperator(model, T, seed)
 

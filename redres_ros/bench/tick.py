@@ -51,9 +51,9 @@ class TickResult:
     """Times by name.
 
     Attributes:
-        laws: Of our laws.
-        floors: Of Pinocchio's calls.
-        peers: Of other libraries.
+        laws: Times of our laws.
+        floors: Times of Pinocchio's calls.
+        peers: Times of other libraries.
         deviations: How far each peer's velocities are from those of `minimum_velocity`, at most
             [rad/s].
         missing: Peers that are not installed.
@@ -168,7 +168,7 @@ def recorded(model: RobotModel, ticks: int = TICKS) -> Stretch:
     """The beginning of the paper's task under minimum acceleration.
 
     Args:
-        model: Of the arm.
+        model: Model of the arm.
         ticks: How many.
     """
     task = load_task('rectangle')
@@ -193,7 +193,7 @@ def deviation(peer: Peer, model: RobotModel, stretch: Stretch) -> float:
 
     Args:
         peer: Another library's inverse kinematics.
-        model: Of the arm.
+        model: Model of the arm.
         stretch: States and task velocities.
     """
     largest = 0.0

@@ -133,8 +133,8 @@ def write_results(results: Mapping[str, Any], path: Path) -> None:
     """Write figures with units in their names, and the machine.
 
     Args:
-        results: By the part of the bench that measured them.
-        path: Of the file.
+        results: Results by part of the bench.
+        path: Path of the file.
 
     Raises:
         FileError: It cannot be written.

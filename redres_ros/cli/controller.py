@@ -19,9 +19,9 @@ def find_law(options: argparse.Namespace, name: str, damping: float | None = Non
     """The law of that name.
 
     Args:
-        options: With its gains.
-        name: In the table of laws.
-        damping: Of this law alone [1/s]; None: that of the options.
+        options: Command line with its gains.
+        name: Name of a law in LAWS.
+        damping: Damping of this law alone [1/s]; None: that of the options.
 
     Raises:
         UnknownNameError: No such law.

@@ -25,8 +25,8 @@ def before(options: 'DemoOptions', model: 'RobotModel') -> str:
     """Some sentences before a run.
 
     Args:
-        options: Of the demo.
-        model: Of the arm.
+        options: Options of the demo.
+        model: Model of the arm.
     """
     joints = len(model.joint_names)
     nodes = 'three ROS 2 nodes in one process' if options.composed else 'three ROS 2 nodes'
@@ -54,8 +54,8 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
     """Two sentences after a run; none if there is nothing to learn from it.
 
     Args:
-        outcome: Of the run.
-        options: Of the demo.
+        outcome: Outcome of the run.
+        options: Options of the demo.
         robot: That of the task.
     """
     if outcome.motion is None or outcome.interrupted:
@@ -139,7 +139,7 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
     until the terminal is free again.
 
     Args:
-        outcome: Of the run.
+        outcome: Outcome of the run.
         demo: The run.
         options: The command line.
     """

@@ -11,7 +11,7 @@ def made(directory: Path, *names: str) -> Path:
 
     Args:
         directory: Made with its parents where it does not exist.
-        names: Of files that will be written into it.
+        names: Names of files that will be written into it.
 
     Raises:
         FileError: It cannot be made or written to, or one of the files cannot.
@@ -31,8 +31,8 @@ def pictures(out: Path, *names: str) -> list[Path]:
     """Where pictures go: into a directory; or the first into a .pdf or .svg, the others beside it.
 
     Args:
-        out: As the user named it.
-        names: Of the pictures in a directory, without an ending.
+        out: Path as the user named it.
+        names: Names of the pictures in a directory, without an ending.
 
     Raises:
         FileError: One of them cannot be written.

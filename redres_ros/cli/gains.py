@@ -28,8 +28,8 @@ def read_value(gain: 'Gain', text: str) -> Any:
     """A value of a gain from its text. Raises argparse's own error.
 
     Args:
-        gain: Of the type of its default.
-        text: From the command line.
+        gain: The gain, whose default has the type of the value.
+        text: Text from the command line.
     """
     kind = type(gain.default)
     try:
@@ -79,7 +79,7 @@ def check_gains(options: argparse.Namespace, in_use: set[tuple[str, str]]) -> No
     """Refuse a gain whose owner is not in use: it would have no effect.
 
     Args:
-        options: With the gains.
+        options: Command line with the gains.
         in_use: Kind and name of all that is.
 
     Raises:

@@ -23,7 +23,7 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
     """Arm, task, law and limits: the options of every motion.
 
     Args:
-        parser: Of the subcommand.
+        parser: Parser of the subcommand.
         several_laws: The laws that are compared unless others are named; empty: there is one law.
         limits: Those that are in force unless others are named.
     """
@@ -48,7 +48,7 @@ def add_robot(group: Any, default: str | None = None) -> None:
     """The arm, and its tip and elbow links.
 
     Args:
-        group: Of the subcommand's options.
+        group: Group of the subcommand's options.
         default: The robot; None: that of the task.
     """
     tip = "link that carries out the task; default: the robot's own, for a file its last link"
@@ -64,7 +64,7 @@ def add_laws(group: Any, default: str, says: str) -> None:
     """--law of commands that take several laws.
 
     Args:
-        group: Of the subcommand's options.
+        group: Group of the subcommand's options.
         default: The laws, unless others are named.
         says: What can be named.
     """
@@ -130,7 +130,7 @@ def add_out(group: Any, default: str, says: str, *, plots: bool = False) -> None
     """--out of commands that write several files.
 
     Args:
-        group: Of the subcommand's options.
+        group: Group of the subcommand's options.
         default: The directory, unless another is named.
         says: What is written there.
         plots: Whether a file for a publication may be named instead, for the plots alone.

@@ -95,7 +95,7 @@ def add_command(commands: Any, name: str, says: str, *examples: str) -> Parser:
 
     Args:
         commands: What argparse's add_subparsers gave.
-        name: Of the subcommand.
+        name: Name of the subcommand.
         says: What it does, as the list of all commands says it.
         examples: Command lines without `redres NAME`; after # a remark, where one is needed.
     """

@@ -89,7 +89,7 @@ def find_contrast(options: argparse.Namespace) -> WantedMotion:
     A planner node does not: such a path is none to begin with on a robot.
 
     Args:
-        options: As of find_motion().
+        options: See find_motion().
 
     Raises:
         As of find_motion().

@@ -21,7 +21,7 @@ class Admittance:
     of the settings, on and off, are faded: none is a jump.
 
     Args:
-        settings: To begin with.
+        settings: Initial settings.
         T: Sampling time [s].
         switch_time: Duration of a fade [s]; 0: at once.
     """
@@ -71,7 +71,7 @@ class Admittance:
         Args:
             wrench: Force and moment that the environment exerts on the tip, in the axes of the
                 base, (6,) [N], [Nm].
-            state: Of the arm.
+            state: State of the arm.
         """
         self._advance()
         new = self._rate_of(self._new, wrench, state)
@@ -85,8 +85,8 @@ class Admittance:
 
         Args:
             dx: Desired task velocity dx_d, (m,) [m/s], [rad/s].
-            wrench: As of rate().
-            state: Of the arm.
+            wrench: See rate().
+            state: State of the arm.
         """
         return dx + self.rate(wrench, state)
 
@@ -94,7 +94,7 @@ class Admittance:
         """Record what was executed: limits may have slowed it down.
 
         Args:
-            command: Of the controller at this tick.
+            command: Command of the controller at this tick.
             dx: Desired task velocity dx_d, of which the limits leave the fraction s, (m,).
         """
         self._de = command.J @ command.dq - command.s * dx
@@ -137,7 +137,7 @@ def desired_force(settings: AdmittanceSettings, state: RobotState) -> np.ndarray
 
     Args:
         settings: Its frame counts.
-        state: Of the arm.
+        state: State of the arm.
     """
     return _rotation(settings.frame, state) @ as_array(settings.force[:3])
 

@@ -41,7 +41,7 @@ class ContactControl:
         contact.record(command, dx)
 
     Args:
-        settings: To begin with.
+        settings: Initial settings.
         T: Sampling time [s].
         switch_time: Duration of a fade [s]; 0: at once.
     """
@@ -107,7 +107,7 @@ class ContactControl:
 
         Args:
             dx: Desired task velocity dx_d, (m,) [m/s], [rad/s].
-            state: Of the arm, as measured.
+            state: State of the arm, as measured.
             missed: Cycles since the last call that went without one.
 
         Raises:
@@ -140,7 +140,7 @@ class ContactControl:
         """Record what was executed.
 
         Args:
-            command: Of the controller at this tick.
+            command: Command of the controller at this tick.
             dx: Desired task velocity dx_d, (m,).
         """
         if not self.is_on:
@@ -155,8 +155,8 @@ class ContactControl:
         """Whether an arm that is at rest is to move: a wrench or a desired force asks for it.
 
         Args:
-            state: Of the arm, as measured.
-            missed: As of velocity(), in the place of which this is called.
+            state: State of the arm, as measured.
+            missed: See velocity(), in place of which this is called.
         """
         self.sensor.advance(missed + 1)
         if not self.settings.enabled:

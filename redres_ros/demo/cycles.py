@@ -61,9 +61,9 @@ def count_cycles(
     """How many commands came in time, late, or not at all.
 
     Args:
-        messages: Of the robot's recording.
-        period: Of its states [s]; infinite in lock-step, where there is no clock.
-        stamps: Of the first and the last state that count [ns].
+        messages: Messages of the robot's recording.
+        period: Period of its states [s]; infinite in lock-step, where there is no clock.
+        stamps: Stamps of the first and the last state that count [ns].
     """
     sent: dict[int, int] = {}
     returned: dict[int, int] = {}

@@ -26,7 +26,7 @@ class MotionFigures:
     Attributes:
         seconds: How long it took.
         segments: How many the task has been on.
-        error: Of the task, also where the arm only lags on its path [m].
+        error: Error of the task, also where the arm only lags on its path [m].
         path_deviation: Distance from the straight line from point to point [m].
         final_error: Distance from the last point when the run ended [m].
         acceleration: Norm over the joints [rad/s^2].
@@ -54,7 +54,7 @@ class MotionFigures:
         """The figures of a recording.
 
         Args:
-            recording: Of at least one tick.
+            recording: Recording of at least one tick.
             task: What was asked for.
             final_error: Distance from the last point at the end [m].
         """
@@ -113,7 +113,7 @@ class PressingFigures:
     """How well a desired force was kept, along its direction.
 
     Attributes:
-        rms: Of its error, from a second after the first touch on [N].
+        rms: RMS of its error, from a second after the first touch on [N].
         largest: Error then [N].
         peak: Force before [N].
         contact_lost: Number of states without contact after the first touch.
@@ -181,8 +181,8 @@ class Endurance:
 
     Attributes:
         rounds: How often.
-        seconds: For how long, on the robot's clock.
-        memory: Of each node's process after the first round and at the end [MB].
+        seconds: Duration on the robot's clock.
+        memory: Memory of each node's process after the first round and at the end [MB].
     """
 
     rounds: int

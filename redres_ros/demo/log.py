@@ -61,11 +61,11 @@ class Log:
         commands: q_ref [rad] and dq [rad/s], (n,) each.
         desired: Position [m] and quaternion of the tip, (7,).
         segments: The segment of the task.
-        words: Of the planner.
+        words: States of the planner's task.
         laws: Name of the law in force.
         scalings: Fraction of the task velocity that the limits allow.
         reasons: Why the robot stopped itself; empty where it takes commands.
-        forces: Of the environment on the tip, (3,) [N].
+        forces: Forces of the environment on the tip, (3,) [N].
         session: States of the robot's session, one after the other.
     """
 
@@ -162,7 +162,7 @@ def read_log(paths: Iterable[Path], joint_names: tuple[str, ...], until: float =
     """The log of one run.
 
     Args:
-        paths: Of the recordings, one a process.
+        paths: Paths of the recordings, one a process.
         joint_names: In the order in which positions and velocities are wanted.
         until: The last stamp that counts [ns].
     """
@@ -204,7 +204,7 @@ def stamped(
     node publishes it in the same callback. 0 before the first.
 
     Args:
-        messages: Of one recording.
+        messages: Messages of one recording.
         until: The last stamp that counts. A demo with a page goes on long after it.
     """
     newest = 0

@@ -31,8 +31,8 @@ class Ending:
     """How a run ended.
 
     Attributes:
-        endurance: Where the task was repeated to the end.
-        interrupted: By Ctrl-C.
+        endurance: Figures of a repeated task; None if it was not repeated.
+        interrupted: Whether Ctrl-C ended it.
         last: Stamp of the last state that counts [ns].
     """
 
@@ -46,19 +46,19 @@ class Outcome:
     """The outcome of a demo.
 
     Attributes:
-        recording: Of the task.
+        recording: Recording of the task.
         motion: Its figures; None where it did not begin.
         cycles: What became of the robot's cycles; None where the task did not begin.
         stop_reason: The robot's own words; empty if it was not stopped.
         session: Its states, as they were passed through.
         planner_missed: States that the planner did not get.
         switches: (time [s], law before, law after).
-        endurance: Where the task was repeated to the end.
-        interrupted: By Ctrl-C.
-        goals: Of an operator; None for a task.
+        endurance: Figures of a repeated task; None if it was not repeated.
+        interrupted: Whether Ctrl-C ended it.
+        goals: Goals of an operator; None for a task.
         forces: Times [s], and forces of the environment on the tip in the base frame [N], (N, 4);
             none without a controller that yields.
-        desired_force: Of them; empty: none.
+        desired_force: Desired force; empty: none.
     """
 
     recording: Recording
@@ -139,8 +139,8 @@ def replay(
     which is more than T ago where a cycle was missed.
 
     Args:
-        log: Of the run.
-        model: Of the arm.
+        log: Log of the run.
+        model: Model of the arm.
         make_law: The law of a name, with the gains that it had.
         T: Sampling time [s].
         pose: Whether the task has an orientation.

@@ -39,9 +39,9 @@ class DemoOptions:
         task: Its name.
         law: Name of the law at the start.
         rate: Cycles a second [Hz].
-        dynamics: Of the fake arm and of the controller's model.
+        dynamics: Dynamics of the fake arm and of the controller's model.
         switches: (law, seconds after the task began).
-        lockstep: As fast as it goes, instead of in real time.
+        lockstep: As fast as possible, instead of in real time.
         composed: One process instead of three.
         duration: How long the task is repeated [s]; 0 for once.
         teleop: How long an operator steers in place of a task [s]; 0 for a task.
@@ -70,10 +70,10 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: Of the executable in nodes/, or of a module of the package, as 'bench.echo'; its own
-            options may follow, as in 'composed --no-sim'.
+        name: Name of the executable in nodes/, or of a module of the package, as 'bench.echo'; its
+            own options may follow, as in 'composed --no-sim'.
         log: File for what it prints.
-        parameters: Of the node.
+        parameters: Parameters of the node.
         recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.
         topics: Those that are recorded; none: all.
     """
@@ -162,7 +162,7 @@ class NodeGroup:
     Args:
         options: The options of a run.
         task: The one that the options name.
-        law: In force at the start.
+        law: Law in force at the start.
         out: Directory for what they print, and for their recordings.
     """
 

@@ -38,7 +38,7 @@ class CommandReceiver:
         clock: Whose stamps the states have.
         session: Counts what is refused.
         link: What the transport does to commands.
-        seed: Of the link's chance.
+        seed: Random seed of the link.
         timed: Whether latencies are measured. In lock-step they mean nothing.
 
     Attributes:

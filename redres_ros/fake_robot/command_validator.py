@@ -79,7 +79,7 @@ class CommandValidator:
     excess accumulates. Every comparison asks whether a value is allowed, so NaN is not.
 
     Args:
-        limits: Of the joints.
+        limits: Limits of the joints.
         period: The cycle [s].
         settings: How the limits are applied.
         names: What each cause of a stop is called.

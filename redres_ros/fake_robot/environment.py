@@ -75,7 +75,7 @@ def add_environment(spec: mujoco.MjSpec, tip: str, settings: EnvironmentSettings
     """Add the surface and the tip's sphere to a model.
 
     Args:
-        spec: Of the arm.
+        spec: Specification of the arm, which is changed.
         tip: Name of the link that touches.
         settings: What it touches.
     """
@@ -129,7 +129,7 @@ def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, tip: int) -> list
     """The forces on the tip from what it touches.
 
     Args:
-        model: Of arm and surface.
+        model: Model of arm and surface.
         data: Its state after a step.
         tip: Number of the body that touches.
     """

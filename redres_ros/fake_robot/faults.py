@@ -83,7 +83,7 @@ class Faults:
 
         Args:
             wrench: (6,) [N], [Nm].
-            random: Of the noise.
+            random: Random generator of the noise.
         """
         if self.wrench_not_finite:
             return np.full(6, np.nan)

@@ -24,11 +24,11 @@ class FaultyPlant:
     Args:
         plant: The arm.
         faults: From the first cycle on.
-        seed: Of the noise.
+        seed: Seed of the noise.
 
     Raises:
-        RangeError: For a frozen joint that the arm does not have.
-        UnknownNameError: For a pushed link that it does not have.
+        RangeError: A frozen joint that the arm does not have.
+        UnknownNameError: A pushed link that it does not have.
     """
 
     def __init__(

@@ -51,7 +51,7 @@ def servo_model(
 
     Args:
         arm: Whose description is simulated.
-        settings: Of the simulation and the servos.
+        settings: Settings of the simulation and the servos.
         environment: What the tip can touch.
 
     Raises:
@@ -114,7 +114,7 @@ def joint_range(model: mujoco.MjModel, unlimited: float) -> tuple[np.ndarray, np
     """Lower and upper position limits, both (n,) [rad].
 
     Args:
-        model: Of the arm.
+        model: Model of the arm.
         unlimited: A joint without limits has -unlimited and unlimited [rad].
     """
     lower, upper = np.where(model.jnt_limited[:, None], model.jnt_range, (-unlimited, unlimited)).T
@@ -125,7 +125,7 @@ def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """M(q), (n, n) [kg m^2], with rotors.
 
     Args:
-        model: Of the arm.
+        model: Model of the arm.
         data: Its state, after mj_fwdPosition.
     """
     M = np.zeros((model.nv, model.nv))

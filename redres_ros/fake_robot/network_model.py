@@ -13,7 +13,7 @@ class Link:
     """Faults of a network; none by default.
 
     Attributes:
-        delay: Of every message [cycles].
+        delay: Delay of every message [cycles].
         delay_spread: Random delay on top, uniform [cycles]. No message overtakes another.
         loss: Fraction of messages that are lost on an average.
         loss_burst: Messages lost in a row each time.
@@ -37,7 +37,7 @@ class NetworkModel(Generic[M]):
     others.
 
     Args:
-        seed: Of what happens.
+        seed: Random seed.
         link: What happens.
     """
 

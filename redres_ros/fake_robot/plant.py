@@ -15,12 +15,12 @@ class IdealPlant:
     """An arm that reaches its reference exactly, one cycle later: the paper's assumption.
 
     Args:
-        joint_names: In the order of every array.
+        joint_names: Names of the joints, in the order of every array.
         period: The cycle [s].
         q0: Where it stands at first, (n,) [rad].
 
     Raises:
-        ArrayError: For a start of another length, or one that is not finite.
+        ArrayError: A start of another length, or one that is not finite.
     """
 
     def __init__(self, joint_names: Sequence[str], period: float, q0: np.ndarray) -> None:
@@ -103,8 +103,8 @@ class MujocoPlant:
         RedresError: If the period is not a whole number of plant steps.
         FileError: If MuJoCo cannot use the URDF.
         UnknownNameError: If the URDF lacks the tip frame.
-        ArrayError: For a start of another length, or one that is not finite.
-        RangeError: For a start outside the limits.
+        ArrayError: A start of another length, or one that is not finite.
+        RangeError: A start outside the limits.
     """
 
     def __init__(

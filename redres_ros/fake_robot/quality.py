@@ -87,7 +87,7 @@ class Threshold:
         """A statistic beside its bound, in words: 'latency 9.1 ms, allowed 8 ms'.
 
         Args:
-            name: Of the statistic.
+            name: Name of the statistic.
             value: What it is, times in [s].
         """
         bound = getattr(self, name)

@@ -20,7 +20,7 @@ class Plant(Protocol):
     """The simulated arm.
 
     Attributes:
-        joint_names: In the order of every array.
+        joint_names: Names of the joints, in the order of every array.
         period: The cycle [s], which `step` takes.
         q: Positions, (n,) [rad], an array of its own each time.
         dq: Velocities, (n,) [rad/s], likewise.
@@ -45,7 +45,7 @@ class ClientCommand:
     Attributes:
         tick: That of the state.
         q: Commanded position, outside command mode where the arm stands, (n,) [rad].
-        latency: From the state to the arrival of the command, 0 where nobody measures it [s].
+        latency: Time from the state to the arrival of the command [s]; 0 if it is not measured.
     """
 
     tick: int
@@ -86,7 +86,7 @@ class _Course:
         """The course after another command.
 
         Args:
-            command: For a later tick.
+            command: Command for a later tick.
             curved: Whether the course goes on with the last change of its step, and not straight
                 on.
         """
@@ -106,7 +106,7 @@ class FakeRobot:
     Attributes:
         tick: Number k of the present tick.
         period: The cycle [s].
-        joint_names: In the order of every array.
+        joint_names: Names of the joints, in the order of every array.
 
     Args:
         plant: The arm.
@@ -225,7 +225,7 @@ class ReferenceInterpolator:
     limits are kept too, from wherever the arm stands.
 
     Args:
-        limits: Of the joints.
+        limits: Limits of the joints.
         period: The cycle [s].
         q: Where the arm stands still, (n,) [rad].
     """

@@ -30,7 +30,7 @@ class RobotClock:
 
     Args:
         epoch: Stamp of tick 0 [ns].
-        period: From stamp to stamp [ns].
+        period: Time from stamp to stamp [ns].
 
     Attributes:
         stood_still: How long the clock has stood still since the start [s]. Latencies do not

@@ -75,7 +75,7 @@ class Session:
 
     Attributes:
         profile: What kind of session it is.
-        timing: Of the connection: its quality, and what is at fault.
+        timing: Timing of the connection: its quality, and what is at fault.
         state: One of the profile's states.
         reason: Why command mode was taken away or refused; empty while nothing is wrong.
         command_error: That of the last refused command; None if a valid one came since.
@@ -130,8 +130,8 @@ class Session:
         """Enter one cycle. In command mode bad timing ends the session.
 
         Args:
-            lateness: Of its command [cycles]; 0: in time, None: no valid one.
-            latency: From the state to its command, 0 where nobody measures it [s].
+            lateness: Lateness of its command [cycles]; 0: in time, None: no valid one.
+            latency: Time from the state to its command [s]; 0 if it is not measured.
         """
         self.timing.record(lateness, latency)
         is_good = self.timing.quality >= self.profile.entry

@@ -71,8 +71,8 @@ class TimingMonitor:
         """Enter one cycle.
 
         Args:
-            lateness: Of its command [cycles]; 0: in time, None: no command.
-            latency: From the state to its command [s].
+            lateness: Lateness of its command [cycles]; 0: in time, None: no command.
+            latency: Time from the state to its command [s].
         """
         self._enter(lateness)
         if lateness is None:

@@ -26,7 +26,7 @@ def register(base: type, table: dict[str, type]) -> None:
     """Have plugins enter classes into a table.
 
     Args:
-        base: Of the classes.
+        base: Their base class.
         table: Name to class.
     """
     _tables[base] = table

@@ -30,7 +30,7 @@ def remedy(extra: str, *modules: str) -> str:
     """The command that installs modules.
 
     Args:
-        extra: Of this package, which has them.
+        extra: Extra of this package, which has them.
         modules: Names as they are imported.
     """
     if not _is_in_workspace():

@@ -16,7 +16,7 @@ def read_file(path: Path, largest: int) -> bytes:
     """The content of a file.
 
     Args:
-        path: Of a regular file; a pipe or a device may never end.
+        path: Path of a regular file; a pipe or a device may never end.
         largest: Size that is allowed [bytes].
 
     Raises:
@@ -55,7 +55,7 @@ def write_json(content: Mapping[str, object], path: Path) -> None:
 
     Args:
         content: What JSON can hold.
-        path: Of the file.
+        path: Path of the file.
 
     Raises:
         FileError: It cannot be written.

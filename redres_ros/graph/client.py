@@ -45,7 +45,7 @@ class GraphClient:
     """Calls what the nodes offer, from any thread, by clients that stay: a second call is fast.
 
     Args:
-        node: Has the clients; is spun elsewhere.
+        node: Owner of the clients, spun elsewhere.
         patience: How long to wait for a service, and for its response [s].
     """
 
@@ -103,7 +103,7 @@ class GraphClient:
 
         Args:
             of: Name of the other node.
-            values: By the names of the parameters.
+            values: Values by parameter name.
 
         Raises:
             CallError: The node does not respond, or refuses, with its reason.

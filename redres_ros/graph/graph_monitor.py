@@ -136,8 +136,8 @@ class GraphMonitor(Node):
         on_parameters: Called with node and changed values whenever a node's parameters change.
 
     Args:
-        name: Of this node.
-        namespace: Of the arm's nodes; empty: none.
+        name: Name of this node.
+        namespace: Namespace of the arm's nodes; empty: none.
         patience: How long to wait for a service, and for its response [s].
     """
 

@@ -35,7 +35,7 @@ class LiveArm:
     """The state of an arm from the controller's snapshots; from its own states if there are none.
 
     Args:
-        monitor: In whose graph and namespace it is; is spun elsewhere.
+        monitor: Monitor of the arm's graph and namespace, spun elsewhere.
         values: The controller's parameters.
 
     Raises:

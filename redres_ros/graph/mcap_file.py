@@ -29,7 +29,7 @@ class RecordedMessage(NamedTuple):
     Attributes:
         topic: Its full name.
         kind: Its type, such as 'sensor_msgs/msg/JointState'.
-        data: As it goes over the wire.
+        data: Bytes as they go over the wire.
         sent: When it was published [ns].
         time: When the writer of the file published or received it [ns].
         is_received: Whether it received the message.
@@ -52,7 +52,7 @@ class McapFile:
     """Writes serialised messages.
 
     Args:
-        path: Of the file, which is overwritten.
+        path: Path of the file, which is overwritten.
         in_chunks: With an index, for readers that jump. Without, all but the last 16 kB can be
             read even if this process is killed.
     """
@@ -93,7 +93,7 @@ class McapFile:
 
         Args:
             channel: That of its topic.
-            data: As it went over the wire.
+            data: Bytes as they went over the wire.
             sent: When it was published [ns].
             received: When it came [ns].
         """
@@ -139,8 +139,8 @@ def merge(paths: Iterable[Path], file: McapFile) -> None:
     """Write what nodes have published into one file, in the order of time.
 
     Args:
-        paths: Of the nodes' own files.
-        file: To be written.
+        paths: Paths of the nodes' own files.
+        file: File to write.
     """
     messages = [
         message for path in paths for message in read_messages(path) if not message.is_received

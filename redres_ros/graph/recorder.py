@@ -29,7 +29,7 @@ class GraphRecorder(GraphMonitor):
     """Records the messages of all topics of a graph.
 
     Args:
-        file: To be written.
+        file: File to write.
         wanted: Names of topics; empty for all.
     """
 

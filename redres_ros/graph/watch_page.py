@@ -91,7 +91,7 @@ def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
     """The most important values of the page, in a line.
 
     Args:
-        received: As for the page.
+        received: See page().
         now: The instant of printing [s].
         domain: The ROS domain.
     """

@@ -32,7 +32,7 @@ class Law(ABC):
         """The bias b, (n,) [rad/s].
 
         Args:
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             T: Sampling time [s].
         """
 

@@ -36,7 +36,7 @@ class Response(NamedTuple):
     """The published response to a state.
 
     Attributes:
-        stamp: Of the state [ns].
+        stamp: Stamp of the state [ns].
         command: The command.
         scaling: Fraction of the task velocity that is executed; 0 while none is, because the arm is
             held, stops or mirrors.
@@ -201,7 +201,7 @@ class CommandLoop:
         """The response to a state; None if it waits for its task velocity, or nothing is published.
 
         Args:
-            stamp: Of the state [ns].
+            stamp: Stamp of the state [ns].
             q: Measured joint positions, (n,) [rad].
             now: Its arrival [s].
 
@@ -239,7 +239,8 @@ class CommandLoop:
 
         Args:
             q: Measured, (n,) [rad].
-            clock_step: Of the robot's clock against this computer's; large for another robot [s].
+            clock_step: Step of the robot's clock against this computer's; large for another robot
+                [s].
         """
         holds = self.mode is Mode.HOLDING or self.input.settings.bridging == 'hold'
         if not holds or not self._reference.exists or self.mode is Mode.MIRRORING:
@@ -256,8 +257,8 @@ class CommandLoop:
         """The response to the state that waited for this task velocity, if there is one.
 
         Args:
-            stamp: Of the state that it belongs to, or another time on the robot's clock [ns]; 0 for
-                now.
+            stamp: Stamp of the state that it belongs to, or another time on the robot's clock [ns];
+                0 for now.
             dx: Task velocity, (m,) [m/s] and [rad/s].
             now: Its arrival [s].
             time_of_day: The same by the computer's clock [ns]; 0: not known.
@@ -275,10 +276,10 @@ class CommandLoop:
         """As enter_twist(), for velocities of all joints; the newest kind counts.
 
         Args:
-            stamp: As of enter_twist().
+            stamp: See enter_twist().
             dq: Joint velocities, (n,) [rad/s].
             now: Their arrival [s].
-            time_of_day: As of enter_twist().
+            time_of_day: See enter_twist().
 
         Raises:
             TwistSpeedError: A joint is faster than its limit.

@@ -32,8 +32,8 @@ def is_of_this_moment(stamp: int, time_of_day: int, tolerance: float) -> bool:
     """Whether a stamp was made on this computer a moment ago, whatever the robot's clock shows.
 
     Args:
-        stamp: Of a message [ns].
-        time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
+        stamp: Stamp of a message [ns].
+        time_of_day: Time of its arrival by this computer's clock [ns]; 0: not known.
         tolerance: How long a moment is [s].
     """
     return abs(time_of_day - stamp) <= tolerance * NANOSECONDS
@@ -49,7 +49,7 @@ class CycleCounter:
     from there.
 
     Args:
-        period: Of the robot's cycle [ns].
+        period: Period of the robot's cycle [ns].
     """
 
     def __init__(self, period: int) -> None:
@@ -78,7 +78,7 @@ class CycleCounter:
         """The number of cycles from the last state to this one; 0 where the clock is a new one.
 
         Args:
-            stamp: Of the state [ns].
+            stamp: Stamp of the state [ns].
             arrived: When it came, by this computer's monotonic clock [s].
 
         Raises:
@@ -156,7 +156,7 @@ class CycleCounter:
         """Why a stamp is too far from the robot's clock; '' if it is not.
 
         Args:
-            stamp: On the robot's clock [ns].
+            stamp: A time on the robot's clock [ns].
             allowed: How far it may be [s].
         """
         age = self.age(stamp)
@@ -172,8 +172,8 @@ class CycleCounter:
         ago, was made on this computer: the arrival is what counts.
 
         Args:
-            stamp: Of a message [ns]; 0 for now.
-            time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
+            stamp: Stamp of a message [ns]; 0 for now.
+            time_of_day: Time of its arrival by this computer's clock [ns]; 0: not known.
             tolerance: How far is far, and how long a moment is [s].
         """
         is_far = abs(self.age(stamp)) > tolerance

@@ -73,7 +73,7 @@ def report(command: 'Command', limits: 'Limits | None') -> LimitReport:
 
     Args:
         command: The last one.
-        limits: In force; None: none.
+        limits: Limits in force; None: none.
     """
     scaling = {_S: command.s, **dict(zip(_COMPONENTS, command.component_scaling, strict=False))}
     most = command.active_limits

@@ -74,7 +74,7 @@ class Measurements:
             wrench: Force and moment that the environment exerts on the tip, (6,) [N], [Nm].
             frame: The link along whose axes and about whose origin they are; '' is the tip, 'base'
                 the base.
-            time_of_day: At its arrival, by this computer's clock [ns]; 0: not known.
+            time_of_day: Time of its arrival by this computer's clock [ns]; 0: not known.
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.
@@ -91,10 +91,10 @@ class Measurements:
         """Record a measurement that a preference or limit uses.
 
         Args:
-            name: As its user calls it.
-            stamp: As of enter_wrench().
+            name: Name by which its user calls it.
+            stamp: See enter_wrench().
             value: Any finite vector.
-            time_of_day: As of enter_wrench().
+            time_of_day: See enter_wrench().
 
         Raises:
             MeasurementAgeError: It is too old, or stamped too far ahead.

@@ -79,7 +79,7 @@ def next_mode(mode: Mode, conditions: Conditions) -> Mode:
 
     Args:
         mode: The one before.
-        conditions: As they are at this state.
+        conditions: Conditions at this state.
     """
     for _ in TRANSITIONS:  # a mode may be left as it is entered: holding, by an inactive node
         for condition, value, following in TRANSITIONS[mode]:

@@ -27,7 +27,7 @@ class PublishedReference:
     """The published reference, and what decides where the next one may be.
 
     Args:
-        controller: Is updated here and nowhere else.
+        controller: Controller, which is updated only here.
         faults: Knows how far the arm may be from its reference.
         velocities: What the arm follows.
         measurements: May change the task velocity.
@@ -129,7 +129,7 @@ class PublishedReference:
 
         Args:
             q: Measured, (n,) [rad].
-            missed: As of moving().
+            missed: See moving().
         """
         self._controller.hold()
         zeros = np.zeros(self._controller.m)

@@ -80,7 +80,7 @@ class TwistBuffer:
     spread over as many cycles as the largest accelerations ask for.
 
     Args:
-        rows: Of a task velocity: 3, or 6 with the angular part below.
+        rows: Rows of a task velocity: 3, or 6 with the angular part below.
         T: Sampling time [s].
         settings: Lag and accelerations.
         accelerations: Of each row by itself, (m,), instead of a linear and an angular one.

@@ -111,8 +111,8 @@ class VelocityInput:
 
         Args:
             buffer: of_task or of_joints.
-            stamp: Of the state that it belongs to, or another time on the robot's clock [ns]; 0 for
-                now.
+            stamp: Stamp of the state that it belongs to, or another time on the robot's clock [ns];
+                0 for now.
             dx: A velocity that was checked.
             now: Its arrival [s].
             time_of_day: The same by the computer's clock [ns]; 0: not known.
@@ -144,7 +144,7 @@ class VelocityInput:
         another robot's, whose states have not come yet.
 
         Args:
-            stamp: Of the velocity [ns]; 0 for now.
+            stamp: Stamp of the velocity [ns]; 0 for now.
 
         Raises:
             TwistAgeError: It is too old or stamped too far ahead while states come.
@@ -172,8 +172,8 @@ class VelocityInput:
         clock; on ours if it is of no state.
 
         Args:
-            cycle: Of the state that is responded to.
-            now: By a monotonic clock [s].
+            cycle: Cycle of the state that is responded to.
+            now: Time by a monotonic clock [s].
         """
         timeout = self.settings.command_timeout
         cycles = max(self.buffer.age(cycle), cycle - self._cycle)

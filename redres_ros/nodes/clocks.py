@@ -17,9 +17,9 @@ def create_steady_timer(node: Node, period: float, callback: Callable[[], object
     """A timer that runs whatever the node's clock shows.
 
     Args:
-        node: Has the timer.
+        node: Owner of the timer.
         period: Between two calls [s].
-        callback: Is called.
+        callback: Function to call.
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period, callback, clock=steady)

@@ -27,7 +27,7 @@ class JointMapper:
     """Finds an arm's joints by name, in any order and among others: of a gripper, of another robot.
 
     Args:
-        names: Of the arm's joints, in our order.
+        names: Names of the arm's joints, in our order.
         report: Called once for each set of foreign joints, which are ignored.
     """
 
@@ -64,7 +64,7 @@ class JointMapper:
         """Values (n,) in our order; they need not be finite.
 
         Args:
-            names: Of joints.
+            names: Names of joints.
             given: A value for each.
             what: The word for them in an error.
 

@@ -32,7 +32,7 @@ class Diagnostics:
     """Publishes what `health()` gives on /diagnostics, once a second.
 
     Args:
-        node: Whose health it is.
+        node: Node whose health is published.
         hardware: The robot's name.
         health: Asked once a second.
     """
@@ -70,10 +70,10 @@ class _Episode:
 
     Attributes:
         reason: The newest.
-        count: Of refused inputs.
+        count: Number of refused inputs.
         last: When the last one came [s].
         over: Whether an input could be used since.
-        kinds: Of errors, each of which is reported once.
+        kinds: Kinds of errors, each of which is reported once.
     """
 
     reason: str = ''
@@ -97,7 +97,7 @@ class InputMonitor:
 
         Args:
             source: The topic.
-            error: Says what was got and what is allowed.
+            error: What was got and what is allowed.
         """
         self.count += 1
         episode = self._bad.setdefault(source, _Episode())
@@ -131,7 +131,7 @@ class Watchdog:
     """Notices the silence of a topic by the monotonic clock; logs its beginning and its end.
 
     Args:
-        node: Whose log it is.
+        node: Node whose log is used.
         topic: Its name in the log.
         timeout: Silence that is reported [s].
     """

@@ -23,7 +23,7 @@ def run_node(name: str, arguments: list[str] | None = None) -> int:
     """Run a node until it ends.
 
     Args:
-        name: Of its module.
+        name: Name of its module.
         arguments: What follows the name of the executable; None: those of this process.
 
     Returns:

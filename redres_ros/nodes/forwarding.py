@@ -23,7 +23,7 @@ class Forwarding:
 
     Args:
         node: Publishes.
-        names: Of the joints, from base to tip.
+        names: Names of the joints, from base to tip.
 
     Attributes:
         error: Why nothing is forwarded; empty if there is no error.

@@ -27,7 +27,7 @@ class Markers:
 
     Args:
         node: Publishes.
-        frame: Of all points.
+        frame: Frame of all points.
         waypoints: The points of the task, (N, 3) [m].
     """
 
@@ -57,7 +57,7 @@ class Markers:
         """Record where tip and elbow are at a state.
 
         Args:
-            stamp: Of the state [ns].
+            stamp: Stamp of the state [ns].
             tip: (3,) [m].
             elbow: (3,) [m].
         """
@@ -88,10 +88,10 @@ def make_marker(name: str, kind: int, size: float, color: ColorRGBA) -> Marker:
     """A marker without points.
 
     Args:
-        name: Of its namespace.
+        name: Its namespace.
         kind: Such as Marker.SPHERE.
         size: Diameter or width [m].
-        color: Of all of it.
+        color: Colour of the marker.
     """
     marker = Marker(ns=name, type=kind, action=Marker.ADD, color=color)
     marker.scale.x = size

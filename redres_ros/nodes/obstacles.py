@@ -30,10 +30,10 @@ def show_obstacles(
     """Have a node publish what its limits `collision` and `workspace` keep away from, or others.
 
     Args:
-        node: With the parameters of these limits.
-        frame: Of their figures.
-        shapes: By the values of these parameters.
-        namespace: Of the markers.
+        node: Node with the parameters of these limits.
+        frame: Frame of their figures.
+        shapes: Shapes by the values of these parameters.
+        namespace: Namespace of the markers.
     """
     publisher = node.create_publisher(MarkerArray, 'markers', PUBLISH)
     shown: set[int] = set()
@@ -63,8 +63,8 @@ def take_workspace(node: Node, frame: str) -> None:
     """Have a node set the shapes of its limit `workspace` from the topic of that name.
 
     Args:
-        node: With the parameters of that limit.
-        frame: Of its figures.
+        node: Node with the parameters of that limit.
+        frame: Frame of its figures.
     """
 
     def on_markers(message: MarkerArray) -> None:

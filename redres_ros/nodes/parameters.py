@@ -68,8 +68,8 @@ def declare_one(node: Node, name: str, default: Any, parameter: Parameter) -> An
     and an empty array of texts for the word none, here and whenever the parameter is set.
 
     Args:
-        node: Has the parameter.
-        name: As users know it.
+        node: Owner of the parameter.
+        name: Name as users know it.
         default: Also says of what type it is.
         parameter: Description, range, choices, and whether it can be set live.
 
@@ -100,9 +100,9 @@ def on_live_change(
     """Have changes of parameters checked, all refused for a RedresError, and applied once set.
 
     Args:
-        node: Has the parameters.
-        check: Is given the changed values by name, tuples for arrays, and raises what is wrong.
-        apply: Is given the same, once they are set.
+        node: Owner of the parameters.
+        check: Called with the changed values by name, tuples for arrays; raises if one is wrong.
+        apply: Called with the same, once they are set.
     """
 
     def before(changed: list[RosParameter]) -> SetParametersResult:
@@ -150,7 +150,7 @@ def overruled(nodes: Sequence[Node], arguments: Sequence[str]) -> dict[str, str]
 
     Args:
         nodes: All of the process.
-        arguments: Of the command line.
+        arguments: Arguments of the command line.
     """
     asked = dict(_assignments(arguments))
     counts = {}

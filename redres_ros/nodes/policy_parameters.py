@@ -71,7 +71,7 @@ class PolicyParameters:
     """The parameters of what a controller does in each tick, all of which can be set live.
 
     Args:
-        node: Has them.
+        node: Owner of the parameters.
         model: The arm, from which limits have their figures.
         task: The first task.
         T: Sampling time [s], which bounds the damping.

@@ -85,7 +85,7 @@ class _ChosenRobot(NamedTuple):
 
     Args:
         name: What the parameter `robot` says.
-        arm: With the node's offsets and dynamics.
+        arm: Arm with the node's offsets and dynamics.
         task_space: What a task velocity is of, position or pose.
     """
 

@@ -49,8 +49,8 @@ class Sensors:
 
     Args:
         node: The controller's.
-        model: Of its arm.
-        rows: Of its task velocity.
+        model: Model of its arm.
+        rows: Rows of its task velocity.
         T: Sampling time [s].
         switch_time: Duration of a fade [s].
     """
@@ -103,7 +103,7 @@ class Sensors:
         """Take over changes of parameters.
 
         Args:
-            changes: By name; those of other parameters do not matter.
+            changes: Changes by name; those of other parameters are ignored.
             measurements: Names of those that preferences and limits use.
         """
         if 'switch_time' in changes:

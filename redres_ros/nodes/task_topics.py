@@ -22,8 +22,8 @@ class TaskTopics:
 
     Args:
         node: The planner.
-        frame: Of the poses.
-        run: Whose state is published.
+        frame: Frame of the poses.
+        run: Executor whose state is published.
     """
 
     def __init__(self, node: Node, frame: str, run: 'TaskExecutor') -> None:

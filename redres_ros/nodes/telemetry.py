@@ -18,7 +18,7 @@ class Telemetry:
 
     Args:
         node: Publishes.
-        types: By the names of topics below the node's own name.
+        types: Types by the names of topics below the node's own name.
         shared: The same for topics beside it.
 
     Attributes:
@@ -40,7 +40,7 @@ class Telemetry:
         """Publish if the topic has a subscriber.
 
         Args:
-            name: Of the topic.
+            name: Name of the topic.
             make: Returns a message, a number or a text, or None for nothing; called only if the
                 topic has a subscriber.
         """

@@ -144,7 +144,7 @@ class JointStateWriter:
     """One serialised JointState that is filled again for every message.
 
     Args:
-        names: Of the joints, n of them.
+        names: Names of the joints, n of them.
         with_effort: Whether it has efforts, too.
     """
 
@@ -219,7 +219,7 @@ def deserialised(data: bytes, kind: Any) -> Any:
     """A message from its bytes.
 
     Args:
-        data: As they came over the wire.
+        data: Bytes as they came over the wire.
         kind: The type of the message.
 
     Raises:

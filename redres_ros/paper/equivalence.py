@@ -60,12 +60,12 @@ def difference(
     """The task executed by a law and by its scheme, each in its own closed loop.
 
     Args:
-        law_name: In the table LAWS.
+        law_name: Name of a law in LAWS.
         damping: k_d [1/s].
         T: Sampling time [s].
         task: What both execute.
-        model: Of the arm; None for the task's with the equal links of Section 5.2.
-        preference: Of both, Eqs. (18) and (19).
+        model: Model of the arm; None for the task's with the equal links of Section 5.2.
+        preference: Preference of both, Eqs. (18) and (19).
 
     Raises:
         UnknownNameError: The law has no yardstick.
@@ -104,7 +104,7 @@ def yardstick(
     and has no scheme in the paper.
 
     Args:
-        law_name: In the table LAWS.
+        law_name: Name of a law in LAWS.
         damping: k_d [1/s].
         T: Sampling time [s].
         preference: A further preferred acceleration.
@@ -154,11 +154,11 @@ def convergence(
     """A law at several sampling times beside its scheme in continuous time, on the first segment.
 
     Args:
-        law_name: In the table LAWS.
+        law_name: Name of a law in LAWS.
         damping: k_d [1/s]. It is the same at every sampling time.
         task: Its first segment has to be over in time at every sampling time.
         periods: Sampling times [s].
-        model: Of the arm; None for the task's with the equal links of Section 5.2.
+        model: Model of the arm; None for the task's with the equal links of Section 5.2.
 
     Raises:
         UnknownNameError: The law has no scheme of second order.
@@ -201,8 +201,8 @@ def integrate(
     that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
 
     Args:
-        scheme: Of second order.
-        model: Of the arm.
+        scheme: Scheme of second order.
+        model: Model of the arm.
         task: Its segments take exactly T_AB.
         t: Ascending times up to the task's end, (N,) [s].
 

@@ -37,11 +37,11 @@ class Sensing:
     """How an experiment sees its arm. By default it sees every position exactly and at once.
 
     Attributes:
-        faults: Of the encoders, which act on the controller too.
+        faults: Faults of the encoders, which act on the controller too.
         recorded_late: Chance of a joint's position to be that before, in the recording alone: the
             robot's own cycle is not disturbed by its recorder.
-        phase: From the first state to the start of the task [cycles].
-        seed: Of everything random.
+        phase: Time from the first state to the start of the task [cycles].
+        seed: Random seed.
     """
 
     faults: Faults = field(default_factory=Faults)
@@ -68,7 +68,7 @@ class Experiment:
     Attributes:
         recording: One row a tick until the last point was reached or the robot stopped. q and all
             that follows from it alone are measured, dq and the norms are those of the commands.
-        stop_reason: In the robot's own words; empty if nothing stopped it.
+        stop_reason: Why the robot stopped, in its own words; empty if it did not.
         q: Measured joint positions from the recording's first tick to AFTERMATH after its last,
             (N, n) [rad].
     """
@@ -242,7 +242,7 @@ class _Recorder:
     """Records joint positions, one row a cycle, some of them a cycle late.
 
     Args:
-        sensing: Says how many.
+        sensing: How the positions are recorded.
     """
 
     def __init__(self, sensing: Sensing) -> None:

@@ -93,7 +93,7 @@ class Setup:
 
     Args:
         equation: The paper's number of it.
-        law: In the table LAWS.
+        law: Name of a law in LAWS.
         damping: k_d [1/s]; None for a law that has none.
         is_scheme: The scheme runs, not the law.
         is_reversed: The points are in reverse order.
@@ -134,7 +134,7 @@ class Simulation(Setup):
     """Section 5: an ideal arm.
 
     Args:
-        dynamics: Of the model.
+        dynamics: Dynamics of the model.
         rounds: How often the task is executed.
         switching: When the next segment begins, WaypointTask.switching.
     """
@@ -162,7 +162,7 @@ class RobotRun(Setup):
     """Section 6: the arm behind the fake robot.
 
     Args:
-        seed: Of the noise and of the start.
+        seed: Seed of the noise and of the start.
         switch_time: Over which the start is blended [s]. A scheme of second order starts at once,
             so a law that is compared with one does so too.
         limits: Names in LIMITS that the law keeps.
@@ -217,8 +217,8 @@ def title(number: int, name: str, scheme: str = '') -> str:
     """Of the figure of a run, or of a law's run beside a scheme's.
 
     Args:
-        number: In the paper, or beyond its last.
-        name: Of the run.
+        number: Number in the paper, or beyond the paper's last.
+        name: Name of the run.
         scheme: Name of the run of the scheme.
     """
     run = MOTIONS[name]
@@ -232,9 +232,9 @@ def two_rounds(law: str, damping: float, dynamics: str) -> str:
     """The name of a run of two rounds of the rectangle.
 
     Args:
-        law: In the table LAWS.
+        law: Name of a law in LAWS.
         damping: k_d [1/s].
-        dynamics: Of the model.
+        dynamics: Dynamics of the model.
     """
     return f'two_rounds_{dynamics}_{law}_{damping:g}'
 

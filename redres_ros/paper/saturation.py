@@ -40,8 +40,8 @@ class Benchmark:
         corners: Where the tip goes, (N, 3) [m].
         is_relative: Whether they are beside the tip's start.
         braking: Deceleration before a corner [m/s^2], which the joints can do.
-        law: Of the motion in the null space.
-        damping: Of that law [1/s].
+        law: Law of the motion in the null space.
+        damping: Damping of that law [1/s].
         seconds: That the others' motion took.
         heading_error: Theirs, the mean angle between the tip's velocity and the line to the corner
             [rad].

@@ -48,8 +48,8 @@ class Scheme(ABC):
         """ddq, (n,) [rad/s^2], for a task acceleration.
 
         Args:
-            model: Of the arm.
-            state: Of the arm at this tick.
+            model: Model of the arm.
+            state: State of the arm at this tick.
             ddx: Task acceleration, (m,) [m/s^2].
             dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
         """
@@ -102,7 +102,7 @@ class TorqueScheme(Scheme):
         """tau, (n,) [Nm], for a task acceleration.
 
         Args:
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             ddx: Task acceleration, (m,) [m/s^2].
             dJ_dq: The part of it that dq alone brings about, (m,) [m/s^2].
         """
@@ -183,7 +183,7 @@ def make_scheme(name: str, damping: float = 10.0, preference: Preference | None 
     """The scheme that the law of that name was made from.
 
     Args:
-        name: Of the law.
+        name: Name of the law.
         damping: k_d [1/s].
         preference: A further preferred acceleration.
 
@@ -203,8 +203,8 @@ class SecondOrderController:
     Used like a Controller. Before the first update everything is at rest.
 
     Args:
-        model: Of the arm.
-        scheme: In force.
+        model: Model of the arm.
+        scheme: Scheme in force.
         T: Sampling time [s].
 
     Raises:
@@ -267,8 +267,8 @@ def step(
     """dq_k, (n,) [rad/s], by a scheme.
 
     Args:
-        model: Of the arm.
-        scheme: In force.
+        model: Model of the arm.
+        scheme: Scheme in force.
         T: Sampling time [s].
         state: (q_k, dq_{k-1}).
         J_prev: J_{k-1}, (m, n).

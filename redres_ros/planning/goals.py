@@ -191,9 +191,9 @@ class Goals:
         """Refuse a goal of long ago; one stamped by this computer's clock counts by its arrival.
 
         Args:
-            stamp: Of the goal [ns]; 0 means now.
-            now: By the robot's clock [ns].
-            time_of_day: By this computer's clock [ns].
+            stamp: Stamp of the goal [ns]; 0 means now.
+            now: Time by the robot's clock [ns].
+            time_of_day: Time by this computer's clock [ns].
 
         Raises:
             GoalError: The stamp is further than target_timeout from now, by either clock.
@@ -221,12 +221,12 @@ def way_to(
     """A straight segment from rest to rest.
 
     Args:
-        task: Has the gains and tolerances.
+        task: Task with the gains and tolerances.
         x: Where it begins, (3,) [m].
         R: Orientation there, (3, 3).
         x_end: Where it ends, (3,) [m].
         R_end: Orientation there, (3, 3).
-        speed: At most, of the tip [m/s], and of the turn ten times as many [rad/s].
+        speed: Largest speed of the tip [m/s], and of the turn ten times as many [rad/s].
         turns: Whether the orientation is part of the task.
     """
     distance = float(np.linalg.norm(x_end - x))

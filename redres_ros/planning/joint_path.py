@@ -96,7 +96,7 @@ def path_to(
         model: The arm.
         q: Where the joints are, (n,) [rad].
         q_end: Where they are to go, (n,) [rad].
-        fraction: Of the arm's velocity and acceleration limits that the motion uses.
+        fraction: Fraction of the arm's velocity and acceleration limits that the motion uses.
         tolerance: Distance of each joint below which the arm is there [rad].
     """
     turning = model.q_max - model.q_min > _TURN

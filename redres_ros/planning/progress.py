@@ -52,8 +52,8 @@ class ProgressMonitor:
         Args:
             seconds: Since the last call [s].
             segment: Number of the one under way.
-            left: Of its time [s]; 0 once it should be over.
-            error: Of the position, in any unit.
+            left: Part of its time [s]; 0 once it should be over.
+            error: Error of the position, in any unit.
             distance: The same in words.
         """
         self._distance = distance
@@ -99,8 +99,8 @@ class Standstill:
         """Whether the tip was at rest in the last tenth of a second that is over.
 
         Args:
-            stamp: Of the state [ns].
-            x: Of the tip, (3,) [m].
+            stamp: Stamp of the state [ns].
+            x: Position of the tip, (3,) [m].
             asked: Speed that is asked for [m/s].
         """
         elapsed = stamp - self._since
@@ -134,9 +134,9 @@ class UnachievedVelocity:
         """That part, (m,), or None; all of it if the arm has come to rest beside its reach's end.
 
         Args:
-            stamp: Of the state [ns].
+            stamp: Stamp of the state [ns].
             q: Joint positions, (n,) [rad].
-            x: Of the tip, (3,) [m].
+            x: Position of the tip, (3,) [m].
             asked: Task velocity, (m,) [m/s], [rad/s].
         """
         state = self._model.unchecked_state(q, np.zeros(self._model.n))

@@ -22,7 +22,7 @@ class TargetFollower(ReferenceSource):
     takes a straight line; near the target it is a critically damped spring.
 
     Args:
-        task: Has the gain of the feedback and the tolerances.
+        task: Task with the feedback gain and the tolerances.
         x: Where the tip is, (3,) [m].
         R: Its orientation, (3, 3); None for the position alone.
         dx: The task velocity with which it goes on, (3,) or (6,) [m/s], [rad/s].

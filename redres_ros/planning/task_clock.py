@@ -22,7 +22,7 @@ class PathSpeed:
     the law a null space in which joints calm down. A sudden s, of a few ticks, changes little.
 
     Args:
-        fraction: To begin with; below 1 it rises at once: no limit has acted.
+        fraction: Initial fraction; below 1 it rises at once: no limit has acted.
         greedy: Always the nominal speed.
     """
 
@@ -60,7 +60,7 @@ class TaskClock:
     Args:
         T: The robot's cycle [s].
         at_once: The controller follows until it says otherwise, and need not say so; for lock-step.
-        greedy: As of PathSpeed, except after an interruption.
+        greedy: See PathSpeed; not after an interruption.
     """
 
     def __init__(self, T: float, at_once: bool = False, greedy: bool = False) -> None:

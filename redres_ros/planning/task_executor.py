@@ -39,7 +39,7 @@ class Step(NamedTuple):
     """The velocity for a state: of the task, or of the joints.
 
     Attributes:
-        stamp: Of the state [ns].
+        stamp: Stamp of the state [ns].
         dx: Task velocity, (3,) [m/s], or (6,) with the angular part below [rad/s]; else None.
         dq: Joint velocity, (n,) [rad/s]; else None.
         reference: Where dx comes from; None while nothing of the tip's path is asked for.
@@ -67,13 +67,13 @@ class _Pursuit:
 
     Attributes:
         goal: What is asked for.
-        path: Of the joints, which comes first; None before it is known, or if there is none.
-        planner: Of the tip's path; None before it begins.
+        path: Path of the joints, which comes first; None before it is known, or if there is none.
+        planner: Planner of the tip's path; None before it begins.
         has_begun: Whether anything of it was asked for.
         at_home: Whether the tip's path may begin.
-        x_d: Of the tip's path, asked for last, (3,) [m].
-        waited: For the controller, without a break [s].
-        held: Of that in the controller's present mode [s].
+        x_d: Position of the tip's path, asked for last, (3,) [m].
+        waited: Time spent waiting for the controller, without a break [s].
+        held: Part of it in the controller's present mode [s].
     """
 
     goal: Goal
@@ -253,7 +253,7 @@ class TaskExecutor:
         """What is asked for at a state, None for nothing; the same again at the same state.
 
         Args:
-            stamp: Of the state [ns].
+            stamp: Stamp of the state [ns].
             q: Joint positions, (n,) [rad].
             x: Tip position, (3,) [m].
             R: Tip orientation, (3, 3).

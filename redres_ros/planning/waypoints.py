@@ -30,7 +30,7 @@ class TaskEvent(NamedTuple):
     Attributes:
         at: After the task began [s].
         node: Its name.
-        parameters: By name.
+        parameters: Their values by name.
     """
 
     at: float
@@ -49,8 +49,8 @@ class WaypointTask:
     Args:
         robot: The arm's name.
         start: Joint positions q(0), (n,) [rad], or [m] of a linear joint.
-        waypoints: In the base frame, x_0 being f(q(0)), (N + 1, 3) [m].
-        orientations: Of the tip at the points, (N + 1, 3, 3); None leaves them free.
+        waypoints: Points in the base frame, x_0 being f(q(0)), (N + 1, 3) [m].
+        orientations: Orientations of the tip at the points, (N + 1, 3, 3); None leaves them free.
         segment_time: T_AB, of each segment [s].
         feedback_gain: k_P of Eq. (37) [1/s].
         tolerance: Error at which a point counts as reached [m].
@@ -129,7 +129,7 @@ def task_for(arm: Arm, name: str) -> WaypointTask:
     """The default task of an arm: its own, or a small square in front of its tip.
 
     Args:
-        arm: From the table, or from a URDF.
+        arm: An arm from the table, or from a URDF.
         name: The arm's name or path, for the task.
 
     Raises:

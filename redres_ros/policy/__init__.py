@@ -42,8 +42,8 @@ def make_policy(
         preferences: Names in PREFERENCES, or preferences.
         secondary_tasks: Names in TASKS, or tasks, in order of priority.
         scaling: One of SCALING: what limits scale.
-        gains: Of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those of
-            building blocks that are not in use do nothing.
+        gains: Gains of what is given by name: 'damping', 'posture.gain', 'position.margin'. Those
+            of building blocks that are not in use do nothing.
 
     Raises:
         UnknownNameError: A name that is in no table.

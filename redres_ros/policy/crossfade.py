@@ -35,7 +35,7 @@ class Crossfade:
         solution, or has diverged, is dropped.
 
         Args:
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             dx: Velocity of the first task, (m,).
             T: Sampling time [s].
         """

@@ -33,7 +33,7 @@ class Motion(Protocol):
         """The joint velocity of this tick, within limits.
 
         Args:
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             dx: Velocity of the first task, (m,).
             T: Sampling time [s].
         """
@@ -70,7 +70,7 @@ class Policy:
         """The optimum without limits, Eq. (A.13), for several tasks Eq. (20).
 
         Args:
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             dx: Velocity of the first task, (m,).
             T: Sampling time [s].
         """
@@ -104,7 +104,7 @@ class Policy:
 
         Args:
             free: The given one.
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             T: Sampling time [s].
         """
         if self.limits is None:
@@ -266,7 +266,7 @@ class Hold:
         """No velocity.
 
         Args:
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             dx: Ignored, (m,).
             T: Sampling time [s].
         """
@@ -281,7 +281,7 @@ class Hold:
 
         Args:
             free: The solution without limits.
-            state: Of the arm at this tick.
+            state: State of the arm at this tick.
             T: Sampling time [s].
         """
         if self.limits is None:

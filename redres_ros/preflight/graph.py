@@ -26,7 +26,7 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
     """All verdicts, the robot's first.
 
     Args:
-        seen: Of the graph.
+        seen: Snapshot of the graph.
         expected: What is expected where no controller runs; None: not known.
     """
     if seen.controller:

@@ -69,18 +69,19 @@ class GraphSnapshot:
     """All that was seen.
 
     Args:
-        states: In the order of arrival.
+        states: States in the order of arrival.
         publishers: Full names of the nodes that publish on a topic, by topic.
-        subscribers: Of those that subscribe.
+        subscribers: The same of subscribers, by topic.
         twist_frames: Frames of the task velocities that came.
         words: Newest session state and stop reason of a robot that reports them, by topic.
         description: The URDF on robot_description; empty: none came.
         controller: Parameters of the controller by name; None: there is no controller.
         controllers: How many nodes have its name.
         forward_joints: In the order of the forward_position_controller; empty: not known.
-        forward_states: Of its life cycle, as controller_managers report them; none: not known.
+        forward_states: States of its life cycle, as controller_managers report them; none: not
+            known.
         hardware: States of ros2_control's hardware components by their names.
-        mode: Of our controller; empty: not known.
+        mode: Mode of our controller; empty: not known.
     """
 
     states: tuple[StateSeen, ...] = ()
@@ -101,7 +102,7 @@ class SnapshotNode(GraphMonitor):
     """Observes, and asks controllers for their parameters; publishes nothing.
 
     Args:
-        namespace: Of the arm's nodes; empty: none.
+        namespace: Namespace of the arm's nodes; empty: none.
         states: The topic of the states, where it is remapped.
     """
 

@@ -30,7 +30,7 @@ class EndSpeed(NamedTuple):
     sqrt(2 deceleration d) - offset, at least 0, and at most the velocity limit.
 
     Attributes:
-        lower: From where d counts [rad].
+        lower: Position from which d counts [rad].
         upper: The same.
         deceleration: [rad/s^2].
         offset: [rad/s].
@@ -57,8 +57,8 @@ class Arm:
             paper's Section 5.2 with each link a body of 1 kg, here a solid cylinder because an
             ideal rod makes M singular.
         rotor_inertia: Reflected to the joints, (n,) [kg m^2]; empty: none.
-        body_radius: Of the capsules around the base and around each link, (n + 1,) [m], 0 for none;
-            empty: 0.06 m each.
+        body_radius: Radii of the capsules around the base and around each link, (n + 1,) [m], 0 for
+            none; empty: 0.06 m each.
         acceleration_limit: Of each joint, (n,) [rad/s^2]; empty: unlimited.
         jerk_limit: Of each joint, (n,) [rad/s^3]; empty: 100 1/s times the acceleration limit.
         end_speeds: Of each joint, (n,); empty: the robot allows the velocity limit everywhere.
@@ -68,8 +68,8 @@ class Arm:
         assumptions: What was assumed of the arm, a sentence each.
 
     Raises:
-        UnknownNameError: For the dynamics.
-        RangeError: For an offset beyond 2 m, or an effort limit that is none.
+        UnknownNameError: Unknown dynamics.
+        RangeError: An offset beyond 2 m, or an effort limit outside its range.
     """
 
     urdf: Path | str

@@ -30,7 +30,7 @@ class Bodies(NamedTuple):
 
         Args:
             kinematics: Its joints.
-            radius: Of the base and of each link, (n + 1,) [m]; 0 for one without a body.
+            radius: Radius of the base and of each link, (n + 1,) [m]; 0 for one without a body.
         """
         base = kinematics.joints[0].before[:3, 3]
         offsets = (base, *kinematics.offsets)

@@ -72,7 +72,7 @@ def settle_chain(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     no arm uses up, as the libraries have positions of other kinds for it.
 
     Args:
-        urdf: To be changed.
+        urdf: URDF, which is changed.
         chain: The joints from the root link to the tip.
 
     Returns:
@@ -153,7 +153,7 @@ def lock_joints(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     follows it. No law can move it then, and the arm still carries its weight.
 
     Args:
-        urdf: To be changed.
+        urdf: URDF, which is changed.
         chain: The joints from the root link to the tip.
 
     Returns:

@@ -117,7 +117,7 @@ def square_before_tip(
     of a metre, or half of that as often as needed: to be within reach, and gone in a few seconds.
 
     Args:
-        kinematics: Of the arm.
+        kinematics: Kinematics of the arm.
         start: Joint positions (n,) [rad] or [m].
         acceleration: Limits of the joints (n,) [rad/s^2] or [m/s^2].
 

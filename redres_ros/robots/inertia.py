@@ -21,7 +21,7 @@ def make_cylinders(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> None:
     """Make each moving link a solid cylinder, from its joint along z to the next (Section 5.2).
 
     Args:
-        urdf: To be changed; joint friction goes too.
+        urdf: URDF, which is changed; joint friction is removed too.
         chain: The joints from the root link to the tip, fixed ones included.
     """
     for joint in chain:
@@ -60,7 +60,7 @@ def fill_in_inertias(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     get stand-ins far below those of any arm.
 
     Args:
-        urdf: To be changed; only joints of the chain move in it.
+        urdf: URDF, which is changed; only joints of the chain move in it.
         chain: The joints from the root link to the tip.
 
     Returns:

@@ -14,7 +14,7 @@ class JointLimits:
     """Limits of each joint; those of a prismatic one are in [m], [m/s] and [m/s^2].
 
     Attributes:
-        joint_names: From base to tip, the order of the arrays.
+        joint_names: Names from base to tip, the order of the arrays.
         lower: Positions, (n,) [rad].
         upper: Positions, (n,) [rad].
         velocity: Either way, (n,) [rad/s].

@@ -13,9 +13,9 @@ class MovingJoint:
     """A joint that moves, and the link that it moves.
 
     Attributes:
-        name: Of the joint.
+        name: Name of the joint.
         link: That it moves.
-        before: From the frame that the parent moves to this joint's, (4, 4).
+        before: Transform from the frame that the parent moves to this joint's, (4, 4).
         parent: Index of the moving joint before it; BASE: there is none.
         axis: Unit vector in the joint's frame, (3,).
         is_prismatic: Whether it moves along its axis instead of turning about it.
@@ -37,13 +37,13 @@ class Kinematics:
         tip_frame: The link that is the tip.
 
     Attributes:
-        joints: In the order of every array.
+        joints: Moving joints, in the order of every array.
         n: How many.
         lower: Position limits, (n,) [rad] or [m].
         upper: Likewise.
         velocity: Limits, (n,) [rad/s] or [m/s].
         links: Of each link the joint that moves it, or BASE, and its pose in that frame, (4, 4).
-        tip: From the frame that the last joint before the tip moves, (4, 4).
+        tip: Transform from the frame that the last joint before the tip moves, (4, 4).
         tip_parent: Index of that joint.
         base_frame: The root link.
     """

@@ -115,7 +115,7 @@ def find_arm(name: str, **changes: object) -> Arm:
     still.
 
     Args:
-        name: In the table ARMS.
+        name: Name of an arm in ARMS.
         changes: Fields of the arm to set to another value; None leaves a field as it is.
 
     Raises:

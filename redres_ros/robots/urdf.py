@@ -162,7 +162,7 @@ class Urdf:
         """The pose (4, 4) that an element's origin gives; the identity without one.
 
         Args:
-            element: Of a URDF.
+            element: Element of a URDF.
             owner: What an error says the element belongs to.
         """
         origin = element.find('origin')
@@ -215,7 +215,7 @@ def set_placement(element: ET.Element, H: np.ndarray) -> None:
     """Write a pose into the element's origin.
 
     Args:
-        element: Of a URDF.
+        element: Element of a URDF.
         H: The pose, (4, 4).
     """
     origin = child(element, 'origin')

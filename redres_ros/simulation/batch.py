@@ -45,7 +45,7 @@ class Result:
         min_singular_value: The smallest one of the task Jacobian on the way.
         min_task_scaling: The smallest fraction of the task velocity that limits allowed.
         error: Why there is no effort; empty if there is one.
-        versions: Of what computed it.
+        versions: Versions of what computed it.
     """
 
     case: Case
@@ -76,7 +76,7 @@ class _Job:
 
     Args:
         case: The motion.
-        arm: With the URDF's text.
+        arm: Arm with the URDF's text.
         task: Read from its file; None: a random one.
         failures: Workers that died with it.
     """
@@ -218,7 +218,7 @@ def _controller(case: Case, model: RobotModel, task: WaypointTask | None) -> Con
 
     Args:
         case: The motion.
-        model: Of its arm.
+        model: Model of its arm.
         task: Its task; None: a random one, which is of positions.
     """
     if task is not None:

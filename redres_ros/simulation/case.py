@@ -34,10 +34,10 @@ class Case:
         scaling: 'task' or 'components', how limits scale the task velocity.
         preferences: Names in PREFERENCES.
         secondary_tasks: Names in TASKS, in order of priority.
-        gains: By name, such as {'damping': 5.0, 'posture.gain': 4.0}.
+        gains: Values by name, such as {'damping': 5.0, 'posture.gain': 4.0}.
         task: A kind of random task ('random', 'near_singular', 'long'), the name of a task of this
             package, or the path of a task file.
-        seed: Of a random task.
+        seed: Seed of a random task.
         tip_frame: Link that carries out the task; empty: the arm's own.
         elbow_frame: Link that counts as the elbow; empty: the arm's own.
         dynamics: 'identified' or 'cylinders'.

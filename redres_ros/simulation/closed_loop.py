@@ -22,7 +22,7 @@ class Client(Protocol):
     """Computes a command for each state: a Controller, or one of second order.
 
     Attributes:
-        model: Of the arm.
+        model: Model of the arm.
         T: The robot's cycle [s].
         m: Rows of dx, 3 or 6.
     """
@@ -97,7 +97,7 @@ class _Loop:
         controller: Responds to each state.
         task: Start and points.
         delay: Ticks by which the arm uses a reference late.
-        greedy: As of PathSpeed.
+        greedy: See PathSpeed.
     """
 
     def __init__(self, controller: Client, task: WaypointTask, delay: int, greedy: bool) -> None:

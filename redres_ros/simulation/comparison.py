@@ -50,7 +50,7 @@ class Comparison:
     Args:
         recordings: Every tick, by law.
         efforts: What each asked of the arm, by law.
-        title: Says what was compared.
+        title: What was compared.
     """
 
     recordings: dict[str, Recording]
@@ -131,8 +131,8 @@ def tables(efforts: Mapping[str, Effort], title: str) -> tuple[Table, Table]:
     """The worst moments, with the arm's limits, and the whole motion; one row a law.
 
     Args:
-        efforts: By law.
-        title: Says what was compared.
+        efforts: Efforts by law.
+        title: What was compared.
     """
     marked = {name: _marked(efforts, name) for name in (*PEAKS, *_WHOLE)}
     worst = []
@@ -194,8 +194,8 @@ def picture(recordings: Mapping[str, Recording], title: str) -> Figure:
     """The norms of all laws over time, one panel a norm.
 
     Args:
-        recordings: By law.
-        title: Says what was compared.
+        recordings: Recordings by law.
+        title: What was compared.
     """
     figure, axes = time_panels(len(NORMS), title, (11.0, 9.0))
     styles = line_styles(list(recordings))
@@ -217,10 +217,10 @@ def draw_limit_usage(
     """Velocity and acceleration as fractions of the limits, and the task scaling, over time.
 
     Args:
-        recordings: By law.
+        recordings: Recordings by law.
         model: The arm, with its limits.
         allowed: Fraction of them that the motions may use, `limit_scale`.
-        title: Says what was compared.
+        title: What was compared.
     """
     figure, (velocity, acceleration, scaling) = time_panels(3, title, (11.0, 8.0))
     styles = line_styles(list(recordings))

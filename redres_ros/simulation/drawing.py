@@ -35,7 +35,7 @@ def save(figure: Figure, path: Path) -> None:
 
     Args:
         figure: What is drawn; a .pdf or .svg has the width of a column, and so has the figure then.
-        path: Whose folder is made if need be.
+        path: Its folder is made if it does not exist.
 
     Raises:
         FileError: It cannot be written.
@@ -55,8 +55,8 @@ def time_panels(
     Args:
         count: Number of panels.
         title: Above the first.
-        size: Of the figure [in].
-        heights: Of the panels, relative to each other; None: all the same.
+        size: Size of the figure [in].
+        heights: Heights of the panels, relative to each other; None: all the same.
     """
     figure = Figure(figsize=size, layout='constrained')
     panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True, height_ratios=heights)))

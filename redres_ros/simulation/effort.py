@@ -44,8 +44,8 @@ class Effort:
         """That of a motion.
 
         Args:
-            recording: Of at least one tick.
-            model: Of the arm.
+            recording: Recording of at least one tick.
+            model: Model of the arm.
         """
         T = recording.T
         q = recording.vectors('q1')
@@ -69,8 +69,8 @@ def first_violation(recording: Recording, limits: JointLimits) -> str:
     """The first joint beyond one of its limits, how and when; empty where all are kept.
 
     Args:
-        recording: Of a motion that began at rest.
-        limits: Of the same arm.
+        recording: Recording of a motion that began at rest.
+        limits: Limits of the same arm.
     """
     q = recording.vectors('q1')
     tolerance = np.nan_to_num(_ROUNDING * (limits.upper - limits.lower), posinf=0.0)  # (n,)
@@ -95,7 +95,7 @@ def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """Velocity of the joint that is nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
-        recording: Of commands.
+        recording: Recording of commands.
         model: The arm, with its limits.
     """
     usage = np.abs(recording.vectors('dq1')) / JointLimits.of(model.arm).velocity
@@ -106,7 +106,7 @@ def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """The same of the acceleration, (ticks,).
 
     Args:
-        recording: Of commands.
+        recording: Recording of commands.
         model: The arm, with its limits.
     """
     usage = np.abs(recording.accelerations) / JointLimits.of(model.arm).acceleration

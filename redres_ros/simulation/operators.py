@@ -34,7 +34,7 @@ class Operator(ABC):
 
     Args:
         T: Sampling time [s].
-        seed: Of what is random.
+        seed: Random seed.
     """
 
     def __init__(self, T: float, seed: int) -> None:
@@ -61,9 +61,9 @@ class Operator(ABC):
         """The twist towards which the hand moves, (6,) [m/s], [rad/s].
 
         Args:
-            t: As of twist().
-            x: As of twist().
-            R: As of twist().
+            t: See twist().
+            x: See twist().
+            R: See twist().
         """
 
 
@@ -71,8 +71,8 @@ class BlindOperator(Operator):
     """One who does not look: another random twist every two seconds.
 
     Args:
-        T: As of Operator.
-        seed: As of Operator.
+        T: See Operator.
+        seed: See Operator.
     """
 
     def __init__(self, T: float, seed: int) -> None:
@@ -110,7 +110,7 @@ class GoalOperator(Operator):
     Args:
         model: The arm, whose random postures are the goals.
         T: Sampling time [s].
-        seed: Of the goals.
+        seed: Seed of the goals.
     """
 
     def __init__(self, model: RobotModel, T: float, seed: int) -> None:
@@ -152,7 +152,7 @@ def task_of_goals(recording: Recording, task: WaypointTask) -> WaypointTask:
     """A task that passes the goals of a recording, each of which is a segment of it.
 
     Args:
-        recording: Of an arm under a GoalOperator.
+        recording: Recording of an arm under a GoalOperator.
         task: Has the robot and the start.
     """
     x_d = recording.vectors('x_d')

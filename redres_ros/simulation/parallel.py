@@ -32,7 +32,7 @@ def in_parallel(
 
     Args:
         work: Runs in a process of its own, a copy of this one, and its result is sent back.
-        items: Of any kind: the copy has them already.
+        items: Items of any kind: the copy has them already.
         progress: Called with the fraction of the whole that is done, 0 to 1.
 
     Raises:

@@ -24,8 +24,8 @@ def draw_paths(ax: Any, recording: Recording, model: RobotModel, task: WaypointT
     Args:
         ax: A place with three dimensions.
         recording: The motion.
-        model: Of the arm that moved.
-        task: What it was to do.
+        model: Model of the arm that moved.
+        task: Its task.
     """
     tip = recording.vectors('x')  # (N, 3)
     elbow = np.array(

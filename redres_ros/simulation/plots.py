@@ -42,7 +42,7 @@ class Remarks:
         beside: Ideal motions by law, drawn dashed for comparison.
         stopped: Why the robot was stopped, marked at the end of the curves.
         switches: (time [s], law before, law after).
-        law: In force at the start; empty for one that has no colour of its own.
+        law: Law in force at the start; empty for one without a colour of its own.
     """
 
     beside: Mapping[str, Recording]
@@ -69,10 +69,10 @@ def draw_motion(
 
     Args:
         recording: The motion, of at least one row.
-        model: Of the arm that moved.
-        task: What it was to do.
+        model: Model of the arm that moved.
+        task: Its task.
         title: Above the page.
-        path: Of the file, a .png, .pdf or .svg.
+        path: Path of the file, a .png, .pdf or .svg.
         remarks: What else is marked.
 
     Raises:
@@ -105,10 +105,10 @@ def draw_contact(
 
     Args:
         forces: Times [s], and forces of the environment on the tip along its axes [N], (N, 4).
-        recording: Of the motion.
+        recording: Recording of the motion.
         model: The arm.
-        title: Says what was run.
-        path: With the ending of a picture.
+        title: What was run.
+        path: Path of the picture.
     """
     figure, (force, distance) = time_panels(2, title, (9.0, 5.5))
     force.plot(forces[:, 0], np.linalg.norm(forces[:, 1:], axis=1), color='tab:red')

@@ -48,7 +48,7 @@ class MotionRecorder:
     """Collects the ticks of a motion; figures are computed in arrays, many ticks at a time.
 
     Args:
-        model: Of the arm.
+        model: Model of the arm.
         T: Sampling time [s].
         pose: Whether the task has orientations.
     """
@@ -68,7 +68,7 @@ class MotionRecorder:
 
         Args:
             t: Time [s].
-            command: Of this tick.
+            command: Command of this tick.
             reference: Where the task is.
         """
         state = command.state

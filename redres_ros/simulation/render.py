@@ -78,9 +78,9 @@ class Film:
 
         Args:
             recording: The motion.
-            model: Of the arm.
-            task: What it was to do.
-            ticks: At which the arm is drawn, (N,).
+            model: Model of the arm.
+            task: Its task.
+            ticks: Ticks at which the arm is drawn, (N,).
         """
         q = recording.vectors('q1')
         rows = np.linspace(0, len(q) - 1, min(_PATH, len(q))).astype(int)
@@ -95,7 +95,7 @@ def render(arm: Arm, film: Film) -> np.ndarray:
     """The arm at each q of a film, with the paths up to there.
 
     Args:
-        arm: Whose URDF it is.
+        arm: Arm to draw.
         film: What it does, and which paths are drawn.
 
     Returns:

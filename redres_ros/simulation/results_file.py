@@ -77,7 +77,7 @@ class ResultsFile:
     when it is closed.
 
     Args:
-        path: Of the file; what is in it already stays.
+        path: Path of the file; what is in it already stays.
 
     Raises:
         UnknownNameError: An ending other than those in _ENDINGS.

@@ -50,8 +50,8 @@ class Summary:
         """This law's figure over another's, of each task that both finish.
 
         Args:
-            others: Of the other law.
-            figure: Of one motion.
+            others: Summary of the other law.
+            figure: Computes the figure from the result of one motion.
         """
         both = [task for task in self.results if _finished(others.results.get(task))]
         return np.array(
@@ -251,8 +251,8 @@ def damping_table(trials: Trials, title: str) -> Table:
     """One row a damping.
 
     Args:
-        trials: Of one law.
-        title: Says what was tried.
+        trials: Trials of one law.
+        title: What was tried.
     """
     fraction = _MOST if trials.resolves(_MOST) else 1.0
     most = trials.quantiles(fraction)

@@ -24,7 +24,7 @@ def credible(changes: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, 
     """The changes that a node may have made: any participant can publish changes.
 
     Args:
-        changes: Of parameters, as published.
+        changes: Changes of parameters, as published.
         known: The parameters as they are, which says of what type each is.
     """
     return {
@@ -51,7 +51,7 @@ class Bindings:
         """Have an input set a parameter, and show what others set.
 
         Args:
-            handle: Of the input.
+            handle: Handle of the input.
             node: Name of the node that has the parameter.
             parameter: Its name.
         """
@@ -68,7 +68,7 @@ class Bindings:
         Args:
             node: Name of the node that has it.
             parameter: Its name.
-            show: Is called.
+            show: Called with each new value.
         """
         self._shows.setdefault((node, parameter), []).append(show)
 
@@ -77,7 +77,7 @@ class Bindings:
 
         Args:
             node: Its name.
-            values: Of its parameters, by their names.
+            values: Its parameters by name.
         """
         for name, value in credible(values, self.values.get(node, {})).items():
             self.values[node][name] = value
@@ -90,7 +90,7 @@ class Bindings:
         Args:
             event: What was changed, and by whom.
             node: Name of the node.
-            values: By the names of the parameters.
+            values: Values by parameter name.
         """
         known = {name: self.values[node][name] for name in values if name in self.values[node]}
         self.order(
@@ -105,7 +105,7 @@ class Bindings:
         Args:
             event: What was clicked, and by whom.
             order: Asks the nodes; gives their response in words, if there is one.
-            undo: Is called if they refuse.
+            undo: Called if they refuse.
         """
         if event.client is None:  # shown by us, because a node has it already
             return
@@ -123,7 +123,7 @@ def notify(event: Any, text: str) -> None:
     """Show a refusal to somebody at the page.
 
     Args:
-        event: Of whom.
+        event: Event from that browser.
         text: What is refused, and why.
     """
     if event.client is not None:
@@ -153,8 +153,8 @@ def add_controls(gui: viser.GuiApi, bindings: Bindings) -> None:
     """Add what starts the task, and what sets the law and its limits.
 
     Args:
-        gui: Of the page.
-        bindings: To the nodes.
+        gui: Controls of the page.
+        bindings: Bindings to the nodes.
     """
     values = bindings.values['controller']
     _add_task(gui, bindings)
@@ -167,8 +167,8 @@ def add_faults(gui: viser.GuiApi, bindings: Bindings) -> None:
     """Add the faults of the fake robot.
 
     Args:
-        gui: Of the page.
-        bindings: To the nodes.
+        gui: Controls of the page.
+        bindings: Bindings to the nodes.
     """
     values = bindings.values['sim']
     with gui.add_folder('faults of the fake robot', expand_by_default=False):

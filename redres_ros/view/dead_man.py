@@ -45,7 +45,8 @@ class DeadMan:
 
         Args:
             who: The connection.
-            direction: Of the velocity that is asked for, fractions -1 to 1 of the speeds, (6,).
+            direction: Direction of the velocity that is asked for, fractions -1 to 1 of the speeds,
+                (6,).
             now: [s].
         """
         with self._lock:

@@ -36,7 +36,7 @@ class FilmedMotion:
     Attributes:
         recording: The motion.
         title: Above its plots, or above its arm.
-        law: Whose colour the curves have.
+        law: Law whose colour the curves have.
     """
 
     recording: Recording
@@ -55,9 +55,9 @@ def write_film(
 
     Args:
         motions: One, or several that are shown side by side.
-        model: Of the arm that moved.
-        task: What it was to do.
-        path: Of the file; its ending is .mp4, .webp or .gif.
+        model: Model of the arm that moved.
+        task: Its task.
+        path: Path of the file; its ending is .mp4, .webp or .gif.
         compared: The column that is plotted below several motions.
 
     Raises:

@@ -23,7 +23,7 @@ class TipHandle:
     """A handle at the tip: while it is dragged, its pose is streamed on `target_pose`.
 
     Args:
-        server: Of the page.
+        server: Server of the page.
         monitor: Publishes.
         model: The arm.
         turns: Whether the orientation is part of the task.
@@ -81,7 +81,7 @@ class LinkPush:
     """Links that can be taken with the mouse, which pulls at them like a spring.
 
     Args:
-        scene: Has the links.
+        scene: Scene with the links.
         is_allowed: Whether the dead-man switch is held.
     """
 

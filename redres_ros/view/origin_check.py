@@ -98,7 +98,7 @@ def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> 
     Args:
         port: Wanted; the next free one is taken; 0: any.
         label: The title of its controls.
-        channel: Of the page's own script; None: the page has no script of ours.
+        channel: Channel of the page's own script; None: the page has no script of ours.
 
     Raises:
         OriginError: It let a foreign request in, as a future viser might.

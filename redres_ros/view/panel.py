@@ -33,8 +33,8 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
 
     Args:
         words: The newest by topic.
-        health: Of the nodes, by their names.
-        progress: Of the goal, 0 to 1; shown while it is under way.
+        health: Health of each node, by name.
+        progress: Progress of the goal, 0 to 1; shown while it is under way.
     """
     lines = []
     if words[REASON]:
@@ -76,7 +76,7 @@ def joint_bars(
     """A bar for each joint as HTML, with the limits that act.
 
     Args:
-        names: Of the joints.
+        names: Names of the joints.
         fractions: Where each is in its range, 0 to 1, (n,).
         acting: The limits that act on a joint, or on a pair of bodies, by its name.
     """
@@ -145,8 +145,8 @@ class Plots:
     """One small plot for each figure.
 
     Args:
-        gui: Of viser.
-        law: In force.
+        gui: viser's controls.
+        law: Law in force.
     """
 
     def __init__(self, gui: viser.GuiApi, law: str) -> None:

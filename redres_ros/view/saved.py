@@ -24,10 +24,10 @@ def write_page(
 
     Args:
         recording: The motion, of at least one row.
-        model: Of the arm that moved.
-        task: What it was to do.
+        model: Model of the arm that moved.
+        task: Its task.
         title: Beside the arm.
-        path: Of the file.
+        path: Path of the file.
 
     Raises:
         FileError: The file cannot be written.

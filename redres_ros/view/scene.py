@@ -61,9 +61,9 @@ class ArmScene:
     """Draws an arm into a page.
 
     Args:
-        server: Of the page.
+        server: Server of the page.
         model: The arm.
-        points: Of its task, (P, 3) [m]; (0, 3) for none.
+        points: Points of its task, (P, 3) [m]; (0, 3) for none.
     """
 
     def __init__(self, server: viser.ViserServer, model: RobotModel, points: np.ndarray) -> None:

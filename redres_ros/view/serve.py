@@ -39,9 +39,9 @@ class Page:
     """A page of one graph.
 
     Args:
-        server: Of viser, still empty.
-        monitor: Observes the graph; is spun by somebody else.
-        channel: Of the page's own script.
+        server: viser's server, still empty.
+        monitor: Observes the graph; spun elsewhere.
+        channel: Channel of the page's own script.
 
     Raises:
         CallError: The controller or the planner is not there.

@@ -40,10 +40,10 @@ class Claim:
     """A sentence that can be measured.
 
     Attributes:
-        section: Of the paper, or an equation.
+        section: Section of the paper, or an equation.
         says: The claim in our words.
         measure: Finds out.
-        source: Whose claim it is.
+        source: Who makes the claim.
     """
 
     section: str
@@ -58,9 +58,9 @@ def claim(
     """A decorator that makes a claim of the function that measures it.
 
     Args:
-        section: Of the paper, or an equation.
+        section: Section of the paper, or an equation.
         says: The claim in our words.
-        source: Whose claim it is.
+        source: Who makes the claim.
     """
     return lambda measure: Claim(section, says, measure, source)
 
@@ -79,7 +79,7 @@ def check_all(
 
     Args:
         claims: What to measure.
-        runs: On what.
+        runs: Runs to measure them on.
         progress: Called with the fraction done, 0 to 1.
     """
     claims = list(claims)
@@ -114,8 +114,8 @@ def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
     """The same as a file.
 
     Args:
-        findings: By their claims.
-        path: Of the file.
+        findings: Findings by claim.
+        path: Path of the file.
 
     Raises:
         FileError: It cannot be written.

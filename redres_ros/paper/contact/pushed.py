@@ -65,7 +65,7 @@ def pushed_tip(t: float, depth: np.ndarray) -> np.ndarray:
 
     Args:
         t: Time [s].
-        depth: Of the tip, its place from the start on, (3,) [m].
+        depth: Displacement of the tip from its start, (3,) [m].
     """
     return _PUSH * _push_at(t) * np.array((0.6, 0.8, 0.0))
 
@@ -75,7 +75,7 @@ def wall_below(t: float, depth: np.ndarray) -> np.ndarray:
 
     Args:
         t: Time [s].
-        depth: As of pushed_tip().
+        depth: See pushed_tip().
     """
     return pushed_tip(t, depth) + np.array((0.0, 0.0, _WALL * max(-depth[2], 0.0)))
 
@@ -89,7 +89,7 @@ class PushedArm:
     """An arm that carries its own weight, its start, and what pushes its elbow.
 
     Args:
-        push: On the elbow [N].
+        push: Push on the elbow [N].
     """
 
     def __init__(self, push: float) -> None:
@@ -104,7 +104,7 @@ class PushedArm:
         """The arm at its start.
 
         Args:
-            bandwidth: Of its servos in MuJoCo [rad/s]; None: an ideal arm.
+            bandwidth: Bandwidth of its servos in MuJoCo [rad/s]; None: an ideal arm.
             T: The cycle [s].
         """
         if bandwidth is None:
@@ -140,9 +140,9 @@ def by_velocity(
 
     Args:
         law: Its name.
-        settings: Of the admittance.
-        force: On the tip.
-        bandwidth: Of the servos of an arm on the plant [rad/s]; None: an ideal arm.
+        settings: Settings of the admittance.
+        force: Force on the tip.
+        bandwidth: Bandwidth of the servos of an arm on the plant [rad/s]; None: an ideal arm.
         elbow_push: Force on the elbow that the law feels [N].
         felt: Fraction of the force that the sensor measures.
         T: Sampling time [s].
@@ -172,7 +172,7 @@ def stepped(bandwidth: float | None = None, felt: float = 1.0) -> np.ndarray:
     """What the tip does along a step of force, (N,) [m].
 
     Args:
-        bandwidth: As of by_velocity().
+        bandwidth: See by_velocity().
         felt: Likewise.
     """
     settings = AdmittanceSettings(

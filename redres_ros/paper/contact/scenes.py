@@ -51,8 +51,8 @@ class PressingArm:
 
     Args:
         case: Arm, surface and damping.
-        law: In use.
-        preferences: Of the law.
+        law: Law in force.
+        preferences: Preferences of the law.
         has_table: Whether there is a table, and a force is asked for.
     """
 
@@ -97,7 +97,7 @@ class PressingArm:
         """A cycle at a task velocity. Raises ContactError.
 
         Args:
-            state: Of this tick.
+            state: State of this tick.
             dx: (3,) [m/s].
         """
         self._contact.sensor.enter(self.plant.wrench + self._noise * self._random.normal(size=6))
@@ -184,9 +184,9 @@ def elbow_pushed(
     Args:
         arm: Its name.
         presses: Whether there is a table.
-        law: In use.
+        law: Law in force.
         compliance: Beside a posture.
-        push: On the elbow [N].
+        push: Push on the elbow [N].
     """
     T = 0.002  # [s]
     case = Pressing(arm, T, gap=0.001)

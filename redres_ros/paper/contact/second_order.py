@@ -74,8 +74,8 @@ def by_scheme(law: str, settings: AdmittanceSettings, force: Force) -> PushedMot
 
     Args:
         law: Its name.
-        settings: Of the impedance.
-        force: On the tip.
+        settings: Settings of the impedance.
+        force: Force on the tip.
     """
     arm = PushedArm(ELBOW_PUSH)
     impedance = _SecondOrderImpedance(arm.model, make_scheme(law, DAMPING, COMPLIANCE), settings)
@@ -100,8 +100,8 @@ def by_torques(law: str, settings: AdmittanceSettings, force: Force) -> PushedMo
 
     Args:
         law: Its name.
-        settings: Of the impedance.
-        force: On the tip.
+        settings: Settings of the impedance.
+        force: Force on the tip.
     """
     arm = PushedArm(0.0)
     plant = MujocoPlant(arm.model.arm, T, arm.q0)

@@ -20,7 +20,7 @@ def draw_simulated(number: int, law: str, scheme: str, runs: Runs) -> Figure:
     """Two simulations, whose difference is rounding.
 
     Args:
-        number: Of the figure.
+        number: Number of the figure.
         law: Name of the law's run.
         scheme: Name of the scheme's run.
         runs: Their results.
@@ -34,7 +34,7 @@ def draw_measured(number: int, law: str, scheme: str, runs: Runs) -> Figure:
     """Two experiments: the paper's quantity, and what it consists of.
 
     Args:
-        number: Of the figure.
+        number: Number of the figure.
         law: Name of the law's run.
         scheme: Name of the scheme's run.
         runs: Their results.

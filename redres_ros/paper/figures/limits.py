@@ -57,7 +57,7 @@ def torque_usage(recording: Recording, model: RobotModel) -> np.ndarray:
     """Torque of Eq. (6) of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
-        recording: Of commands.
+        recording: Recording of commands.
         model: The arm, with its limits.
     """
     dq_prev = np.vstack((np.zeros(model.n), recording.vectors('dq1')[:-1]))  # (ticks, n)

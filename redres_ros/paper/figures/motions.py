@@ -23,8 +23,8 @@ def draw(number: int, name: str, runs: Runs) -> Figure:
     """The motion of one run.
 
     Args:
-        number: Of the figure.
-        name: Of the run.
+        number: Number of the figure.
+        name: Name of the run.
         runs: Their results.
     """
     result = runs[name]

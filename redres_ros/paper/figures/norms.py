@@ -40,8 +40,8 @@ def draw_simulated(number: int, name: str, norms: Sequence[str], runs: Runs) -> 
     """Norms of a simulation.
 
     Args:
-        number: Of the figure.
-        name: Of the run.
+        number: Number of the figure.
+        name: Name of the run.
         norms: Which, from above.
         runs: Its result.
     """
@@ -57,8 +57,8 @@ def draw_accelerations(number: int, name: str, runs: Runs) -> Figure:
     shows what the paper's smooths away.
 
     Args:
-        number: Of the figure.
-        name: Of the run.
+        number: Number of the figure.
+        name: Name of the run.
         runs: Its result.
     """
     tried = runs[name]
@@ -78,8 +78,8 @@ def draw_torques(number: int, name: str, runs: Runs) -> Figure:
     """Torque and velocity of an experiment.
 
     Args:
-        number: Of the figure.
-        name: Of the run.
+        number: Number of the figure.
+        name: Name of the run.
         runs: Its result.
     """
     tried = runs[name]
@@ -96,8 +96,8 @@ def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
     """Norm of M(q) ddq + n(q, dq), Eq. (6), along a measured motion, (N,) [Nm].
 
     Args:
-        motion: As it was measured.
-        model: Of the arm.
+        motion: Measured motion.
+        model: Model of the arm.
     """
     rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
     return _norm(np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows]))
