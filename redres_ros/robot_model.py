@@ -148,7 +148,7 @@ class RobotModel:
         try:
             self._model = pin.buildModelFromXML(arm.description())
         except ValueError as error:
-            raise FileError(f'{arm.source} is no URDF that can be used: {error}') from None
+            raise FileError(f'{arm.source} is not a usable URDF: {error}') from None
         if arm.armature:
             self._model.armature[:] = arm.armature
         if not weight:

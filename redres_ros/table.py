@@ -61,7 +61,7 @@ class Table(dict[str, type[T]]):
         Args:
             name: Name in the table.
             *arguments: What comes before the gains: of a limit, the arm and a scale.
-            **gains: Fields declared with `param` that differ from their defaults, as damping=10.0.
+            **gains: Fields declared with `param` that differ from their defaults: damping=10.0.
 
         Raises:
             UnknownNameError: No such name in the table, or no such gain.

@@ -145,7 +145,7 @@ REFUSED = [
         '--torque-scale 0.5 acts on the limit torque; in use: velocity, see --limits',
     ),
     (('--prefer', 'comfort'), "unknown preference 'comfort'; allowed: compliance, "),
-    (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, as '),
+    (('--prefer', 'posture=high'), '--prefer posture=high; expected NAME=GAIN, such as '),
     (('--prefer', 'posture=-1'), 'posture.gain is -1.0; allowed: 0 to '),
     (('--prefer', 'posture', 'posture=2'), "preference 'posture' is named twice; allowed: once"),
     (('--secondary', 'axis', 'axis'), "task 'axis' is named twice; allowed: once"),
@@ -187,7 +187,7 @@ def test_where_the_tip_is_at_the_start_is_printed(tmp_path, capsys):
 
 def test_a_kind_of_tasks_without_their_number_is_refused(capsys):
     assert main(['compare', '--kind', 'long']) == 1
-    assert 'expected --tasks N beside it' in capsys.readouterr().err
+    assert 'expected --tasks N as well' in capsys.readouterr().err
 
 
 def test_an_arm_whose_joints_form_a_circle_is_refused(tmp_path, capsys):
@@ -250,8 +250,8 @@ def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
         ('demo --period fast', 'fast'),
         ('watch --domain 1.5', '1.5'),
         (f'watch --namespace {"x" * 121}', 'got 121 characters; expected at most 120'),
-        ('check --states 1a', 'expected a topic, as joint_states'),
-        ('record x.mcap --topics joint_states,', 'expected a topic, as joint_states'),
+        ('check --states 1a', 'expected a topic, such as joint_states'),
+        ('record x.mcap --topics joint_states,', 'expected a topic, such as joint_states'),
     ],
 )
 def test_a_wrong_command_line_has_status_two_and_says_why_in_one_line(line, words, capsys):
@@ -510,6 +510,21 @@ def test_the_search_under_limits_is_loaded_only_where_there_are_limits(short, op
         [sys.executable, '-c', program, '--task', short, *options], timeout=120, check=False
     )
     assert done.returncode == loaded
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('command', MOTIONS)
+def test_help_loads_no_compiled_formulas(command):
+    program = (
+        'import sys\n'
+        'from redres_ros.cli import main\n'
+        'try:\n'
+        '    main([sys.argv[1], "--help"])\n'
+        'except SystemExit:\n'
+        '    sys.exit("numba" in sys.modules)\n'
+    )
+    done = subprocess.run([sys.executable, '-c', program, command], timeout=120, check=False)
+    assert done.returncode == 0
 
 
 @pytest.mark.parametrize('command', MOTIONS)

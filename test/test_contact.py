@@ -334,7 +334,7 @@ def test_the_bound_of_a_payload_is_where_its_inertia_shakes_the_tip(
 @pytest.mark.parametrize(
     ('given', 'error', 'words'),
     [
-        ({'mass': (0.0,) * 6}, ArrayError, 'mass holds 6 values; expected 3 or 6, as damping'),
+        ({'mass': (0.0,) * 6}, ArrayError, 'mass holds 6 values; expected 3 or 6, like damping'),
         ({'damping': (1.0, 1.0, 0.0)}, RangeError, 'direction 3'),
         ({'damping': (-1.0, 1.0, 1.0)}, RangeError, 'damping'),
         ({'force': (np.nan, 0.0, 0.0)}, RangeError, 'force'),
@@ -347,7 +347,7 @@ def test_settings_that_cannot_be_are_refused(given: Any, error: type, words: str
 
 
 def test_arrays_have_as_many_values_as_the_task_has_rows() -> None:
-    with pytest.raises(ArrayError, match='expected 6, as the task has rows'):
+    with pytest.raises(ArrayError, match='expected 6, as many as dx has'):
         AdmittanceSettings().check(6, T)
 
 

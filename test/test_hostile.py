@@ -73,7 +73,8 @@ def test_an_error_that_nobody_can_read_still_has_its_status(tmp_path, redirectio
 def test_a_closed_output_is_reported_in_one_line(tmp_path):
     status, said = shell(f'{REDRES} laws >&-', tmp_path)
     assert status == 1
-    assert said == ('redres laws: standard output is closed; expected an open one, as /dev/null\n')
+    assert 'standard output is closed; expected an open one, such as /dev/null' in said
+    assert said.count('\n') == 1
 
 
 def test_a_table_that_nobody_wants_is_no_error(monkeypatch):

@@ -70,7 +70,7 @@ def test_a_law_of_ones_own_is_a_choice_of_every_command(capsys: pytest.CaptureFi
         (
             'from redres_ros.laws.laws import MinimumVelocity as Base\n'
             'class MinimumVelocity(Base): pass',
-            'defines minimum_velocity, which is there already',
+            'defines minimum_velocity, which exists already',
         ),
     ],
 )
@@ -87,7 +87,7 @@ def test_a_file_that_is_no_plugin_is_refused_in_one_line(
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(PluginError, match='expected a Python file that is there'):
+    with pytest.raises(PluginError, match='expected an existing Python file'):
         load_plugin(tmp_path / 'nowhere.py')
 
 

@@ -347,7 +347,7 @@ def test_a_urdf_that_is_not_there_is_refused_by_path(tmp_path):
 def test_a_file_that_is_no_urdf_is_refused_by_path(tmp_path, text):
     path = tmp_path / 'arm.urdf'
     path.write_text(text)
-    with pytest.raises(FileError, match=f'{path} is no URDF'):
+    with pytest.raises(FileError, match=f'{path} is not a URDF'):
         RobotModel.from_urdf(path, 'tool0')
 
 

@@ -127,14 +127,14 @@ def test_a_directory_is_refused_by_path(tmp_path):
 def test_a_file_that_is_no_yaml_is_refused_by_path(tmp_path, content):
     path = tmp_path / 'task.yaml'
     path.write_bytes(content)
-    assert refusal(str(path), FileError).startswith(f'{path} is no YAML: ')
+    assert refusal(str(path), FileError).startswith(f'{path} is not YAML: ')
 
 
 @pytest.mark.parametrize('content', ['', 'text', '[1, 2]', 'robot: lwr4'])
 def test_yaml_that_is_no_task_is_refused_with_the_keys(tmp_path, content):
     path = tmp_path / 'task.yaml'
     path.write_text(content)
-    assert f'{path} is no task; expected the keys robot, start, waypoints' in refusal(
+    assert f'{path} is not a task; expected the keys robot, start, waypoints' in refusal(
         str(path), FileError
     )
 
@@ -205,7 +205,7 @@ LAUGHS = 'a0: &a0 [1, 1]\n' + ''.join(
 HOSTILE = {
     'a number of 400 digits': ('waypoints: [[1' + '0' * 400 + ', 0, 0], [0, 0, 0]]', 'waypoints'),
     'a number of 400 digits in a scalar': ('segment_time: 1' + '0' * 400, 'segment_time'),
-    'a number of 9000 digits': ('tolerance: 1' + '0' * 9000, 'is no YAML'),
+    'a number of 9000 digits': ('tolerance: 1' + '0' * 9000, 'is not YAML'),
     'lists in lists': ('waypoints: ' + '[' * 3000 + ']' * 3000, 'nested too deeply'),
     'an alias bomb': (LAUGHS, 'its aliases stand for more'),
     'an alias of itself': ('waypoints: &a [*a]', 'its aliases'),

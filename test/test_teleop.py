@@ -79,7 +79,7 @@ def test_without_a_terminal_it_refuses_in_one_line(
         monkeypatch.setattr(sys, 'stdin', nothing)
         assert main(['teleop']) == 1
     said = capsys.readouterr()
-    assert said.err == ('redres teleop: standard input is no terminal; keys cannot be read\n')
+    assert said.err == ('redres teleop: standard input is not a terminal; keys cannot be read\n')
 
 
 class Session:

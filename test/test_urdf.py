@@ -195,7 +195,7 @@ def test_joints_of_any_kind_beside_the_chain_are_held(kind):
 
 @pytest.mark.parametrize(
     ('mimicked', 'complaint'),
-    [('other_finger', 'mimics itself'), ('thumb', "mimics 'thumb', which is not there")],
+    [('other_finger', 'mimics itself'), ('thumb', "mimics 'thumb', which does not exist")],
 )
 def test_a_finger_that_mimics_itself_or_nothing_is_refused_by_name(mimicked, complaint):
     message = refusal(changed('other_finger', 'joint="finger"', f'joint="{mimicked}"'))
@@ -380,7 +380,7 @@ NO_VELOCITY = 'joint elbow has no velocity limit above zero'
         ('elbow', LIMIT, f'{LIMIT}<mimic joint="shoulder"/>', 'must move by itself'),
         ('elbow', 'axis xyz="0 1 0"', 'axis xyz="0 0 0"', 'elbow has the axis 0.0 0.0 0.0'),
         ('elbow', 'xyz="0 0 0.3"', 'xyz="0 0 nan"', "joint elbow has xyz '0 0 nan'; expected 3"),
-        ('elbow', 'child link="c"', 'child link="forearm"', "the child link 'forearm', which is"),
+        ('elbow', 'child link="c"', 'child link="forearm"', "the child link 'forearm' of joint"),
         ('elbow', LIMIT, '', 'joint elbow has the range 0 to 0; expected lower < upper'),
         ('elbow', 'lower="-2"', 'lower="2"', 'joint elbow has the range 2 to 2'),
         ('elbow', 'lower="-2"', 'lower="3"', 'joint elbow has the range 3 to 2'),

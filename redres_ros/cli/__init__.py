@@ -24,11 +24,11 @@ _COMMANDS = (
 )
 _PLUGIN = '--plugin'
 _BEGINNING = """\
-redres moves an arm that has more joints than its task needs. What to try first:
+redres moves an arm that has more joints than its task needs. Try first:
   redres demo       see an arm move: planner, controller and a simulated robot as ROS 2 nodes
   redres compare    see what the choice of a law changes, in plots and a table; without ROS
   redres simulate   every tick of a motion as numbers; without ROS
-  redres laws       what there is to choose from: laws, preferences, tasks, limits, arms
+  redres laws       the choices: laws, preferences, tasks, limits, arms
   redres --help     all commands; redres COMMAND --help: their options
 """
 
@@ -61,7 +61,7 @@ def _run(given: list[str]) -> int:
     os.environ.pop('MPLBACKEND', None)
     command = ' '.join(['redres', *given[:1]])
     if sys.stdout is None:  # there is nowhere to print
-        _complain(f'{command}: standard output is closed; expected an open one, as /dev/null')
+        _complain(f'{command}: standard output is closed; expected an open one, such as /dev/null')
         return 1
     try:
         try:
@@ -145,7 +145,7 @@ def make_parser() -> 'Parser':
     description = 'Redundancy resolution for arms behind a position interface.'
     parser = Parser(prog='redres', description=description)
     parser.add_argument(
-        '--version', action='version', version=version(), help='print the version, and end'
+        '--version', action='version', version=version(), help='print the version, and exit'
     )
     commands = parser.add_subparsers(
         dest='command', required=True, metavar='COMMAND', title='commands'
@@ -158,6 +158,6 @@ def make_parser() -> 'Parser':
             _PLUGIN,
             action='append',
             metavar='FILE.py',
-            help='a file with laws, preferences, tasks or limits of your own; it is executed',
+            help='a Python file with your own laws, preferences, tasks or limits; it is executed',
         )
     return parser

@@ -12,8 +12,8 @@ def add(commands: Any) -> None:
     batch = add_command(
         commands, 'batch', 'many motions on all processors, without ROS', 'study.yaml'
     )
-    option(batch, 'file', 'FILE.yaml', 'fields of a case; lists are combined', type=Path)
-    out = 'where results go; those that it holds are not computed again; default: FILE.csv'
+    option(batch, 'file', 'FILE.yaml', 'fields of a case; values in lists are combined', type=Path)
+    out = 'file of results; those in it already are not computed again; default: FILE.csv'
     option(batch, '--out', 'FILE.csv|FILE.parquet', out, type=Path)
     batch.set_defaults(run=_batch)
 

@@ -39,20 +39,20 @@ def add(commands: Any) -> None:
     bench = add_command(
         commands,
         'bench',
-        'how fast it is on this machine, beside others',
+        'speed on this machine, beside other libraries',
         '# tick and loop, about six minutes',
         '--only tick  # without ROS',
         '--only teleoperation  # simulated operators, about an hour; without ROS',
         '--only loop --rates 500',
     )
     duration = (
-        'time for which each kind of loop is measured at each rate [s]; the ticks scale, and '
-        f'each operator steers for {_OPERATED:g} times that'
+        'duration of each loop at each rate [s]; ticks are measured in proportion, and '
+        f'each operator steers {_OPERATED:g} times as long'
     )
     option(bench, '--only', 'A,B,...', f'parts to measure: {", ".join(_PARTS)}', _USUAL)
     option(bench, '--duration', 'S', duration, 3.0, within=(0.01, 3600.0, 's'))
     option(bench, '--seeds', 'N', 'runs of each operator', 1, within=(1, 100, ''))
-    option(bench, '--rates', 'HZ,...', 'of the loop', '250,500,1000')
+    option(bench, '--rates', 'HZ,...', 'rates of the loop [Hz]', '250,500,1000')
     add_out(bench, 'redres_bench', 'bench.json and logs')
     bench.set_defaults(run=_bench)
 
@@ -122,7 +122,7 @@ def _numbers(text: str) -> list[float]:
     try:
         rates = [float(rate) for rate in text.split(',')]
     except ValueError:
-        raise OptionError(f'--rates {text}; expected numbers, as 250,500,1000') from None
+        raise OptionError(f'--rates {text}; expected numbers, such as 250,500,1000') from None
     for rate in rates:
         if not RATES[0] <= rate <= RATES[1]:
             raise RangeError('--rates', rate, *RATES, 'Hz')

@@ -16,14 +16,16 @@ def add(commands: Any) -> None:
         'check',
         'what is missing before a connected arm may move',
         '--robot iiwa7 --rate 100  # before the controller is started',
-        '# beside a controller that runs',
+        '# beside a running controller',
     )
-    robot = "the arm, where no controller runs yet; default: the controller's"
-    states = 'where the states are published'
-    option(check, '--duration', 'S', 'for how long to look', 4.0, within=(0.5, 60.0, 's'))
+    robot = "the arm, while no controller runs yet; default: the controller's"
+    states = 'topic of the states'
+    option(
+        check, '--duration', 'S', 'how long to observe the graph [s]', 4.0, within=(0.5, 60.0, 's')
+    )
     option(check, '--robot', 'NAME|FILE.urdf|topic', robot)
     option(check, '--tip', 'FRAME', 'link that carries out the task, with --robot')
-    option(check, '--rate', 'HZ', 'rate of the states, with --robot', 500.0)
+    option(check, '--rate', 'HZ', 'rate of the states [Hz], with --robot', 500.0)
     option(check, '--states', 'TOPIC', states, 'joint_states', type=topic_name)
     add_domain(check)
     add_namespace(check)

@@ -44,7 +44,7 @@ class _Contender:
 
     @property
     def file_name(self) -> str:
-        """Of its data, as minimum_acceleration_5.csv."""
+        """Name of its data file, such as minimum_acceleration_5.csv."""
         from redres_ros.simulation.comparison import plain
 
         law = self.law
@@ -66,7 +66,7 @@ def add(commands: Any) -> None:
     tasks = 'compare on this many random tasks instead of one'
     kinds = 'random (default), near_singular, long (a minute there and back), or task files'
     option(many, '--tasks', 'N', tasks, type=int)
-    option(many, '--kind', 'KIND|FILE.yaml,...', f'of these tasks: {kinds}')
+    option(many, '--kind', 'KIND|FILE.yaml,...', f'kinds of these tasks: {kinds}')
     loop = add_loop(compare)
     add_out(loop, 'redres_compare', 'plots and data', plots=True)
     compare.set_defaults(run=_compare)
@@ -76,7 +76,7 @@ def _compare(options: argparse.Namespace) -> int:
     if options.tasks is not None:
         return _compare_many(options)
     if options.kind is not None:
-        raise OptionError(f'--kind {options.kind} is of many tasks; expected --tasks N beside it')
+        raise OptionError(f'--kind {options.kind} is for many tasks; expected --tasks N as well')
     return _compare_one(options)
 
 
@@ -166,10 +166,10 @@ def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
             contender = _Contender(options, name, float(own) if at else None)
         except ValueError:
             raise OptionError(
-                f'--law {text}; expected a name or NAME@DAMPING, as minimum_acceleration@5'
+                f'--law {text}; expected a name or NAME@DAMPING, such as minimum_acceleration@5'
             ) from None
         if at and not contender.law.has_memory:
-            raise OptionError(f'--law {text}; {name} has no memory, and so no damping')
+            raise OptionError(f'--law {text}; {name} has no velocity history, and so no damping')
         if contender.label in contenders:
             raise OptionError(f'--law {options.laws}; {contender.label} is named twice')
         contenders[contender.label] = contender

@@ -124,7 +124,7 @@ def _find_gains(options: argparse.Namespace) -> dict[str, Any]:
             gains[f'{name}.gain'] = float(text)
         except ValueError:
             raise OptionError(
-                f'--prefer {name}={text}; expected NAME=GAIN, as joint_centering=4'
+                f'--prefer {name}={text}; expected NAME=GAIN, such as joint_centering=4'
             ) from None
     return gains
 

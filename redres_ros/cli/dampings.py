@@ -14,7 +14,7 @@ def add(commands: Any) -> None:
     dampings = add_command(
         commands,
         'dampings',
-        'which damping is good, over many random tasks, without ROS',
+        'the damping that suits an arm, from many random tasks, without ROS',
         '--robot iiwa7 --tasks 20 --period 0.01',
     )
     add_robot(dampings, 'lwr4_paper')
@@ -51,5 +51,5 @@ def _laws(text: str) -> list[str]:
     names = [name.strip() for name in text.split(',')]
     for name in names:
         if not make_law(name).has_memory:
-            raise OptionError(f'--law {text}; {name} has no memory, and so no damping')
+            raise OptionError(f'--law {text}; {name} has no velocity history, and so no damping')
     return names

@@ -45,13 +45,13 @@ def add(commands: Any) -> None:
 def _add_run(group: Any) -> None:
     """How the nodes run, and for how long."""
     plant = 'physics, or an ideal arm that follows every command exactly'
-    lockstep = 'as fast as it goes and deterministic, instead of in real time'
-    duration = 'repeat the task for this long, by default side_to_side; 0: once'
+    lockstep = 'as fast as possible and deterministic, instead of in real time'
+    duration = 'repeat the task, by default side_to_side, for this long [s]; 0: once'
     teleop = (
-        'a simulated operator, who knows nothing of the joints, steers the tip to goals; for '
+        'a simulated operator, who does not see the joints, steers the tip to goals for '
         f'--duration, by default {_TELEOP:g} s'
     )
-    domain = 'ROS domain; default: one that nobody uses on this machine'
+    domain = 'ROS domain; default: one that is free on this machine'
     switch = 'switch the law during the motion; may be repeated'
     option(group, '--period', 'S', 'sampling time T [s]', 0.002)
     option(group, '--switch', 'LAW@SECONDS', switch, action='append')
@@ -65,12 +65,12 @@ def _add_run(group: Any) -> None:
 
 def _add_results(parser: Any) -> None:
     """What shows the run, and what is kept of it."""
-    view = 'a page in the browser, to see and steer the nodes, which stay until Ctrl-C'
+    view = 'a page in the browser to see and steer the nodes, which run until Ctrl-C'
     save = (
         'by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in any '
-        'browser (.html), or all messages of the nodes (.mcap); may be several'
+        'browser (.html), or all messages of the nodes (.mcap); several are allowed'
     )
-    shown = parser.add_argument_group('what shows it while it runs')
+    shown = parser.add_argument_group('display')
     shown.add_argument('--view', action='store_true', help=view)
     files = parser.add_argument_group('files')
     add_out(files, 'redres_demo', 'plot, data and logs')
@@ -182,7 +182,7 @@ def _switch(text: str) -> tuple[str, float]:
         seconds = float(moment)
     except ValueError:
         raise OptionError(
-            f'--switch {text}; expected LAW@SECONDS, as minimum_velocity@4.5'
+            f'--switch {text}; expected LAW@SECONDS, such as minimum_velocity@4.5'
         ) from None
     if not _SWITCHES[0] <= seconds <= _SWITCHES[1]:
         raise RangeError(f'the time of --switch {text}', seconds, *_SWITCHES, 's')

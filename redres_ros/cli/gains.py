@@ -41,7 +41,7 @@ def read_value(gain: 'Gain', text: str) -> Any:
             return {'true': True, 'false': False}[text]
         return kind(text)
     except (ValueError, KeyError):
-        expected = {tuple: 'numbers, as 1,2,3', bool: 'true or false', int: 'a whole number'}
+        expected = {tuple: 'numbers, such as 1,2,3', bool: 'true or false', int: 'a whole number'}
         raise argparse.ArgumentTypeError(
             f'got {text!r}; expected {expected.get(kind, "a number")}'
         ) from None

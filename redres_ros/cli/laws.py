@@ -30,8 +30,8 @@ def add(commands: Any) -> None:
         commands,
         'laws',
         'laws, preferences, tasks, limits and arms by name',
-        '# all that there is',
-        '--plugin my_laws.py  # and yours',
+        '# all of them',
+        '--plugin my_laws.py  # and those in this file',
     )
     laws.set_defaults(run=_laws)
 

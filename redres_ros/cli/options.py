@@ -28,15 +28,15 @@ def add_motion(parser: Parser, *, several_laws: str = '', limits: str = NONE) ->
         limits: Those that are in force unless others are named.
     """
     arm = parser.add_argument_group('arm and task')
-    points = "points to pass; default: rectangle, or with --robot that robot's own"
+    points = "the points to pass; default: rectangle, or with --robot that robot's own"
     option(arm, '--task', 'NAME|FILE.yaml', points)
     add_robot(arm)
     law = parser.add_argument_group('law')
     if several_laws:
-        each = 'names from `redres laws`, each with a damping of its own if wanted, '
-        add_laws(law, several_laws, f'{each}as minimum_acceleration@5')
+        each = 'names from `redres laws`, each with its own damping if wanted, '
+        add_laws(law, several_laws, f'{each}such as minimum_acceleration@5')
     else:
-        option(law, '--law', 'NAME', 'see `redres laws`', 'minimum_acceleration')
+        option(law, '--law', 'NAME', 'a name from `redres laws`', 'minimum_acceleration')
     damping = 'null-space damping k_d [1/s], 0 to 1/T; default: 10'
     option(law, '--damping', 'K_D', damping, type=float)
     _add_lists(law)
@@ -51,10 +51,12 @@ def add_robot(group: Any, default: str | None = None) -> None:
         group: Group of the subcommand's options.
         default: The robot; None: that of the task.
     """
-    tip = "link that carries out the task; default: the robot's own, for a file its last link"
-    elbow = "link of the elbow; default: the robot's own, for a file that of its middle joint"
+    tip = "link that carries out the task; default: the robot's own, of a file the last link"
+    elbow = "link of the elbow; default: the robot's own, of a file that of the middle joint"
     dynamics = "inertias: identified, or cylinders (the paper's Section 5.2)"
-    option(group, '--robot', 'NAME|FILE.urdf', 'see `redres laws`, or any serial arm', default)
+    option(
+        group, '--robot', 'NAME|FILE.urdf', 'a name from `redres laws`, or any serial arm', default
+    )
     option(group, '--tip', 'FRAME', tip)
     option(group, '--elbow', 'FRAME', elbow)
     option(group, '--dynamics', 'NAME', dynamics, 'identified')
@@ -83,7 +85,7 @@ def _add_limits(group: Any, default: str) -> None:
     scale = 'fraction of the velocity and acceleration limits to use'
     scaling = (
         'what limits scale: the task velocity as a whole, or translation and rotation separately, '
-        'for teleoperation; default: task, in a demo components for teleoperation'
+        'as an operator prefers; default: task, with --teleop components'
     )
     option(group, '--limits', 'A,B,...', limits, default)
     option(group, '--limit-scale', 'X', scale, 1.0)
@@ -96,12 +98,14 @@ def _add_gains(parser: Parser, words: Sequence[str]) -> None:
     from redres_ros.cli.gains import find_tables, help_text, metavar, read_value
     from redres_ros.table import SHARED_GAINS
 
+    group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
+    group.add_argument(GAINS_HELP, action='help', help='print this help with all gains, and exit')
+    if {'-h', '--help'} & set(words) and GAINS_HELP not in words:
+        return  # the first time, loading the tables compiles the formulas
     wanted = parser.get_default('limits') != NONE or any(map(_concerns_limits, words))
     declared = chain.from_iterable(table.gains() for table in find_tables(limits=wanted))
     gains = tuple(gain for gain in declared if gain.name not in SHARED_GAINS)
     parser.set_defaults(gains=gains)
-    group = parser.add_argument_group('gains of laws, preferences, tasks and limits')
-    group.add_argument(GAINS_HELP, action='help', help='print this help with all gains, and end')
     for gain in gains:
         shown = help_text(gain) if GAINS_HELP in words else argparse.SUPPRESS
         read = partial(read_value, gain)
@@ -151,23 +155,23 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 def add_watching_time(parser: argparse.ArgumentParser) -> None:
     """--duration of commands that observe nodes."""
-    says = 'end after this time; default: with Ctrl-C'
+    says = 'end after this time [s]; default: run until Ctrl-C'
     option(parser, '--duration', 'S', says, type=float, within=DURATIONS)
 
 
 def add_namespace(parser: argparse.ArgumentParser) -> None:
     """--namespace of nodes that are running already."""
-    says = 'namespace of the arm, where there are several; default: none'
+    says = 'namespace of the arm, if there are several; default: none'
     option(parser, '--namespace', 'NAME', says, '', type=_namespace)
 
 
 def topic_name(text: str) -> str:
     """A topic's name as it is. Raises argparse's own error."""
-    return _checked_name(text, f'/?{_NAMES}', 'a topic, as joint_states')
+    return _checked_name(text, f'/?{_NAMES}', 'a topic, such as joint_states')
 
 
 def _namespace(text: str) -> str:
-    return _checked_name(text, f'/?({_NAMES})?', 'names with / between them, as left')
+    return _checked_name(text, f'/?({_NAMES})?', 'names with / between them, such as left')
 
 
 def _checked_name(text: str, pattern: str, expected: str) -> str:

@@ -16,7 +16,7 @@ def add(commands: Any) -> None:
     record = add_command(
         commands,
         'record',
-        'the messages of running nodes into an MCAP file',
+        'record the messages of running nodes in an MCAP file',
         'run.mcap --duration 60',
         'run.mcap --topics joint_states,joint_command --domain 42',
     )

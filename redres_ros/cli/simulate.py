@@ -20,9 +20,12 @@ def add(commands: Any) -> None:
     )
     add_motion(simulate)
     loop = add_loop(simulate)
-    switching = "at_rest or within_tolerance; default: the task's own"
+    switching = (
+        'when the next segment begins: at_rest, or within_tolerance of the point; '
+        "default: the task's own"
+    )
     option(loop, '--switching', 'RULE', switching)
-    option(loop, '--switch-time', 'S', 'blend the start over this time [s]', 0.0)
+    option(loop, '--switch-time', 'S', 'blend the start of the motion over this time [s]', 0.0)
     delay = 'the arm uses each reference this many ticks late'
     option(loop, '--delay', 'TICKS', delay, 0, within=(0, 1000, 'ticks'))
     option(loop, '--out', 'FILE.csv', 'write every tick at full precision', type=Path)

@@ -18,8 +18,8 @@ def add(commands: Any) -> None:
         '--speed 0.02  # slowly',
         '--frame tool0 --domain 42  # along the axes of the tool',
     )
-    option(teleop, '--speed', 'X', 'of a key that moves [m/s]', 0.05)
-    option(teleop, '--turn', 'X', 'of a key that turns [rad/s]', 0.3)
+    option(teleop, '--speed', 'X', 'speed of the keys that translate [m/s]', 0.05)
+    option(teleop, '--turn', 'X', 'speed of the keys that rotate [rad/s]', 0.3)
     option(teleop, '--frame', 'FRAME', 'link along whose axes the keys move; default: the base')
     add_domain(teleop)
     add_namespace(teleop)

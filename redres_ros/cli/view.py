@@ -12,7 +12,13 @@ def add(commands: Any) -> None:
     view = add_command(
         commands, 'view', 'a page in the browser: see and steer running nodes', '--domain 42'
     )
-    option(view, '--port', 'N', 'of the page on this computer; the next free one is taken', 8080)
+    option(
+        view,
+        '--port',
+        'N',
+        'port of the page on this computer; if it is taken, the next free one',
+        8080,
+    )
     add_domain(view)
     add_namespace(view)
     view.set_defaults(run=_view)

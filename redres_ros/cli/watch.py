@@ -22,9 +22,9 @@ def add(commands: Any) -> None:
         '--domain 42',
         '--set law=minimum_velocity  # another law, and its effect',
         '--set limit_scale=0.5 --duration 0  # sets it, and ends',
-        '--duration 10 > watch.txt  # a line a second where no terminal is',
+        '--duration 10 > watch.txt  # not in a terminal: a line a second',
     )
-    parameters = 'parameters of the controller that are set first, all of them or none'
+    parameters = 'first set these parameters of the controller, all or none'
     option(watch, '--set', 'NAME=VALUE', parameters, nargs='+', action='extend')
     add_watching_time(watch)
     add_domain(watch)
@@ -57,7 +57,7 @@ def _texts(settings: list[str]) -> dict[str, str]:
     for setting in settings:
         name, _, text = setting.partition('=')
         if not (name and text):
-            raise OptionError(f'--set {setting}; expected NAME=VALUE, as law=minimum_velocity')
+            raise OptionError(f'--set {setting}; expected NAME=VALUE, such as law=minimum_velocity')
         texts[name] = text
     return texts
 
@@ -83,7 +83,7 @@ def _values(client: 'GraphClient', texts: dict[str, str]) -> dict[str, Any]:
             value = None
         if not isinstance(value, (bool, int, float, str, list)):
             raise OptionError(
-                f'--set {name}={text}; expected a value, as 0.5 or [position, torque]'
+                f'--set {name}={text}; expected a value, such as 0.5 or [position, torque]'
             )
         values[name] = value
     return values

@@ -90,7 +90,7 @@ class AdmittanceSettings:
         for name in GAINS:
             size = len(getattr(self, name))
             if size != rows or size not in (3, 6):
-                raise ArrayError(f'{name} holds {size} values; expected 3 or 6, as damping')
+                raise ArrayError(f'{name} holds {size} values; expected 3 or 6, like damping')
         if len(self.payload_center) != 3:
             size = len(self.payload_center)
             raise ArrayError(f'payload_center holds {size} values; expected 3')
@@ -123,7 +123,7 @@ class AdmittanceSettings:
         """
         if len(self.damping) != rows:
             raise ArrayError(
-                f'damping holds {len(self.damping)} values; expected {rows}, as the task has rows'
+                f'damping holds {len(self.damping)} values; expected {rows}, as many as dx has'
             )
         contact = minimum_damping(
             self.contact_stiffness, T, delay=self.contact_delay, bandwidth=self.servo_bandwidth

@@ -47,7 +47,7 @@ class CycleCounts:
         total = max(self.total, 1)
         rows: list[tuple[str, ...]] = [
             ('cycles of the robot',),
-            ('in all', f'{self.total}; the simulated clock paused for {self.stood_still:.3f} s'),
+            ('total', f'{self.total}; the simulated clock paused for {self.stood_still:.3f} s'),
         ]
         rows += [(name, f'{count} ({count / total:.2%})') for name, count in kinds.items()]
         if self.in_time < _QUIET * total:

@@ -70,8 +70,8 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: Name of the executable in nodes/, or of a module of the package, as 'bench.echo'; its
-            own options may follow, as in 'composed --no-sim'.
+        name: The executable in nodes/, or a module of the package, such as 'bench.echo'; its own
+            options may follow, as in 'composed --no-sim'.
         log: File for what it prints.
         parameters: Parameters of the node.
         recording: MCAP file for its messages, see `redres_ros.demo.recorded`; None for none.

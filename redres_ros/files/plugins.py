@@ -60,7 +60,7 @@ def _execute(file: Path) -> ModuleType:
     name = f'redres_plugin_{file.stem}'
     spec = importlib.util.spec_from_file_location(name, file)
     if file.suffix != '.py' or not file.is_file() or spec is None or spec.loader is None:
-        raise PluginError(f'{file} is no plugin; expected a Python file that is there')
+        raise PluginError(f'{file} is not a plugin; expected an existing Python file')
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up
     try:
@@ -82,7 +82,7 @@ def _enter(module: ModuleType, file: Path) -> tuple[str, ...]:
         raise PluginError(f'{file} defines no law, preference, task or limit')
     for name, _, table in found:
         if name in table:
-            raise PluginError(f'{file} defines {name}, which is there already')
+            raise PluginError(f'{file} defines {name}, which exists already')
     for name, cls, table in found:
         table[name] = cls
     return tuple(name for name, _, _ in found)

@@ -16,7 +16,7 @@ def handle(handler: _Handler, *numbers: signal.Signals) -> None:
 
     Args:
         handler: What `signal.signal` takes.
-        numbers: Numbers of the signals, as SIGINT.
+        numbers: Numbers of the signals, such as SIGINT.
     """
     for number in numbers:
         signal.signal(number, handler)
@@ -28,7 +28,7 @@ def handled(handler: _Handler, *numbers: signal.Signals) -> Iterator[None]:
 
     Args:
         handler: What `signal.signal` takes.
-        numbers: Numbers of the signals, as SIGINT.
+        numbers: Numbers of the signals, such as SIGINT.
     """
     before = {number: signal.signal(number, handler) for number in numbers}
     try:

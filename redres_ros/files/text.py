@@ -21,12 +21,12 @@ def read_file(path: Path, largest: int) -> bytes:
 
     Raises:
         OSError: It cannot be opened.
-        FileError: It is no regular file, or too large.
+        FileError: It is not a regular file, or too large.
     """
     # Without O_NONBLOCK the opening of a pipe would wait for somebody who writes.
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), 'rb') as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise FileError(f'{path} is no regular file')
+            raise FileError(f'{path} is not a regular file')
         content = file.read(largest + 1)
     if len(content) > largest:
         raise FileError(f'{path} is too large; allowed: {largest} bytes')

@@ -39,7 +39,7 @@ def read_yaml(path: Path) -> Any:
     except RecursionError:
         raise FileError(f'{path} is nested too deeply') from None
     except (yaml.YAMLError, ValueError) as error:  # ValueError: not UTF-8, or a number too long
-        raise FileError(f'{path} is no YAML: {reason_of(error)}') from None
+        raise FileError(f'{path} is not YAML: {reason_of(error)}') from None
 
 
 def _size(node: yaml.Node, known: dict[int, float]) -> float:

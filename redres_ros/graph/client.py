@@ -161,7 +161,7 @@ class GraphClient:
                 domain = self._node.context.get_domain_id()
                 raise CallError(
                     f'no {" and no ".join(_NEEDED)} in ROS domain {domain}; '
-                    'start them, as with `redres demo`, which prints its domain, '
+                    'start them, for example with `redres demo`, which prints its domain, '
                     'or name another with --domain'
                 )
             if stopped.wait(_GRAPH_LOOK):

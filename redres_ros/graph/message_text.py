@@ -27,7 +27,7 @@ def find_type(name: str) -> Any:
         return getattr(importlib.import_module(f'{package}.msg'), kind)
     except (ImportError, AttributeError):
         raise TypeTextError(
-            f'messages of type {name} cannot be read: {package} is not here'
+            f'messages of type {name} cannot be read: {package} is not installed'
         ) from None
 
 
@@ -42,7 +42,7 @@ def _has_messages(package: str) -> bool:
 
 
 def name_of(kind: Any) -> str:
-    """The name of a type, as 'sensor_msgs/msg/JointState'."""
+    """The name of a type, such as 'sensor_msgs/msg/JointState'."""
     package = kind.__module__.partition('.')[0]
     return f'{package}/msg/{kind.__name__}'
 

@@ -183,9 +183,9 @@ class Teleop(Node):
 
 
 def check_terminal() -> None:
-    """Raise _TerminalError if standard input is no terminal."""
+    """Raise _TerminalError if standard input is not a terminal."""
     if sys.stdin is None or not sys.stdin.isatty():
-        raise _TerminalError('standard input is no terminal; keys cannot be read')
+        raise _TerminalError('standard input is not a terminal; keys cannot be read')
 
 
 @contextmanager

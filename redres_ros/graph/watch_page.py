@@ -79,8 +79,8 @@ def page(
     title = Text(f'redres watch, ROS domain {domain}', style='bold')
     if not received:
         text = (
-            f'Nothing to see: there is no node of redres_ros in domain {domain}.\n'
-            'Start one, as with `redres demo`, which prints its domain, or name one with --domain.'
+            f'No node of redres_ros runs in domain {domain}.\n'
+            'Start one, for example with `redres demo`, which prints its domain, or pass --domain.'
         )
         return Group(title, Text(text, style='yellow'))
     bars = [_joints(joints)] if joints else []
@@ -135,7 +135,7 @@ def _alarms(received: Mapping[str, LastValue], now: float) -> Iterator[Panel]:
         yield Panel(text, style='bold red', expand=False)
     if all(silence(received, node, now) > STALE for node in NODES):
         last = min(silence(received, node, now) for node in NODES)
-        text = Text(f'The nodes have gone: no message for {last:.0f} s. What follows is old.')
+        text = Text(f'No node has sent a message for {last:.0f} s. The values below are old.')
         yield Panel(text, style='bold yellow', expand=False)
 
 

@@ -29,7 +29,7 @@ class RealTime:
         0, 'SCHED_FIFO priority of all threads; 0: ordinary scheduling', 0, 99
     )
     lock_memory: bool = param(False, 'lock all memory, so that none is paged out')
-    processors: tuple[int, ...] = param(ANY, 'processors to run on, as [2, 3]; [-1]: any')
+    processors: tuple[int, ...] = param(ANY, 'processors to run on, such as [2, 3]; [-1]: any')
     keep_awake: bool = param(
         False,
         'keep the processors from entering sleep states, which costs power; needs permission '

@@ -228,7 +228,7 @@ def deserialised(data: bytes, kind: Any) -> Any:
     try:
         return deserialize_message(data, kind)
     except Exception as error:  # noqa: BLE001 (rclpy raises what its middleware does)
-        raise EncodingError(f'{len(data)} bytes that are no {kind.__name__}: {error}') from None
+        raise EncodingError(f'{len(data)} bytes that are not a {kind.__name__}: {error}') from None
 
 
 def to_time(stamp: int) -> Time:

@@ -154,7 +154,7 @@ def _to_task(content: Any, path: Path) -> WaypointTask:
     optional = (*_FORMS, *numbers, 'switching', 'nodes', 'events')
     if not isinstance(content, dict) or not all(key in content for key in required):
         raise FileError(
-            f'{path} is no task; expected the keys {", ".join(required)} '
+            f'{path} is not a task; expected the keys {", ".join(required)} '
             f'and, optionally, {", ".join(optional)}'
         )
     for key in content:
@@ -202,7 +202,7 @@ def _event(value: Any, path: Path) -> TaskEvent:
 
 def _node(name: Any, path: Path) -> str:
     if name not in NODES:
-        raise FileError(f'{path}: {quoted(name)} is no node; allowed: {", ".join(NODES)}')
+        raise FileError(f'{path}: {quoted(name)} is not a node; allowed: {", ".join(NODES)}')
     return str(name)
 
 

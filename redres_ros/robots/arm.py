@@ -147,8 +147,8 @@ class Arm:
         Only joints that lead to the tip, or to another one, move in it; all others are held still.
 
         Raises:
-            FileError: The file cannot be read, is no URDF, lacks a joint that an offset needs, or
-                has a joint that cannot be used.
+            FileError: The file cannot be read, is not a URDF, lacks a joint that an offset needs,
+                or has a joint that cannot be used.
             UnknownNameError: No link has the tip's or the elbow's name.
             ArrayError: Rotor inertias, acceleration limits or a start for other joints.
         """

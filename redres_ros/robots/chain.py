@@ -185,7 +185,7 @@ def _held_at(
     if leader in (*followers, joint.name):
         raise urdf.error(f'{owner} mimics itself through {leader}')
     if leader not in {known.name for known in urdf.joints}:
-        raise urdf.error(f'{owner} mimics {leader!r}, which is not there')
+        raise urdf.error(f'{owner} mimics {leader!r}, which does not exist')
     position = 0.0  # of a joint of the chain: the pose in which the URDF is drawn
     if leader in resting:
         position = _held_at(urdf, resting[leader], resting, (*followers, joint.name))

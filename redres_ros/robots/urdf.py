@@ -51,7 +51,7 @@ class Urdf:
         """A URDF from a file (Path), or from its text (str); a .xacro file is converted first.
 
         Raises:
-            FileError: The file cannot be read, is no URDF, or is a xacro that cannot be converted.
+            FileError: The file cannot be read, is not a URDF, or is a xacro that fails to convert.
         """
         name = source_name(source)
         if isinstance(source, str) and len(source) > _LARGEST:
@@ -63,9 +63,9 @@ class Urdf:
         except OSError as error:
             raise FileError(f'cannot read the URDF {name}: {error.strerror}') from None
         except (ET.ParseError, ValueError) as error:
-            raise FileError(f'{name} is no URDF: {error}') from None
+            raise FileError(f'{name} is not a URDF:  {error}') from None
         if robot.tag != 'robot' or not robot.findall('link'):
-            raise FileError(f'{name} is no URDF: expected a robot with at least one link')
+            raise FileError(f'{name} is not a URDF:  expected a robot with at least one link')
         joints = len(robot.findall('joint'))
         if joints > _MOST_JOINTS:
             raise FileError(f'{name} has {joints} joints; expected at most {_MOST_JOINTS}')
@@ -108,7 +108,7 @@ class Urdf:
             found = element.find(end)
             link = '' if found is None else found.get('link', '')
             if link not in self.links:
-                raise self.error(f'joint {name!r} has the {end} link {link!r}, which is not there')
+                raise self.error(f'the {end} link {link!r} of joint {name!r} does not exist')
             ends.append(link)
         return UrdfJoint(element, name, *ends)
 

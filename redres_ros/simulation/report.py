@@ -31,7 +31,7 @@ def table(
     """A table whose first column is text and whose others are figures, aligned to the right.
 
     Args:
-        heads: One for each column, with its unit, as 'median [us]'.
+        heads: One for each column, with its unit, such as 'median [us]'.
         rows: The cells; a row of one cell is the heading of a section, an empty one a gap.
         title: Above the table.
         note: Below it.

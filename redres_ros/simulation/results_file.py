@@ -146,7 +146,7 @@ class ResultsFile:
             try:
                 rows: list[dict[str, Any]] = parquet.read_table(self._path).to_pylist()
             except pyarrow.ArrowInvalid as error:
-                raise FileError(f'{self._path} is no Parquet file: {error}') from None
+                raise FileError(f'{self._path} is not a Parquet file: {error}') from None
             return rows
         text = self._path.read_bytes()
         whole = text[: text.rfind(b'\n') + 1]  # without a last line that was not written to its end
