@@ -9,6 +9,7 @@ from redres_ros import Controller, RobotModel
 from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
+from redres_ros.nodes.policy_parameters import END_OF_REACH
 
 T = 0.002  # [s]
 NS = 2_000_000  # [ns]
@@ -25,7 +26,13 @@ class Arm:
     def __init__(self, limits: tuple[str, ...] = BOX) -> None:
         self.model = RobotModel.named('fr3')
         controller = Controller(
-            self.model, 'minimum_acceleration', T, task='pose', limits=limits, switch_time=0.0
+            self.model,
+            'minimum_acceleration',
+            T,
+            task='pose',
+            limits=limits,
+            limit_gains={'acceleration.reach': END_OF_REACH} if limits else {},
+            switch_time=0.0,
         )
         self.loop = CommandLoop(controller)
         self.controller = controller
@@ -107,6 +114,18 @@ def test_a_tip_that_limits_have_turned_comes_back():
     assert arm.turned(R) > np.radians(3.0)
     arm.steer(4.0, lambda _: -0.15 * d)
     assert arm.turned(R) < np.radians(0.5)
+
+
+@pytest.mark.slow
+def test_a_stretched_arm_does_not_swing_when_a_turn_leads_the_held_position_out_of_reach():
+    arm = Arm()
+    arm.steer(1.0, lambda _: np.array((0.1, 0.0, 0.1, 0.0, 0.0, 0.0)))
+    arm.steer(4.0, lambda _: np.array((0.15, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    _, R = arm.model.tip(arm.q)
+    references = arm.steer(3.0, lambda _: np.array((0.0, 0.0, 0.0, 0.0, 0.3, 0.0)))
+    elbow = [q[3] for q in references[len(references) // 2 :]]
+    assert np.ptp(elbow) < 0.05  # [rad]; 0.26 where the position pulls
+    assert arm.turned(R) > 0.7 * 0.3 * 3.0
 
 
 @pytest.mark.parametrize('limits', [(), BOX])

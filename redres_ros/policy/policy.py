@@ -117,7 +117,9 @@ class Policy:
         if self._boundary_braking:
             rows = slice(None)
             if components:
-                rows = self._first_component(_asked(free.wanted, state), state)
+                first = self._first_component(_asked(free.wanted, state), state)
+                # A held orientation gives way; a held position must not pull the arm past its end.
+                rows = first if first.start == 0 else rows
             free, level = self._boundary_braking.applied(free, level, state, rows)
             if components:
                 level = scaled(free.J, free.executed, free.scale)
