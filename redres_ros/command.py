@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,12 @@ class Command(NamedTuple):
 def norm(vector: np.ndarray) -> float:
     """Euclidean norm of a vector (n,): as np.linalg.norm, to the bit, at a quarter of its cost."""
     return math.sqrt(vector.dot(vector))
+
+
+def norms(vectors: Any) -> np.ndarray:
+    """Euclidean norms of vectors (N, n), (N,)."""
+    rows = np.asarray(vectors)
+    return np.sqrt(np.einsum('ki,ki->k', rows, rows))
 
 
 # By the names of columns and topics. All norms are Euclidean.

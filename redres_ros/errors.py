@@ -33,8 +33,8 @@ def reason_of(error: BaseException) -> str:
 def one_line(text: str) -> str:
     """A text from outside, safe for a log or a terminal.
 
-    It is one line, cut where nobody would read on. What is no character to be seen has become a
-    space: a line's end, or what would have a terminal do something.
+    It is one line, truncated. Characters that cannot be printed, such as line ends and
+    commands to a terminal, become spaces.
     """
     cut = text[:_LONGEST_LINE]
     seen = ''.join(each if each.isprintable() else ' ' for each in cut)
@@ -121,7 +121,7 @@ class DivergedError(RedresError):
         self.limit = limit
         self.reason = reason
         super().__init__(
-            f'the joints would have to go at {speed:.3g} rad/s; allowed: up to {limit:g}; '
+            f'the joints would have to move at {speed:.3g} rad/s; allowed: up to {limit:g}; '
             f'the reason is {reason}'
         )
 

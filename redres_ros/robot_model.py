@@ -214,7 +214,7 @@ class RobotModel:
             name: Name of an arm in ARMS.
             dynamics: 'identified' or 'cylinders'; None for the arm's own.
             base_offset: Height of the arm above its root link [m]; None for the arm's own.
-            tool_offset: Way from the flange to the tip [m]; None for the arm's own.
+            tool_offset: Offset of the tip from the flange [m]; None for the arm's own.
 
         Raises:
             UnknownNameError: No arm, or no dynamics, has that name.

@@ -142,7 +142,7 @@ def as_tuple(entries: 'str | Iterable[str | T]') -> 'tuple[str | T, ...]':
 
 
 def check_once(kind: str, names: Iterable[object]) -> None:
-    """Raise RepeatedNameError for a name that is given twice; what is no name may be.
+    """Raise RepeatedNameError for a name that is given twice; objects may repeat.
 
     Args:
         kind: What the names are of: limit, preference, task.

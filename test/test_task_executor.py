@@ -5,7 +5,7 @@ import pytest
 
 from redres_ros import load_task
 from redres_ros.loop.cycle_counter import ClockError
-from redres_ros.planning.goals import Goal, way_to
+from redres_ros.planning.goals import Goal, straight_segment
 from redres_ros.planning.joint_path import JointPath
 from redres_ros.planning.planner import Planner
 from redres_ros.planning.progress import ProgressMonitor
@@ -210,8 +210,8 @@ def test_stop_asks_for_nothing_and_start_begins_again() -> None:
 def test_a_turn_takes_time_only_where_the_task_has_an_orientation() -> None:
     R = rotation_matrix(np.array((0.0, 0.0, 3.0)))
     x = HOME + np.array((0.0, 0.1, 0.0))
-    bent = way_to(TASK, HOME, np.eye(3), x, R, 0.2, turns=True)
-    straight = way_to(TASK, HOME, np.eye(3), x, R, 0.2, turns=False)
+    bent = straight_segment(TASK, HOME, np.eye(3), x, R, 0.2, turns=True)
+    straight = straight_segment(TASK, HOME, np.eye(3), x, R, 0.2, turns=False)
     assert straight.segment_time == pytest.approx(15.0 / 8.0 * 0.1 / 0.2)
     assert bent.segment_time == pytest.approx(15.0 / 8.0 * 0.3 / 0.2)
 

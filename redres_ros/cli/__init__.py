@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from redres_ros.cli.parser import Parser
 
-# Matrices of seven joints are no work for several threads, and a process that shares its work by
-# making copies of itself should have one thread only. Read when numpy is loaded.
+# Threads do not speed up matrices of seven joints, and a process that forks
+# should have one thread only. Read when numpy is loaded.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Modules of this package, in the order of `redres --help`.
@@ -150,7 +150,7 @@ def make_parser() -> 'Parser':
     commands = parser.add_subparsers(
         dest='command', required=True, metavar='COMMAND', title='commands'
     )
-    commands.type = str  # the words after a command are not its business, not even an empty one
+    commands.type = str  # all further words, even an empty one, are left to the subcommand
     for name in _COMMANDS.split():
         import_module(f'redres_ros.cli.{name}').add(commands)
     for subparser in commands.choices.values():

@@ -22,7 +22,7 @@ _FILMS = {'.mp4': 'imageio_ffmpeg', '.webp': 'PIL', '.gif': 'PIL'}  # and what w
 
 
 def before(options: 'DemoOptions', model: 'RobotModel') -> str:
-    """Some sentences before a run.
+    """An introduction to a run.
 
     Args:
         options: Options of the demo.
@@ -51,7 +51,7 @@ def before(options: 'DemoOptions', model: 'RobotModel') -> str:
 
 
 def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
-    """Two sentences after a run; none if there is nothing to learn from it.
+    """Two sentences on the result of a run; empty if there is nothing to add.
 
     Args:
         outcome: Outcome of the run.
@@ -165,7 +165,7 @@ def write_results(outcome: 'Outcome', demo: 'Demo', options: argparse.Namespace)
 
 
 def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """A file that is asked for; that of the messages is there by now."""
+    """Write a requested file; that of the messages exists already."""
     kind = 'messages'
     if path.suffix in _FILMS:
         from redres_ros.view.film import FilmedMotion, write_film
@@ -182,9 +182,9 @@ def _save(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
 
 
 def _draw_forces(outcome: 'Outcome', demo: 'Demo', path: Path) -> None:
-    """A picture of the forces, where any were measured."""
+    """Draw the forces, if any were measured."""
     path.unlink(missing_ok=True)  # that of a run before
-    if not outcome.forces[:, 1:].any():  # behind the times
+    if not outcome.forces[:, 1:].any():  # after the column of times
         return
     from redres_ros.simulation.drawing import in_symbols
     from redres_ros.simulation.plots import draw_contact

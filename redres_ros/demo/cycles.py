@@ -1,4 +1,4 @@
-"""Counts the cycles of the robot by their outcome, from its recording."""
+"""Counts the robot's cycles by outcome, from its recording."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,21 +7,21 @@ from itertools import pairwise
 from redres_ros.demo.log import COMMANDS, STATES, stamped
 from redres_ros.graph.mcap_file import RecordedMessage
 
-_NEXT = 2e9  # [ns] after the last state that counts: the state after it comes meanwhile
-_QUIET = 0.95  # of the commands are in time on a computer that does nothing else
-_HELD_UP = 1.5  # cycles from one state to the next, beyond which the robot's clock stood still
+_NEXT = 2e9  # [ns] after the last state that counts, in which the next one comes
+_QUIET = 0.95  # fraction of commands in time on a computer that does nothing else
+_HELD_UP = 1.5  # cycles between two states, beyond which the robot's clock stood still
 
 
 @dataclass(frozen=True)
 class CycleCounts:
-    """The outcome of a cycle of the robot.
+    """How many cycles of the robot had which outcome.
 
     Attributes:
         in_time: The command came within the cycle.
         waited_for: It came later, but before the next state: the robot's clock stood still.
         late: It came after the next state.
         missed: It never came.
-        stood_still: How long the clock stood still altogether [s].
+        stood_still: Total time for which the clock stood still [s].
     """
 
     in_time: int
@@ -88,7 +88,7 @@ def count_cycles(
 
 
 def _kind(latency: float | None, period: float, cycle: float) -> str:
-    """What a cycle of that length [s] counts as; the latency [s] is None without a command."""
+    """The outcome of a cycle of this length [s]; the latency [s] is None without a command."""
     if latency is None:
         return 'missed'
     if latency > cycle:

@@ -68,13 +68,13 @@ class _DemoMonitor(GraphMonitor):
         self.create_subscription(Time, TASK_BEGUN, self._on_begun, LATCHED)
 
     def look(self) -> None:
-        """Record the newest state; of each only the stamp is read."""
+        """Record the newest state's stamp."""
         for sample in self.samples.take(_STATES):
             self.newest = stamp_of(sample.data)
             self.received_at = time.monotonic()
 
     def has_ended(self, since: float) -> bool:
-        """Whether a task has been finished or given up since an instant [s]."""
+        """Whether a task has ended, finished or given up, since an instant [s]."""
         last = self.values.get(TASK_STATE)
         return last is not None and last.at > since and last.value not in _UNDER_WAY
 
@@ -162,7 +162,7 @@ class Demo:
         except KeyboardInterrupt:
             interrupted = True
         except BaseException:
-            self.remove_recordings()  # nobody will ask for the outcome
+            self.remove_recordings()  # there is no outcome
             raise
         return Ending(endurance, interrupted, last)
 
@@ -243,9 +243,9 @@ class Demo:
         return Endurance(rounds, seconds(), memory)
 
     def _stay(self, monitor: _DemoMonitor) -> None:
-        """Keep the nodes until Ctrl-C, an ordinary end here, or until the page ends."""
+        """Keep the nodes until Ctrl-C, here an ordinary end, or until the page ends."""
         try:
-            # Loads what draws, so that nobody waits for that after Ctrl-C.
+            # Load the plotting libraries now, not after Ctrl-C.
             import_module('redres_ros.simulation.plots')
             while self._node_group.is_watched:
                 self._check(monitor)
@@ -281,7 +281,7 @@ class Demo:
             error = float(np.linalg.norm(tip - self.task.waypoints[-1]))
             motion = MotionFigures.of(recording, self.task, error)
             period = np.inf if self.options.lockstep else self._T
-            # The first process has the robot in it.
+            # The robot is in the first process.
             messages = read_messages(recordings[0])
             cycles = count_cycles(messages, period, (stamps[0], stamps[-1]))
         self.remove_recordings()

@@ -160,7 +160,7 @@ class PressingFigures:
 
 @dataclass(frozen=True)
 class GoalCounts:
-    """What became of an operator's goals."""
+    """How many of an operator's goals were reached, and given up."""
 
     reached: int
     given_up: int

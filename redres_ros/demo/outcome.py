@@ -22,7 +22,7 @@ from redres_ros.rotation import from_quaternion
 from redres_ros.simulation.recording import MotionRecorder, Recording
 from redres_ros.simulation.report import facts
 
-# What a robot does in its session states, for those who do not know their names.
+# What a robot does in its session states.
 _MEANS = {'MON': ' (only reports)', 'CMD': ' (takes commands)'}
 
 
@@ -47,11 +47,11 @@ class Outcome:
 
     Attributes:
         recording: Recording of the task.
-        motion: Its figures; None where it did not begin.
-        cycles: What became of the robot's cycles; None where the task did not begin.
-        stop_reason: The robot's own words; empty if it was not stopped.
-        session: Its states, as they were passed through.
-        planner_missed: States that the planner did not get.
+        motion: Its figures; None if it did not begin.
+        cycles: The robot's cycles by outcome; None if the task did not begin.
+        stop_reason: Why the robot stopped itself; empty if it did not.
+        session: Its states, in order.
+        planner_missed: Number of states that the planner did not get.
         switches: (time [s], law before, law after).
         endurance: Figures of a repeated task; None if it was not repeated.
         interrupted: Whether Ctrl-C ended it.

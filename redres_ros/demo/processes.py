@@ -1,4 +1,4 @@
-"""The processes of a demo: nodes that end with this process, and the recordings that they write."""
+"""The processes of a demo, which end with this one, and the recordings that they write."""
 
 import json
 import math
@@ -196,7 +196,7 @@ class NodeGroup:
             with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
                 pages = [self._page] if self._page else []
                 for page in pages:
-                    page.ask_to_end()  # nobody waits for it
+                    page.ask_to_end()
                 for process in (*self.nodes, *pages):
                     process.end()
 
@@ -223,7 +223,7 @@ class NodeGroup:
         return [path for path in map(self._recording, self._processes()) if path.exists()]
 
     def remove_recordings(self) -> None:
-        """Remove them; they are of use for the outcome only."""
+        """Remove the recordings, which serve the outcome only."""
         for path in self.recordings:
             path.unlink(missing_ok=True)
 

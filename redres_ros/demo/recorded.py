@@ -26,13 +26,13 @@ _NODES = {
     'planner': ('nodes.planner', 'LonePlannerNode'),
     'operator': ('demo.operator', 'OperatorNode'),
 }  # module and class of each
-_RECEIVED = 'joint_command'  # the one topic of which it matters what has arrived, and when
+_RECEIVED = 'joint_command'  # the one topic of which arrivals are recorded
 # Time of day by the monotonic clock: no cycle gets longer when somebody sets the clock.
 _SINCE = time.time_ns() - time.monotonic_ns()
 
 
 class _Recorded(Node):
-    """Mixed in between a node's class and rclpy's."""
+    """Mixed in between a node's class and rclpy's: records what passes."""
 
     file: McapFile
     wanted: Collection[str]
@@ -71,16 +71,16 @@ class _RecordedPublisher:
         self._has_listeners = True
 
     def publish(self, message: Any) -> None:
-        """Write the message; send it where somebody listens beside the file."""
+        """Write the message; publish it if it has a subscriber, too."""
         _write(self._file, self._channel, message)
         if self._has_listeners:
             self._publisher.publish(message)
 
     def get_subscription_count(self) -> int:
-        """With the file as one of the listeners.
+        """The number of subscribers, the file included.
 
-        Telemetry asks, and publishes only while somebody listens. If only the file does, nothing is
-        sent.
+        Telemetry publishes only while there is a subscriber. If that is only the file, nothing is
+        sent over DDS.
         """
         listeners: int = self._publisher.get_subscription_count()
         self._has_listeners = listeners > 0

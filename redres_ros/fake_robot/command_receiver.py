@@ -24,8 +24,8 @@ class _ArrivedCommand(NamedTuple):
     names: Sequence[str]
     positions: np.ndarray  # [rad], one for each name, if all is well
     time: float  # [s] on the monotonic clock
-    again: bool  # whether that state, or a later one, had its command before
-    tick: int = 0  # at which the robot's network took it
+    again: bool  # whether that state, or a later one, already had its command
+    tick: int = 0  # at which it entered the robot's network
 
 
 class CommandReceiver:
@@ -70,7 +70,7 @@ class CommandReceiver:
         self._newest = -1  # tick of the newest valid command
 
     def put(self, stamp: int, names: Sequence[str], positions: np.ndarray) -> None:
-        """Note what a client has sent.
+        """Take what a client has sent.
 
         Args:
             stamp: That of the state that it is for [ns].

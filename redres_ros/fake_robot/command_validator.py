@@ -108,7 +108,7 @@ class CommandValidator:
         self.begin()
 
     def begin(self) -> None:
-        """Forget the stream: the next command follows a standstill."""
+        """Reset: the next command follows a standstill."""
         standstill = np.zeros(len(self.limits.joint_names))  # (n,)
         # (n,) [rad/s] each; the oldest is one window ago
         self._velocities = deque([standstill] * self._cycles, maxlen=self._cycles)

@@ -1,4 +1,4 @@
-"""Faults to be put into the fake robot: on the way of messages, in the encoders, at the arm, in its
+"""Faults to inject into the fake robot: on the way of messages, in the encoders, at the arm, in its
 force sensor.
 """
 
@@ -65,17 +65,17 @@ class Faults:
 
     @property
     def states(self) -> Link:
-        """What happens to states on their way to the client."""
+        """Faults of the link that carries states to the client."""
         return self._link('state')
 
     @property
     def commands(self) -> Link:
-        """What happens to commands on their way to the robot."""
+        """Faults of the link that carries commands to the robot."""
         return self._link('command')
 
     @property
     def wrenches(self) -> Link:
-        """What happens to measured wrenches on their way."""
+        """Faults of the link that carries measured wrenches."""
         return Link(delay=self.wrench_delay, loss=self.wrench_loss)
 
     def measured(self, wrench: np.ndarray, random: np.random.Generator) -> np.ndarray:

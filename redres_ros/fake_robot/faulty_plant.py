@@ -1,6 +1,4 @@
-"""An arm with faults: what its encoders make of its position, its force sensor of the force, what
-pushes it, and that it may not move at all.
-"""
+"""An arm with faulty encoders and force sensor, with pushes, or with joints that do not move."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class FaultyPlant:
-    """A plant as its faulty encoders show it; without faults it is the plant itself, bit for bit.
+    """A plant as its faulty encoders show it; without faults exactly the plant itself.
 
     Noise is drawn once a cycle, the same for the same seed. The velocities of encoders at fault are
     differences of their positions. While the physics are paused the plant stands still and

@@ -15,7 +15,7 @@ class Link:
     Attributes:
         delay: Delay of every message [cycles].
         delay_spread: Random delay on top, uniform [cycles]. No message overtakes another.
-        loss: Fraction of messages that are lost on an average.
+        loss: Mean fraction of messages that are lost.
         loss_burst: Messages lost in a row each time.
         duplication: Fraction of messages that arrive twice.
         reordering: Probability that a message arrives right after the next one.
@@ -38,7 +38,7 @@ class NetworkModel(Generic[M]):
 
     Args:
         seed: Random seed.
-        link: What happens.
+        link: Faults of the network.
     """
 
     def __init__(self, seed: int | str = 0, link: Link | None = None) -> None:
@@ -50,11 +50,11 @@ class NetworkModel(Generic[M]):
         self._still_to_lose = 0
 
     def send(self, message: M, tick: int) -> None:
-        """Put a message in.
+        """Send a message.
 
         Args:
-            message: Given out as it is.
-            tick: The present one.
+            message: Delivered unchanged.
+            tick: The present tick.
         """
         losing, doubling, overtaking, spread = (self._random.random() for _ in range(4))
         if self._is_lost(losing):
@@ -79,7 +79,7 @@ class NetworkModel(Generic[M]):
         return arrived
 
     def _is_lost(self, chance: float) -> bool:
-        """Whether the next message is lost. Losses come in bursts, so rarely that `loss` is their
+        """Whether the next message is lost. Losses come in bursts; `loss` is their
         mean fraction.
         """
         loss = self.link.loss

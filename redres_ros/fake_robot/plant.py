@@ -5,19 +5,20 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
+from redres_ros.errors import RangeError, RedresError, UnknownNameError
 from redres_ros.fake_robot.environment import ContactForce, EnvironmentSettings, contact_forces
 from redres_ros.fake_robot.mujoco_arm import SERVO_GROUP, MujocoSettings, joint_range, servo_model
 from redres_ros.robots import Arm
+from redres_ros.vectors import finite_vector
 
 
 class IdealPlant:
-    """An arm that reaches its reference exactly, one cycle later: the paper's assumption.
+    """An arm that reaches its reference exactly one cycle later: the paper's assumption.
 
     Args:
         joint_names: Names of the joints, in the order of every array.
         period: The cycle [s].
-        q0: Where it stands at first, (n,) [rad].
+        q0: Initial position, (n,) [rad].
 
     Raises:
         ArrayError: A start of another length, or one that is not finite.
@@ -29,8 +30,8 @@ class IdealPlant:
         self.reset(q0)
 
     def reset(self, q: np.ndarray) -> None:
-        """Stand still at q (n,) [rad]. Raises ArrayError."""
-        self._q = _finite_vector(q, len(self.joint_names), 'q')
+        """Rest at q (n,) [rad]. Raises ArrayError."""
+        self._q = finite_vector(q, len(self.joint_names), 'q')
         self._dq = np.zeros_like(self._q)
 
     @property
@@ -49,7 +50,7 @@ class IdealPlant:
         self._q = np.array(q_ref, dtype=np.float64)
 
     def check_link(self, link: str) -> None:
-        """Do nothing: any link may be pushed in vain."""
+        """Accept any link: an ideal arm does not yield."""
 
     def push(self, force: np.ndarray, link: str = '') -> None:
         """Do nothing: an ideal arm does not yield to forces.
@@ -95,7 +96,7 @@ class MujocoPlant:
     Args:
         arm: Whose description is simulated.
         period: The cycle [s].
-        q0: Where it stands at first, at rest, (n,) [rad].
+        q0: Initial position, at rest, (n,) [rad].
         settings: Below the level of the reference.
         environment: What the tip can touch; None: nothing.
 
@@ -212,7 +213,7 @@ class MujocoPlant:
 
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the limits."""
-        q = _finite_vector(q, self._model.nq, 'q')
+        q = finite_vector(q, self._model.nq, 'q')
         for name, value, lower, upper in zip(
             self.joint_names, q, *joint_range(self._model, np.inf), strict=True
         ):
@@ -253,10 +254,3 @@ def _whole_steps(period: float, step: float) -> int:
             f'whole number of plant steps of {1e3 * step:g} ms'
         )
     return steps
-
-
-def _finite_vector(value: np.ndarray, n: int, name: str) -> np.ndarray:
-    vector = np.array(value, dtype=np.float64)
-    if vector.shape != (n,) or not np.isfinite(vector).all():
-        raise ArrayError(f'{name} is {vector.tolist()}; expected {n} finite values')
-    return vector

@@ -34,10 +34,10 @@ class State(Enum):
 class Event(Enum):
     """What moves a session from state to state."""
 
-    SILENCE = 'no command came for any of the last packets'
+    SILENCE = 'none of the last packets got a command'
     POOR_TIMING = 'the timing is not good enough for command mode'
     GOOD_TIMING = 'the timing is good enough for command mode'
-    LONG_GOOD_TIMING = 'it has been good for long enough, and nothing is against command mode'
+    LONG_GOOD_TIMING = 'it has been good for long enough, and nothing prevents command mode'
     FIRST_COMMAND = 'the first command continues the mirrored position'
     FAULT = 'the command, its timing or its limits are at fault'
     RESET = 'a reset was requested'
@@ -52,12 +52,12 @@ class Profile:
         transitions: From each state of its sessions by an event to another state; other events
             change nothing.
         commanding: The state in which the arm follows its client.
-        thresholds: What every quality but the worst asks for, best first.
+        thresholds: Thresholds of every quality but the worst, best first.
         entry: Quality needed for command mode to begin.
         lowest: Quality below which command mode ends.
         reflexes: What each cause of a stop is called.
         bridged_misses: Cycles in a row without a command that are bridged by default.
-        extrapolates_acceleration: Whether a bridged command goes on at its last acceleration, and
+        extrapolates_acceleration: Whether a bridged command keeps its last acceleration, and
             not at its last velocity.
         guard: How limits are applied by default.
     """

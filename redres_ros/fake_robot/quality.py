@@ -98,7 +98,7 @@ class Threshold:
 
 
 def thresholds_of(qualities: type[IntEnum]) -> dict[IntEnum, Threshold]:
-    """What every quality but the worst asks for, best first; figures of ours, as KUKA's are not
+    """Thresholds of every quality but the worst, best first; figures of ours, since KUKA's are not
     public.
     """
     _, bad, ok, perfect = sorted(qualities)

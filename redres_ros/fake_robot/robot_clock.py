@@ -1,4 +1,4 @@
-"""The robot's time: stamps one period apart, and a schedule that can stand still and catch up."""
+"""The robot's time: stamps one period apart, and a schedule that can pause and catch up."""
 
 import time
 from collections.abc import Callable
@@ -10,7 +10,7 @@ NANOSECONDS = 1_000_000_000
 # client has nine tenths of the usual time to respond.
 CATCH_UP = 0.1
 
-_REMEMBERED = 256  # states whose time of sending is kept, to know which one a command is for
+_REMEMBERED = 256  # states whose time of sending is kept, to assign commands to them
 
 
 class _Sent(NamedTuple):

@@ -1,4 +1,4 @@
-"""Who may command: the session between robot controller and client. No physics, no arrays."""
+"""The session between robot controller and client: who may command. No physics, no arrays."""
 
 import math
 from collections import Counter
@@ -39,7 +39,7 @@ class CommandError(RedresError):
 
 @dataclass(frozen=True)
 class SessionSettings:
-    """When command mode is given and when it is taken away. KUKA's figures are not public: the
+    """When command mode begins and when it ends. KUKA's figures are not public: the
     defaults are ours.
     """
 
@@ -67,14 +67,14 @@ class SessionSettings:
 
 
 class Session:
-    """Grants command mode to a client that responds well, and takes it away with a reason that
+    """Grants command mode to a client with good timing, and ends it with a reason that
     stays until `reset`.
 
     The caller records every cycle, offers each command that arrives in time, and reports refusals
     and violations.
 
     Attributes:
-        profile: What kind of session it is.
+        profile: Kind of session.
         timing: Timing of the connection: its quality, and what is at fault.
         state: One of the profile's states.
         reason: Why command mode was taken away or refused; empty while nothing is wrong.
@@ -82,7 +82,7 @@ class Session:
 
     Args:
         period: The cycle [s].
-        settings: When command mode is given and taken away.
+        settings: When command mode begins and ends.
     """
 
     def __init__(self, period: float, settings: SessionSettings | None = None) -> None:

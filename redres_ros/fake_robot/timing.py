@@ -47,7 +47,7 @@ class TimingMonitor:
 
     Args:
         period: The cycle [s].
-        thresholds: What every quality but the worst asks for, best first.
+        thresholds: Thresholds of every quality but the worst, best first.
     """
 
     def __init__(self, period: float, thresholds: Mapping[IntEnum, Threshold]) -> None:

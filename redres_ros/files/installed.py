@@ -1,4 +1,4 @@
-"""What installed packages bring: their versions, and entries of our tables."""
+"""Installed packages: their versions, and the entries that they add to our tables."""
 
 import sys
 import warnings
@@ -14,7 +14,7 @@ def installed(kind: str) -> dict[str, Any]:
     """Name to class, of every entry point in the group redres_ros.KIND, such as 'laws'.
 
     A package declares one as `wrist_first = my_package.laws:WristFirst`. One that cannot be loaded
-    is left out with a warning, so that a stranger's fault does not stop an arm that needs it not.
+    is left out with a warning: the fault of another package must not stop an arm.
     """
     if not _any_declared():
         return {}

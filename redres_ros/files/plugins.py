@@ -1,6 +1,6 @@
-"""Laws, preferences, tasks and limits of one's own, from a file, without editing the package.
+"""Your own laws, preferences, tasks and limits from a file, without editing the package.
 
-Those of an installed package need no file: it names them as entry points, see `installed`.
+An installed package declares its own as entry points instead, see `installed`.
 """
 
 import importlib.util
@@ -23,7 +23,7 @@ class PluginError(RedresError):
 
 
 def register(base: type, table: dict[str, type]) -> None:
-    """Have plugins enter classes into a table.
+    """Let plugins add classes to a table.
 
     Args:
         base: Their base class.
@@ -33,15 +33,15 @@ def register(base: type, table: dict[str, type]) -> None:
 
 
 def load_plugins(paths: Iterable[str | Path]) -> None:
-    """Enter what the files define into the tables. Raises PluginError."""
+    """Add what the files define to the tables. Raises PluginError."""
     for path in paths:
         load_plugin(path)
 
 
 def load_plugin(path: str | Path) -> tuple[str, ...]:
-    """Enter every law, preference, task and limit that a file defines into its table.
+    """Add every law, preference, task and limit that a file defines to its table.
 
-    A class is called as it is in the tables: `WristFirst` becomes wrist_first. The Python file is
+    Names are those of the tables: `WristFirst` becomes wrist_first. The Python file is
     executed as any program is, but only once.
 
     Returns:
@@ -65,7 +65,7 @@ def _execute(file: Path) -> ModuleType:
     sys.modules[name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # whatever a stranger's file does
+    except (Exception, SystemExit) as error:  # whatever the file does
         del sys.modules[name]
         raise PluginError(f'{file} cannot be loaded: {type(error).__name__}: {error}') from error
     return module

@@ -64,7 +64,7 @@ class GraphClient:
         Args:
             kind: Type of the service.
             service: Its name.
-            request: What is asked.
+            request: The request.
 
         Raises:
             CallError: No node offers the service, or it does not respond.
@@ -119,7 +119,7 @@ class GraphClient:
 
         Args:
             of: Name of the other node.
-            names: Those that are wanted; none: all that have a value.
+            names: Names to read; empty: all that have a value.
 
         Raises:
             CallError: The node does not respond.
@@ -144,7 +144,7 @@ class GraphClient:
         return bool(client.service_is_ready())
 
     def await_nodes(self, stopped: threading.Event, patience: float) -> bool:
-        """Whether the graph is there; False where it need not be any more.
+        """Wait until controller and planner are there; False if that was stopped first.
 
         Args:
             stopped: Ends the waiting.

@@ -133,7 +133,7 @@ class GraphMonitor(Node):
         values: The newest of each topic, and the NodeHealth of a node under the node's name.
         samples: Messages of fast topics, which wait until they are taken.
         client: Calls the nodes' services.
-        on_parameters: Called with node and changed values whenever a node's parameters change.
+        on_parameters: Called with the node and the changed values when parameters change.
 
     Args:
         name: Name of this node.
@@ -178,7 +178,7 @@ class GraphMonitor(Node):
         return read(self._newest(ACTIVE_LIMITS, String, ''))
 
     def _newest(self, topic: str, kind: type, before: Any) -> Any:
-        """The newest value of a sampled topic, or what it counts as before one came."""
+        """The newest value of a sampled topic; `before` until there is one."""
         self.samples.add(topic, kind, NEWEST)
         message = self.samples.newest(topic)
         if message is not None:

@@ -26,7 +26,7 @@ from redres_ros.vectors import finite_vector
 _STATES = 'joint_states'
 _PATIENCE = 3.0  # [s] for the URDF on a topic, which is latched
 _LOOK = 0.02  # [s] between looks at whether it has come
-_SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are looked at
+_SILENCE = 1.0  # [s] without a snapshot after which the arm's own states are read
 # Best effort: an observer must not delay the nodes. Deep enough for one that was delayed itself.
 _QUALITY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -48,14 +48,14 @@ class LiveArm:
         self.q = np.zeros(self.model.n)  # as measured [rad]
         self._joints = JointMapper(self.model.joint_names)
         self._received_at = time.monotonic()  # [s] when a snapshot came last
-        self._is_silent = False  # then the states are looked at
+        self._is_silent = False  # then the states are read
         self._samples.add(controller_telemetry.TOPIC, Float64MultiArray, _QUALITY)
 
     def look(self) -> list[Figures]:
-        """Process the messages since the last call; their figures, in their order."""
+        """Process the messages since the last call; returns their figures in order."""
         figures = []
         for sample in self._samples.take(controller_telemetry.TOPIC):
-            with suppress(RedresError):  # one that no controller would send
+            with suppress(RedresError):  # malformed
                 message = deserialised(sample.data, Float64MultiArray)
                 seen = controller_telemetry.from_message(message, self.model.n)
                 self.q = seen.q
@@ -72,7 +72,7 @@ class LiveArm:
         return fractions
 
     def _look_at_states(self) -> None:
-        """While the controller is silent; states at every tick would cost the robot a message."""
+        """Read states while the controller is silent: else they cost the robot a message."""
         was_silent = self._is_silent
         self._is_silent = time.monotonic() - self._received_at > _SILENCE
         if self._is_silent and not was_silent:
@@ -81,7 +81,7 @@ class LiveArm:
             self._samples.remove(_STATES)
         state = self._samples.newest(_STATES) if self._is_silent else None
         if state is not None and self._joints.concerns(state):
-            with suppress(RedresError):  # one that no robot would send
+            with suppress(RedresError):  # malformed
                 self.q = finite_vector(self._joints.positions(state), self.model.n, 'q')
 
     def _find_model(self, values: Mapping[str, Any]) -> RobotModel:

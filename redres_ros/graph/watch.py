@@ -25,13 +25,13 @@ _TYPES = {_LAW: String, ACTIVE_LIMITS: String, 'planner/segment': Int32}  # all 
 
 
 class Watch(GraphMonitor):
-    """Keeps the newest value of every topic on the page, and when it came."""
+    """Keeps the newest value of every topic on the page, with its time."""
 
     def __init__(self, namespace: str = '') -> None:
         super().__init__('watch', namespace)
         self._arm: LiveArm | None = None
         self._followed = [ACTIVE_LIMITS, *_sampled('planner')]
-        self._is_known = True  # whether the arm is, as far as one knows
+        self._is_known = True  # whether the arm is known here
         self.on_parameters = self._on_parameters
 
     def page(self) -> RenderableType:
@@ -55,11 +55,11 @@ class Watch(GraphMonitor):
                 self._arm = LiveArm(self, values)
                 self.keep(_LAW, values['law'])
             except RedresError:
-                self._is_known = False  # the rest of the page goes without it
+                self._is_known = False  # the page shows the rest
                 self._followed += _sampled('controller')
 
     def _look_at(self, arm: LiveArm) -> None:
-        # A snapshot has all figures: a subscription to each would cost the controller time.
+        # A snapshot has all figures: subscribing to each would cost the controller time.
         seen = arm.look()
         if not seen:
             return

@@ -109,7 +109,7 @@ def line(received: Mapping[str, LastValue], now: float, domain: int) -> str:
 
 
 def is_near_an_end(fraction: float) -> bool:
-    """Whether a joint at that fraction of its range, 0 to 1, is near its limits."""
+    """Whether a joint at this fraction of its range, 0 to 1, is near its limits."""
     return min(fraction, 1.0 - fraction) < _NEAR
 
 
@@ -185,9 +185,9 @@ def _bar(fraction: float) -> Text:
 
 
 def _health(received: Mapping[str, LastValue], node: str) -> NodeHealth:
-    """What the node said last; before it says anything, that it is there."""
+    """The node's last report; 'running' before the first."""
     value = received[node].value if node in received else None
-    return value if isinstance(value, NodeHealth) else NodeHealth('is there', True)
+    return value if isinstance(value, NodeHealth) else NodeHealth('running', True)
 
 
 def _value(received: Mapping[str, LastValue], row: Row, is_stale: bool, now: float) -> Text:

@@ -2,6 +2,5 @@
 
 import os
 
-# Matrices of seven joints are no work for several threads: numpy's and scipy's would only take up
-# memory and cores.
+# Threads do not speed up matrices of seven joints: they would only take memory and cores.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')

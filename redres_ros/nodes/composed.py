@@ -70,7 +70,7 @@ def _hand_over(receivers: list[Callable[[Any], None]], message: Any) -> None:
 
 
 class _Handing(Node):
-    """Mixed in between a node's class and rclpy's."""
+    """Mixed in between a node's class and rclpy's: records what passes."""
 
     intra_process: IntraProcess
 

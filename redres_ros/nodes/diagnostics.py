@@ -84,7 +84,7 @@ class _Episode:
 
 
 class InputMonitor:
-    """Logs when a source turns bad, or bad in another way, and when it has been good again."""
+    """Logs when inputs of a source are refused, for a new reason too, and when no longer."""
 
     def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()

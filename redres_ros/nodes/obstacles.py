@@ -49,7 +49,7 @@ def show_obstacles(
         gone = shown - present
         shown.clear()
         shown.update(present)
-        # One by one: to delete all would take the traces along.
+        # One by one: DELETEALL would also delete the traces.
         markers += [Marker(id=number, action=Marker.DELETE) for number in gone]
         for marker in markers:
             marker.ns = namespace

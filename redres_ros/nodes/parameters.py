@@ -29,7 +29,7 @@ P = TypeVar('P', bound='DataclassInstance')
 
 NONE = 'none'  # the word for no limits and so on: ROS has no empty arrays
 
-_ALIKE = 0.85  # of two names, 1 for equal ones; a planner's target_timeout is no state_timeout
+_ALIKE = 0.85  # similarity of two names; target_timeout must not count as state_timeout
 
 
 class ParameterError(RedresError):
@@ -118,7 +118,7 @@ def on_live_change(
 
 
 def with_changes(settings: P, changes: Mapping[str, Any]) -> P:
-    """A dataclass after changes of parameters; those that are no fields of it do not matter.
+    """A dataclass after changes of parameters; changes of other parameters are ignored.
 
     Args:
         settings: Before.

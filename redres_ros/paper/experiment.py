@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from redres_ros.command import Command
+from redres_ros.command import Command, norms
 from redres_ros.fake_robot.command_validator import CommandValidator, ValidatorSettings
 from redres_ros.fake_robot.faults import Faults
 from redres_ros.fake_robot.faulty_plant import FaultyPlant
@@ -158,12 +158,12 @@ class VelocityDifference:
         smooth_II = _as_measured(scheme, ticks)
         return cls(
             law.motion.t[: len(dq_I)],
-            _norm(measured_I),
-            total=_norm(dq_I - measured_II),
-            measured=_norm(measured_I - measured_II),
-            commanded=_norm(dq_I - dq_II),
-            filtered=_norm(dq_II - smooth_II),
-            servo=_norm(smooth_II - measured_II),
+            norms(measured_I),
+            total=norms(dq_I - measured_II),
+            measured=norms(measured_I - measured_II),
+            commanded=norms(dq_I - dq_II),
+            filtered=norms(dq_II - smooth_II),
+            servo=norms(smooth_II - measured_II),
         )
 
 
@@ -275,7 +275,3 @@ def _as_measured(tried: Experiment, ticks: int) -> np.ndarray:
     steps = T * tried.recording.vectors('dq1')[: ticks - 1]  # (ticks - 1, n) [rad]
     q = np.vstack((tried.q[:1], tried.q[0] + np.cumsum(steps, axis=0)))
     return differentiate(q, T).dq
-
-
-def _norm(vectors: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vectors, axis=1)

@@ -1,4 +1,4 @@
-"""Goals: what the arm is to do, made of a task, of a target pose, or of the start of a task."""
+"""Goals of the arm: a task, a target pose, or the start of a task."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -166,7 +166,9 @@ class Goals:
         self._model.check_reach(x_end)
 
         def make_planner(x: np.ndarray, R: np.ndarray) -> Planner:
-            path = way_to(self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns)
+            path = straight_segment(
+                self._task, x, R, x_end, R_end, settings.target_speed, turns=self._turns
+            )
             return Planner(path, x, R, feedback_limit=settings.feedback_limit)
 
         def make_follower(x: np.ndarray, R: np.ndarray, dx: np.ndarray, t: float) -> TargetFollower:
@@ -208,7 +210,7 @@ class Goals:
             )
 
 
-def way_to(
+def straight_segment(
     task: WaypointTask,
     x: np.ndarray,
     R: np.ndarray,

@@ -1,4 +1,4 @@
-"""Detects a motion without progress, and what a singularity keeps back of its velocity."""
+"""Detects a motion without progress, and the velocity that a singularity blocks."""
 
 import numpy as np
 

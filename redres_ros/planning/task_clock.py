@@ -32,7 +32,7 @@ class PathSpeed:
         self._greedy = greedy
 
     def advance(self, s: float, seconds: float) -> None:
-        """Some time later.
+        """Advance by some time.
 
         Args:
             s: Fraction of the task velocity that was executed.
@@ -97,12 +97,12 @@ class TaskClock:
         self._silent = 0
 
     def begin(self) -> None:
-        """The task begins: from a standstill, so at its own pace."""
+        """The task begins, from rest and at its nominal speed."""
         self.t = 0.0
         self._speed = PathSpeed(greedy=self._greedy)
 
     def resume(self) -> None:
-        """The task goes on in its middle, from a standstill."""
+        """The task resumes from rest."""
         self._speed = PathSpeed(0.0)
 
     def interrupt(self) -> None:

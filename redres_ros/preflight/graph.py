@@ -137,9 +137,9 @@ def _judge_session(seen: GraphSnapshot) -> Iterator[Verdict]:
 
 def _judge_controller(seen: GraphSnapshot) -> Iterator[Verdict]:
     if seen.controllers > 1:
-        yield fault('controller', f'there are {seen.controllers} of that name')
+        yield fault('controller', f'there are {seen.controllers} nodes of that name')
     if seen.controller is None:
-        yield fault('controller', 'none runs: start redres_controller')
+        yield fault('controller', 'no controller runs: start redres_controller')
         return
     kept = seen.controller['limits']
     missing = [name for name in _NECESSARY if name not in kept]
@@ -215,6 +215,6 @@ def _judge_twists(seen: GraphSnapshot) -> Iterator[Verdict]:
         text = f'{TWISTS} has no publisher yet: the planner, redres teleop or a node of yours'
         yield note('task', text)
     elif len(sources) > 1:
-        yield note('task', f'{names} publish {TWISTS}; let only one of them speak at a time')
+        yield note('task', f'{names} publish {TWISTS}; let only one publish at a time')
     else:
         yield ok('task', f'{TWISTS} from {names}')

@@ -52,7 +52,7 @@ class Arm:
         other_tips: Further links whose joints move, as the tip of a second arm on the same torso.
         elbow_frame: The link whose origin counts as the elbow; empty: none.
         base_offset: Height of the arm above the URDF's root link [m].
-        tool_offset: Way from the flange to the tip along the flange's z [m].
+        tool_offset: Offset of the tip from the flange along the flange's z [m].
         dynamics: 'identified', the URDF's own inertias with rotors and friction; 'cylinders', the
             paper's Section 5.2 with each link a body of 1 kg, here a solid cylinder because an
             ideal rod makes M singular.

@@ -1,4 +1,4 @@
-"""Many motions on many processors: on this computer, or on whatever an executor stands for."""
+"""Many motions on many processors: on this computer, or wherever an executor runs them."""
 
 import os
 import platform
@@ -27,7 +27,7 @@ from redres_ros.simulation.random_tasks import RANDOM_TASKS, make_random_task
 from redres_ros.simulation.recording import Recording
 
 _CLOSED = 1e-9  # [m] between the ends of a path that closes
-_MOST_WAITING = 10_000  # cases that an executor is given at once: it has nobody to wait for
+_MOST_WAITING = 10_000  # cases submitted to an executor at once
 
 
 @dataclass(frozen=True)

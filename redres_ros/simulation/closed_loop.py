@@ -90,8 +90,8 @@ def run(
 class _Loop:
     """Planner, controller and an ideal arm with a delay of some ticks.
 
-    Where limits allow only the fraction s of the task velocity, the planner's clock goes on by s T:
-    the path is kept, and time is stretched. Recorded is the fraction of the nominal task velocity.
+    Where limits allow only a fraction s of the task velocity, the planner's clock advances by s T:
+    the path is kept, and takes longer. The recorded s is relative to the nominal task velocity.
 
     Args:
         controller: Responds to each state.

@@ -69,7 +69,7 @@ def time_panels(
 
 
 def legend_below(ax: Axes, labelled: Axes, *, ncols: int = 2, fontsize: str | None = None) -> None:
-    """A legend of several panels below the lowest one, for which their layout leaves place.
+    """A legend of several panels below the lowest one, for which the layout leaves space.
 
     Args:
         ax: The lowest panel.

@@ -62,11 +62,11 @@ def processes(
     # A copy of this process has everything loaded already.
     context = multiprocessing.get_context('fork')
     others = set(multiprocessing.active_children())
-    gc.freeze()  # garbage of this process is its own to clear away, as nodes of ROS
+    gc.freeze()  # copies must not destroy objects of this process, such as ROS nodes
     with ProcessPoolExecutor(workers, context, _begin, (begin, args)) as pool:
         try:
             yield pool
-        except BaseException:  # whatever it is, nobody waits for the other results any more
+        except BaseException:  # nobody waits for the other results any more
             for process in set(multiprocessing.active_children()) - others:
                 process.kill()
             raise
@@ -90,7 +90,7 @@ def _watch(futures: Sequence[Future[Any]], fractions: Sequence[float], progress:
 
 
 def _begin(begin: Callable[..., None] | None, args: Sequence[Any]) -> None:
-    # Ctrl-C and Slurm's SIGTERM reach all processes: end without words.
+    # Ctrl-C and Slurm's SIGTERM reach all processes: end silently.
     handle(signal.SIG_DFL, signal.SIGINT, signal.SIGTERM)
     end_with_parent(signal.SIGKILL)  # else it would wait for ever
     if begin:

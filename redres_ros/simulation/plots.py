@@ -101,7 +101,7 @@ def draw_motion(
 def draw_contact(
     forces: np.ndarray, recording: Recording, model: RobotModel, title: str, path: Path
 ) -> None:
-    """Draw the picture into a file.
+    """Draw the force on the tip, and how far tip and elbow moved, into a file.
 
     Args:
         forces: Times [s], and forces of the environment on the tip along its axes [N], (N, 4).

@@ -5,11 +5,10 @@ the nodes.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from redres_ros.command import FIGURES, Command
+from redres_ros.command import FIGURES, Command, norms
 from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Weight, resolve_one
@@ -103,16 +102,16 @@ class MotionRecorder:
         tau = list(map(self._model.torque, q, dq_prev, ddq))  # Eq. (6)
         null, sigma = _null_velocities(J.reshape(len(t), -1, n), dq, self._weights)
         figures = {
-            'joint_velocity_norm': _norms(dq),
-            'joint_acceleration_norm': _norms(ddq),
-            'null_velocity_norm': _norms(null),
-            'joint_torque_norm': _norms(tau),
+            'joint_velocity_norm': norms(dq),
+            'joint_acceleration_norm': norms(ddq),
+            'null_velocity_norm': norms(null),
+            'joint_torque_norm': norms(tau),
             'min_singular_value': sigma,
             'task_scaling': s,
         }
-        norms = [_norms(error), _norms(turn_left)] if self._pose else [_norms(error)]
+        errors = [norms(error), norms(turn_left)] if self._pose else [norms(error)]
         ordered = [figures[name] for name in FIGURES]
-        block = np.column_stack((t, q, dq, x_d - error, x_d, *norms, *ordered, segment))
+        block = np.column_stack((t, q, dq, x_d - error, x_d, *errors, *ordered, segment))
         self._blocks.append(block)
         self._weights.clear()
         self._scalars.clear()
@@ -148,13 +147,6 @@ def _null_velocities(
     for k in np.flatnonzero(alone).tolist():
         null[k], _ = resolve_one(J[k], rest, dq[k], weights[k])
     return null, sigma
-
-
-def _norms(vectors: Any) -> np.ndarray:
-    """Euclidean norms of vectors (ticks, n), (ticks,)."""
-    rows = np.asarray(vectors)
-    squares = np.einsum('ki,ki->k', rows, rows)
-    return np.sqrt(squares)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-"""What many motions of the same tasks say together: each law beside the first one, each damping
-beside the best.
+"""Statistics of many motions: each law relative to the first one, each damping relative to
+the best.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -38,7 +38,7 @@ class Bindings:
     """Binds elements of the page to parameters and services of the nodes.
 
     Args:
-        client: Gives the orders.
+        client: Calls the services.
         values: The parameters of the nodes at present, by node and name.
     """
 

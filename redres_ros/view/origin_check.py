@@ -196,5 +196,6 @@ def _check(server: viser.ViserServer) -> None:
     if status != HTTPStatus.FORBIDDEN:
         close_server(server)
         raise OriginError(
-            f'viser {viser.__version__} serves strangers ({status}); the page stays shut'
+            f'viser {viser.__version__} accepts requests from elsewhere ({status}); '
+            'the page is not served'
         )

@@ -63,7 +63,7 @@ def _postures(recording: Recording) -> np.ndarray:
 
 
 def _closed(page: str) -> str:
-    """A page that the browser lets load nothing."""
+    """The page with a policy by which the browser loads nothing else."""
     policy = CONTENT.format(connect='')
     rule = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
     return page.replace('<head>', f'<head>{rule}', 1)

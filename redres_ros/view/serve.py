@@ -99,7 +99,7 @@ class Page:
         number = 0
         while not stopped.wait(_PERIOD):
             if not self._server.get_clients():
-                self._clear()  # nobody looks; no line is to bridge the gap
+                self._clear()  # nobody watches: leave a gap in the curves
                 continue
             self._look()
             number += 1
@@ -109,7 +109,7 @@ class Page:
                     self._show_slowly()
 
     def _add_seen(self, law: str) -> None:
-        """What is seen, on the left."""
+        """Add the status panel on the left."""
         gui = self._server.gui
         seen = gui.add_panel()
         with seen.add_tab('state'):

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from redres_ros.command import norms
 from redres_ros.paper.experiment import Experiment
 from redres_ros.paper.runs import MOTIONS, Runs, title
 from redres_ros.paper.savgol import FINER, WINDOW, MeasuredMotion
@@ -36,17 +37,17 @@ class _Measured:
     width: float
 
 
-def draw_simulated(number: int, name: str, norms: Sequence[str], runs: Runs) -> Figure:
+def draw_simulated(number: int, name: str, columns: Sequence[str], runs: Runs) -> Figure:
     """Norms of a simulation.
 
     Args:
         number: Number of the figure.
         name: Name of the run.
-        norms: Which, from above.
+        columns: The norms to draw, from above.
         runs: Its result.
     """
-    figure, panels = _panels(title(number, name), len(norms), runs.task)
-    for ax, norm in zip(panels, norms, strict=True):
+    figure, panels = _panels(title(number, name), len(columns), runs.task)
+    for ax, norm in zip(panels, columns, strict=True):
         draw_norm(ax, norm, runs[name], Remarks({}, law=MOTIONS[name].law))
         ax.set_ylabel(_LABELS[norm], fontsize='medium')
     return figure
@@ -85,7 +86,7 @@ def draw_torques(number: int, name: str, runs: Runs) -> Figure:
     tried = runs[name]
     curves = {
         'joint_torque_norm': torque_norm(tried.motion, runs.experiment_model),
-        'joint_velocity_norm': _norm(tried.motion.dq),
+        'joint_velocity_norm': norms(tried.motion.dq),
     }
     colour = law_colour(MOTIONS[name].law)
     measured = _Measured(tried.motion, curves, 'measured', colour, 1.6)
@@ -100,15 +101,11 @@ def torque_norm(motion: MeasuredMotion, model: RobotModel) -> np.ndarray:
         model: Model of the arm.
     """
     rows = zip(motion.q, motion.dq, motion.ddq, strict=True)
-    return _norm(np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows]))
+    return norms(np.array([model.torque(q, dq, ddq) for q, dq, ddq in rows]))
 
 
 def _kinematic(motion: MeasuredMotion) -> Curves:
-    return {'joint_acceleration_norm': _norm(motion.ddq), 'joint_velocity_norm': _norm(motion.dq)}
-
-
-def _norm(vectors: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vectors, axis=1)
+    return {'joint_acceleration_norm': norms(motion.ddq), 'joint_velocity_norm': norms(motion.dq)}
 
 
 def _experiment(
