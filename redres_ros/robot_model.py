@@ -172,7 +172,7 @@ class RobotModel:
         self.reach = self._reach()
 
     def __reduce__(self) -> tuple[Callable[[Arm], 'RobotModel'], tuple[Arm]]:
-        """By its arm, for pickle and copy: a copy of Pinocchio's data would no longer be what
+        """Pickle and copy by the arm: a copy of Pinocchio's data would no longer be what
         `_tip_x` and `_tip_R` look at.
         """
         return partial(type(self), weight=self._weight), (self._portable_arm,)

@@ -34,7 +34,7 @@ class Admittance:
         self.restart()
 
     def restart(self) -> None:
-        """From rest, at x = x_d; the admittance is faded in again."""
+        """Restart from rest, at x = x_d; the admittance is faded in again."""
         self._old: AdmittanceSettings | None = None  # that are faded out; None: it was off
         self._new: AdmittanceSettings | None = None
         self._faded = 1.0  # fraction of the fade that is over
@@ -103,7 +103,7 @@ class Admittance:
             self.e = np.zeros(len(self.e))
 
     def _advance(self) -> None:
-        """One cycle on in a fade; begin one if other settings are asked for."""
+        """Advance a fade by one cycle; begin one if other settings are asked for."""
         if self._faded >= 1.0:
             self._old = None
             desired = self.settings if self.settings.enabled else None

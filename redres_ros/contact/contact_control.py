@@ -92,7 +92,7 @@ class ContactControl:
             )
 
     def restart(self) -> None:
-        """From rest, where the arm is."""
+        """Restart from rest, where the arm is."""
         self.admittance.restart()
         self.sensor.restart()
         self.warning = ''  # the reason of a retreat, and of the stop that follows

@@ -58,7 +58,7 @@ class ForceSensor:
         self._age = 0.0
 
     def advance(self, cycles: int) -> None:
-        """Some cycles have gone by."""
+        """Advance the age of the wrench by some cycles."""
         self._age += cycles * self._T
 
     @property

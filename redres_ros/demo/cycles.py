@@ -32,12 +32,12 @@ class CycleCounts:
 
     @property
     def total(self) -> int:
-        """All states."""
+        """Number of all states."""
         return self.in_time + self.waited_for + self.late + self.missed
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
-        """In a table."""
+        """Rows of a table."""
         kinds = {
             'commands in time': self.in_time,
             'late, and the clock waited': self.waited_for,

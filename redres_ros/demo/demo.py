@@ -310,7 +310,7 @@ class Demo:
         self._node_group.remove_recordings()
 
     def _write_mcap(self, path: Path, recordings: list[Path]) -> None:
-        """All that was recorded, with the arm and the nodes' parameters beside it."""
+        """Write all that was recorded, with the arm and the nodes' parameters."""
         with McapFile(path) as file:
             merge(recordings, file)
             file.attach_urdf(self.model.arm.description())

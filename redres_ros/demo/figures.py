@@ -79,7 +79,7 @@ class MotionFigures:
         )
 
     def rows(self, goals: 'GoalCounts | None') -> Rows:
-        """In a table; of a motion that an operator steered to goals, with these."""
+        """Rows of a table; for a motion that an operator steered to goals, with these."""
         rows: Rows = [('motion',)]
         if goals:
             rows.append(('goals', f'{goals.reached} reached, {goals.given_up} given up'))
@@ -148,7 +148,7 @@ class PressingFigures:
 
     @property
     def rows(self) -> Rows:
-        """In a table."""
+        """Rows of a table."""
         error = f'{self.rms:.3f} N RMS, at most {self.largest:.3f} N'
         return [
             ('pressing',),
@@ -167,7 +167,7 @@ class GoalCounts:
 
     @classmethod
     def of(cls, recording: Recording) -> 'GoalCounts':
-        """Of a recording, in which each goal is a segment. The last one counts for neither."""
+        """The counts of a recording whose segments are goals; the last one does not count."""
         t = recording['t']
         changes = np.flatnonzero(np.diff(recording['segment']))
         seconds = np.diff(t[changes], prepend=0.0)
@@ -191,7 +191,7 @@ class Endurance:
 
     @property
     def rows(self) -> Rows:
-        """In a table."""
+        """Rows of a table."""
         rows: Rows = [('endurance',), ('rounds', f'{self.rounds} in {self.seconds:.0f} s')]
         for name, (start, end) in self.memory.items():
             text = f'{start:.1f} MB after the first round, {end:.1f} MB at the end'

@@ -149,7 +149,7 @@ class Log:
         return float(self._latest('scalings', stamp)) if self.scalings else 1.0
 
     def _latest(self, name: str, stamp: int) -> Any:
-        """Of a field the value at the newest of its stamps up to one; before all, the first."""
+        """A field's value at its newest stamp up to this one; before all, the first."""
         stamps = self._stamps[name]
         return getattr(self, name)[stamps[max(bisect_right(stamps, stamp) - 1, 0)]]
 

@@ -238,7 +238,7 @@ class NodeGroup:
         return {'composed': together}
 
     def _parameters(self) -> dict[str, dict[str, Any]]:
-        """Of each node, by its name."""
+        """Parameters of each node, by its name."""
         options = self._options
         shared = {
             'lockstep': options.lockstep,

@@ -74,7 +74,7 @@ class _Course:
 
     @classmethod
     def standstill(cls, tick: int, q: np.ndarray) -> '_Course':
-        """At rest at q (n,) [rad] since a tick."""
+        """A course at rest at q (n,) [rad] since a tick."""
         return cls(tick, q, np.zeros_like(q), np.zeros_like(q))
 
     def at(self, tick: int) -> np.ndarray:

@@ -64,7 +64,7 @@ class RobotClock:
         return None if sent is None else sent.tick
 
     def latency(self, stamp: int, arrived: float) -> float:
-        """From sending a state to its command, without the time in which the clock stood still [s].
+        """Time from a state to its command, without that in which the clock stood still [s].
 
         For a command that came before the clock stood still this is too little, but never below 0.
 

@@ -35,7 +35,7 @@ def read_file(path: Path, largest: int) -> bytes:
 
 @contextmanager
 def attempting(what: str) -> Iterator[None]:
-    """For a block that does something to a file, in words. Raises FileError where that fails."""
+    """Raise FileError if the block fails, which does something, named in words, to a file."""
     try:
         yield
     except (OSError, ValueError) as error:  # ValueError: a path that no file can have
@@ -65,7 +65,7 @@ def write_json(content: Mapping[str, object], path: Path) -> None:
 
 
 def _finite(value: Any) -> Any:
-    """The same with None for NaN and infinity."""
+    """The content with None for NaN and infinity."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -166,7 +166,7 @@ class Measurements:
         self.contact.record(command, self._dx)
 
     def restart(self) -> None:
-        """From rest: nothing asks for motion."""
+        """Restart from rest: nothing asks for motion."""
         if not self.asks and not self.contact.is_on:
             return
         self.contact.restart()

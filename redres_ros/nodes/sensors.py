@@ -81,7 +81,7 @@ class Sensors:
 
     @property
     def figures(self) -> dict[str, object]:
-        """For /diagnostics."""
+        """Figures for /diagnostics."""
         if not self.contact.is_on:
             return {}
         force = ', '.join(f'{value:.3g}' for value in self.contact.force)

@@ -34,7 +34,7 @@ class EncodingError(RedresError):
 
 
 class JointSample(NamedTuple):
-    """Of a JointState: its stamp [ns], the names, and a position for each of them [rad]."""
+    """Content of a JointState: its stamp [ns], the names, and a position for each [rad]."""
 
     stamp: int
     name: Sequence[str]
@@ -42,7 +42,7 @@ class JointSample(NamedTuple):
 
 
 class _TwistSample(NamedTuple):
-    """Of a TwistStamped: its stamp [ns], its frame, linear and angular part (6,)."""
+    """Content of a TwistStamped: its stamp [ns], its frame, linear and angular part (6,)."""
 
     stamp: int
     frame: str

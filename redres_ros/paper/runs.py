@@ -214,7 +214,7 @@ class Computation:
 
 
 def title(number: int, name: str, scheme: str = '') -> str:
-    """Of the figure of a run, or of a law's run beside a scheme's.
+    """The title of a run's figure, or of a law's run beside a scheme's.
 
     Args:
         number: Number in the paper, or beyond the paper's last.

@@ -80,7 +80,7 @@ def _radians(*degrees: float) -> tuple[float, ...]:
 
 
 def _hexagon(rounds: int) -> tuple[tuple[float, float, float], ...]:
-    """Of radius 0.2 m about a point 0.7 m in front of the base, from its top and back to it."""
+    """Corners at 0.2 m from a point 0.7 m in front of the base, from the top back to it."""
     angles = np.radians(90.0 - 60.0 * np.arange(6 * rounds + 1))
     return tuple((0.7 + 0.2 * math.cos(a), 0.0, 0.2 * math.sin(a)) for a in angles.tolist())
 

@@ -245,7 +245,7 @@ class Planner(ReferenceSource):
         return max(size, LEVER * float(np.linalg.norm(turn)))
 
     def _hold(self, R: np.ndarray) -> None:
-        """The same orientation at every point."""
+        """Hold this orientation at every point."""
         self._turns = np.tile(R, (len(self._points), 1, 1))
 
 

@@ -82,7 +82,7 @@ class ProgressMonitor:
         return self.idle >= self.give_up_after
 
     def reason(self, seconds: float) -> str:
-        """In words, for how many seconds there is no progress, and what keeps the motion back."""
+        """Why there has been no progress for so many seconds, in words."""
         parts = filter(None, (self._limits, self._distance))
         return f'no progress for {seconds:g} s: {"; ".join(parts)}'
 
@@ -131,7 +131,7 @@ class UnachievedVelocity:
         self._standstill = Standstill()
 
     def of(self, stamp: int, q: np.ndarray, x: np.ndarray, asked: np.ndarray) -> np.ndarray | None:
-        """That part, (m,), or None; all of it if the arm has come to rest beside its reach's end.
+        """The blocked part, (m,), or None; all of it if the arm rests at the end of its reach.
 
         Args:
             stamp: Stamp of the state [ns].

@@ -52,7 +52,7 @@ class Step(NamedTuple):
 
 
 class _ArmState(NamedTuple):
-    """Of the arm: stamp [ns], q (n,) [rad], tip x (3,) [m] and R (3, 3), dx that was lost."""
+    """The arm at a state: stamp [ns], q (n,) [rad], tip x (3,) [m], R (3, 3), unachieved dx."""
 
     stamp: int
     q: np.ndarray

@@ -80,7 +80,7 @@ class Crossfade:
 def advanced(
     motion: Motion, desired: Policy | Hold, dq_prev: np.ndarray, T: float, switch_time: float
 ) -> Motion:
-    """One cycle on, from the motion in force towards the desired one.
+    """The motion of the next cycle, on the way from the one in force to the desired one.
 
     A stop, a start and another first task begin at once, from the present velocity. Any other
     change waits for the end of the crossfade under way.

@@ -66,7 +66,7 @@ class StateSeen(NamedTuple):
 
 @dataclass(frozen=True)
 class GraphSnapshot:
-    """All that was seen.
+    """What was observed of a graph.
 
     Args:
         states: States in the order of arrival.

@@ -73,7 +73,7 @@ def _bends(n: int) -> Iterator[np.ndarray]:
 
 
 def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
-    """For each posture (N, n), the smallest singular value of the Jacobian over the largest, (N,).
+    """Smallest singular value of the Jacobian over the largest, of postures (N, n), (N,).
 
     Of the pose where there are joints enough for it, else of the position. Directions in which the
     arm cannot move at all, as out of its plane, do not count.

@@ -33,7 +33,7 @@ def make_cylinders(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> None:
 
 
 def _offset_along_z(urdf: Urdf, chain: tuple[UrdfJoint, ...], link: str) -> float:
-    """From a link's frame along z, through fixed joints, to the next moving one or the end [m]."""
+    """Length from a link along z, through fixed joints, to the next moving joint or the end [m]."""
     following = next((j for j in (*chain, *urdf.joints) if j.parent == link), None)
     if following is None:
         return 0.0
@@ -124,7 +124,7 @@ def _tensor(urdf: Urdf, link: str) -> np.ndarray:
 
 
 def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
-    """Of a link's inertia, (3,) [kg m^2], ascending; zeros where it has none."""
+    """Principal moments of a link's inertia, (3,) [kg m^2], ascending; zeros if it has none."""
     return np.linalg.eigvalsh(_tensor(urdf, link))
 
 

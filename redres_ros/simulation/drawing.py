@@ -120,7 +120,7 @@ def _fit_column(figure: Figure) -> None:
 
 
 def _labels(ax: Axes) -> list[str]:
-    """Of the curves of a panel."""
+    """Labels of the curves of a panel."""
     return ax.get_legend_handles_labels()[1]
 
 

@@ -41,7 +41,7 @@ class Effort:
 
     @classmethod
     def of(cls, recording: Recording, model: RobotModel) -> 'Effort':
-        """That of a motion.
+        """The effort of a motion.
 
         Args:
             recording: Recording of at least one tick.
@@ -92,7 +92,7 @@ def first_violation(recording: Recording, limits: JointLimits) -> str:
 
 
 def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
-    """Velocity of the joint that is nearest to its limit, or beyond, as a fraction, (ticks,).
+    """Velocity of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
         recording: Recording of commands.
@@ -103,7 +103,7 @@ def velocity_usage(recording: Recording, model: RobotModel) -> np.ndarray:
 
 
 def acceleration_usage(recording: Recording, model: RobotModel) -> np.ndarray:
-    """The same of the acceleration, (ticks,).
+    """Acceleration of the joint nearest to its limit, or beyond, as a fraction, (ticks,).
 
     Args:
         recording: Recording of commands.

@@ -205,7 +205,7 @@ class Trials:
         return len(self.ratios) * (1.0 - fraction) >= 1.0 - 1e-9
 
     def quantiles(self, fraction: float) -> np.ndarray:
-        """Of the ratios, (d,)."""
+        """Quantiles of the ratios, (d,)."""
         return np.quantile(self.ratios, fraction, axis=0, method='inverted_cdf')
 
 

@@ -15,7 +15,7 @@ from redres_ros.paper.claims.claim import Claim, Finding, check_all, table, writ
 
 
 def _claims_of(module: ModuleType) -> list[Claim]:
-    """In the order in which the module has them."""
+    """The claims in the order of the module."""
     return [each for each in vars(module).values() if isinstance(each, Claim)]
 
 

@@ -91,7 +91,7 @@ def check_all(
 
 
 def table(findings: Mapping[Claim, Finding]) -> str:
-    """For the terminal: section, verdict and claim on a line, figures and remark below."""
+    """Text for the terminal: section, verdict and claim on a line, figures and remark below."""
     lines = []
     held: dict[str, list[bool]] = {}
     for claim, finding in findings.items():
@@ -111,7 +111,7 @@ def table(findings: Mapping[Claim, Finding]) -> str:
 
 
 def write_csv(findings: Mapping[Claim, Finding], path: Path) -> None:
-    """The same as a file.
+    """Write findings as CSV.
 
     Args:
         findings: Findings by claim.

@@ -113,7 +113,7 @@ class PushedArm:
         return MujocoPlant(self.model.arm, T, self.q0, settings)
 
     def state(self, t: float, q: np.ndarray, dq: np.ndarray) -> RobotState:
-        """With the torques of the push on the elbow.
+        """The state, with the torques of the push on the elbow as a measurement.
 
         Args:
             t: Time [s].
@@ -136,7 +136,7 @@ def by_velocity(
     felt: float = 1.0,
     T: float = T,
 ) -> PushedMotion:
-    """By the admittance and a velocity law.
+    """The motion by the admittance and a velocity law.
 
     Args:
         law: Its name.

@@ -86,11 +86,11 @@ class PressingArm:
         self._pending = [q0] * (case.delay - 1)
 
     def state(self) -> RobotState:
-        """Of the arm at this tick; the admittance asks for no joint velocities."""
+        """The arm's state at this tick; the admittance needs no joint velocities."""
         return self.model.state(self.plant.q, np.zeros(self.model.n))
 
     def force(self, state: RobotState) -> float:
-        """Of the table on the tip, along z of the base [N]."""
+        """The table's force on the tip, along z of the base [N]."""
         return float((state.R @ self.plant.wrench[:3])[2])
 
     def advance(self, state: RobotState, dx: np.ndarray) -> None:
@@ -121,7 +121,7 @@ class Pressed(NamedTuple):
 
     @property
     def rms(self) -> float:
-        """Of the force error while sliding [N]."""
+        """RMS of the force error while sliding [N]."""
         return _rms_error(self.force[self.t >= _SETTLED])
 
 
@@ -158,12 +158,12 @@ class Yielding(NamedTuple):
 
     @property
     def rms(self) -> float:
-        """Of the force error [N]."""
+        """RMS of the force error [N]."""
         return _rms_error(self.force)
 
 
 def elbow_direction(state: RobotState) -> np.ndarray:
-    """In which the elbow moves most while the tip rests, (3,)."""
+    """The direction in which the elbow moves most while the tip rests, (3,)."""
     J = state.J[:3]
     P = np.eye(len(state.q)) - np.linalg.pinv(J) @ J
     U, _, _ = np.linalg.svd(state.jacobian(state.model.elbow_frame)[:3] @ P)
@@ -207,5 +207,5 @@ def elbow_pushed(
 
 
 def _rms_error(force: np.ndarray) -> float:
-    """Of forces (N,) [N] from the desired one."""
+    """RMS of the error of forces (N,) from the desired one [N]."""
     return float(np.sqrt(np.mean((force - FORCE) ** 2)))

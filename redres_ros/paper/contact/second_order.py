@@ -70,7 +70,7 @@ class _SecondOrderImpedance:
 
 
 def by_scheme(law: str, settings: AdmittanceSettings, force: Force) -> PushedMotion:
-    """The same of an ideal arm by the scheme of second order that the law was made from.
+    """The motion of an ideal arm by the scheme of second order that the law was made from.
 
     Args:
         law: Its name.
@@ -96,7 +96,7 @@ def by_scheme(law: str, settings: AdmittanceSettings, force: Force) -> PushedMot
 
 
 def by_torques(law: str, settings: AdmittanceSettings, force: Force) -> PushedMotion:
-    """The same of an arm on the plant, by torques.
+    """The motion of an arm on the plant, by torques.
 
     Args:
         law: Its name.

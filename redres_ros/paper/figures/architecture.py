@@ -93,7 +93,7 @@ def _draw(ax: Axes, box: _Box) -> None:
 
 
 def _arrow(ax: Axes, start: _Box, end: _Box, symbol: str, topic: str) -> None:
-    """From one box to the next, with what goes there above it and the topic below."""
+    """Draw an arrow to the next box, with its symbol above and its topic below."""
     ax.annotate('', (end.left, end.y), (start.right, start.y), arrowprops=_ARROW)
     middle = (start.right + end.left) / 2.0
     ax.text(middle, start.y + 0.12, symbol, ha='center', va='bottom')
