@@ -38,7 +38,7 @@ class Constrained(NamedTuple):
     excess: float = 0.0  # of the rows, the root of the sum of squares
     limiting: int = -1  # the limit that resists hardest: joints first, then rows; -1 for none
     side: int = 0  # of that limit: +1 its upper bound, -1 its lower one
-    solved: bool = True  # False where a level stopped before its optimum
+    solved: bool = True  # False if a level stopped before its optimum
     component_scaling: tuple[float, ...] = ()  # executed of each component
 
 

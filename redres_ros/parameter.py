@@ -74,12 +74,12 @@ def check_value(name: str, value: Any, parameter: Parameter) -> None:
     """The same for one value; of a tuple, every member has to lie within the range.
 
     Args:
-        name: How the value is called where it is refused.
+        name: Name of the value in errors.
         value: A number, a text, or a tuple of either.
         parameter: What is allowed.
 
     Raises:
-        RangeError: A number outside the range, or no number where one is expected.
+        RangeError: A number outside the range, or a value that is not a number.
         UnknownNameError: A text that is not among the choices.
     """
     members = value if isinstance(value, tuple) else (value,)

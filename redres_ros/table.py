@@ -66,7 +66,7 @@ class Table(dict[str, type[T]]):
         Raises:
             UnknownNameError: No such name in the table, or no such gain.
             RangeError: A gain outside its range.
-            ArrayError: A gain that is no vector of finite numbers, where one is expected.
+            ArrayError: A gain that should be a vector of finite numbers.
         """
         if name not in self:
             raise UnknownNameError(self.kind, name, self)

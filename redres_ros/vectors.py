@@ -27,7 +27,7 @@ def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
 
 
 def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
-    """The values as (size,) float64: the array itself where it is one.
+    """The values as (size,) float64: the array itself if it is one.
 
     NaN and infinity are looked for later.
 

@@ -101,7 +101,7 @@ def _load_plugins(words: list[str]) -> None:
 
 
 def _line(error: BaseException) -> str:
-    """An error in one line, with a remedy where there is one."""
+    """An error in one line, with a remedy if there is one."""
     if isinstance(error, ModuleNotFoundError):
         if (error.name or '').startswith('redres_ros'):
             raise error

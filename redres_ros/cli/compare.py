@@ -158,7 +158,7 @@ def _compare_one(options: argparse.Namespace) -> int:
 
 
 def _contenders(options: argparse.Namespace) -> dict[str, _Contender]:
-    """The laws to compare, by their labels. Raises OptionError where one is named twice."""
+    """The laws to compare, by their labels. Raises OptionError if one is named twice."""
     contenders: dict[str, _Contender] = {}
     for text in options.laws.split(','):
         name, at, own = text.strip().partition('@')

@@ -64,7 +64,7 @@ def _add_run(group: Any) -> None:
 
 
 def _add_results(parser: Any) -> None:
-    """What shows the run, and what is kept of it."""
+    """Display and files of the run."""
     view = 'a page in the browser to see and steer the nodes, which run until Ctrl-C'
     save = (
         'by its ending: a film of the motion (.mp4, .webp, .gif), a page that replays it in any '

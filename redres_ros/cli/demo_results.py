@@ -100,7 +100,7 @@ def after(outcome: 'Outcome', options: 'DemoOptions', robot: str) -> str:
 
 
 def _how_well(outcome: 'Outcome', motion: 'MotionFigures') -> str:
-    """How far the tip was from its path; in contact, where it is to give way, the force."""
+    """How far the tip was from its path; in contact, where it yields, the force instead."""
     import numpy as np
 
     forces = np.linalg.norm(outcome.forces[:, 1:], axis=1)

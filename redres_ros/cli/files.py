@@ -10,7 +10,7 @@ def made(directory: Path, *names: str) -> Path:
     """The directory, created if needed, and checked to be writable.
 
     Args:
-        directory: Made with its parents where it does not exist.
+        directory: Made with its parents if it does not exist.
         names: Names of files that will be written into it.
 
     Raises:
@@ -48,13 +48,13 @@ def pictures(out: Path, *names: str) -> list[Path]:
 
 
 def prepare(path: Path) -> None:
-    """Make the folder of a file. Raises FileError where the file could not be written."""
+    """Make the folder of a file. Raises FileError if the file could not be written."""
     check_writable(path)
     made(path.parent)
 
 
 def check_writable(path: Path) -> None:
-    """Raise FileError where a file cannot be written; does not write it."""
+    """Raise FileError if a file cannot be written; does not write it."""
     from redres_ros.files.text import attempting
 
     with attempting(f'write {path}'):

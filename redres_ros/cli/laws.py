@@ -52,7 +52,7 @@ def _laws(options: argparse.Namespace) -> int:
 
 
 def _print_entry(name: str, text: str) -> None:
-    """A name and what it is: in a terminal within its width, elsewhere in one line, as for grep."""
+    """A name with its description: wrapped in a terminal, elsewhere in one line for grep."""
     line = f'{name:<{_NAME_WIDTH}}{text}'
     if sys.stdout.isatty():
         width = shutil.get_terminal_size().columns

@@ -97,7 +97,7 @@ def add_command(commands: Any, name: str, says: str, *examples: str) -> Parser:
         commands: What argparse's add_subparsers gave.
         name: Name of the subcommand.
         says: What it does, as the list of all commands says it.
-        examples: Command lines without `redres NAME`; after # a remark, where one is needed.
+        examples: Command lines without `redres NAME`; after # a remark, if one is needed.
     """
     lines = [example.partition('#') for example in examples]
     width = max(len(words.strip()) for words, *_ in lines)
@@ -130,7 +130,7 @@ def option(
         says: What it means.
         default: Its value when it is not given.
         within: The least and the largest number that are allowed, and their unit; None: any.
-        **others: As add_argument takes them, such as the type where there is no default.
+        **others: As add_argument takes them, such as the type if there is no default.
     """
     kind: type | None = type(default) if isinstance(default, (int, float)) else None
     if isinstance(default, Path):

@@ -57,7 +57,7 @@ def find_motion(options: argparse.Namespace, default: str = 'rectangle') -> Want
 
     Args:
         options: With the task, the robot, its tip and its dynamics.
-        default: The task where neither a task nor a robot is named.
+        default: The task if neither a task nor a robot is named.
 
     Raises:
         UnknownNameError: No such task, robot, frame or dynamics.

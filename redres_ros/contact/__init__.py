@@ -1,4 +1,4 @@
-"""Contact: impedance and force through a position interface, and what is done when it goes wrong.
+"""Contact: impedance and force through a position interface, and reactions to faults.
 
 The pure part: no ROS, usable beside a Controller in any closed loop.
 """

@@ -1,4 +1,4 @@
-"""Admittance with its force sensor, and what is done when contact goes wrong.
+"""Admittance with its force sensor, and reactions to faults of contact.
 
 | event | reaction |
 |---|---|

@@ -64,7 +64,7 @@ class Log:
         words: States of the planner's task.
         laws: Name of the law in force.
         scalings: Fraction of the task velocity that the limits allow.
-        reasons: Why the robot stopped itself; empty where it takes commands.
+        reasons: Why the robot stopped itself; empty if it takes commands.
         forces: Forces of the environment on the tip, (3,) [N].
         session: States of the robot's session, one after the other.
     """
@@ -119,7 +119,7 @@ class Log:
         return under_way
 
     def desired_at(self, stamps: list[int]) -> np.ndarray:
-        """Desired poses at some stamps, (N, 7); interpolated where the planner missed one."""
+        """Desired poses at some stamps, (N, 7); interpolated if the planner missed one."""
         known = sorted(self.desired)
         poses = np.array([self.desired[stamp] for stamp in known])  # (N, 7)
         at = np.array(stamps) - known[0]

@@ -1,4 +1,4 @@
-"""The nodes as they are, with a file of what they publish and of the commands that they receive.
+"""The nodes, with a recording of what they publish and of the commands that they receive.
 
 `python -m redres_ros.demo.recorded NODE FILE.mcap TOPICS --ros-args ...` runs the executable NODE;
 TOPICS are names with commas between them, none for all. A listener in another process would be a

@@ -1,5 +1,5 @@
-"""How to get what is not installed: an extra of this package by pip. Beside a workspace of ROS, of
-which pip knows nothing, it is rosdep or the bare package.
+"""How to install what is missing: by pip as an extra of this package; in a ROS workspace by
+rosdep, or as a single package.
 """
 
 import os

@@ -42,7 +42,7 @@ _STEERED = {
 
 
 class GraphClient:
-    """Calls what the nodes offer, from any thread, by clients that stay: a second call is fast.
+    """Calls the nodes' services from any thread; clients are kept, so a second call is fast.
 
     Args:
         node: Owner of the clients, spun elsewhere.

@@ -127,7 +127,7 @@ class NodeHealth(NamedTuple):
 
 
 class GraphMonitor(Node):
-    """Receives what the nodes publish anyway, so that observing costs them next to nothing.
+    """Receives what the nodes publish anyway, so that observing costs them almost nothing.
 
     Attributes:
         values: The newest of each topic, and the NodeHealth of a node under the node's name.

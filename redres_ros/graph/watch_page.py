@@ -1,4 +1,4 @@
-"""The page of `redres watch`, made from what was received, and when."""
+"""The page of `redres watch`, from the messages received."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -401,7 +401,7 @@ class CommandLoop:
         return 0
 
     def _measure(self, state: _State, missed: int) -> None:
-        """See what is measured beside positions, unless something is against any motion."""
+        """Update measurements beside positions; they restart while motion is blocked."""
         if self._blocked or self.faults.reason or self._reference.approach is not None:
             self.measurements.restart()
         try:

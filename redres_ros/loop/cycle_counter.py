@@ -75,7 +75,7 @@ class CycleCounter:
         self.rate_error = ''  # that the robot has another rate than expected, and which
 
     def enter(self, stamp: int, arrived: float) -> int:
-        """The number of cycles from the last state to this one; 0 where the clock is a new one.
+        """The number of cycles from the last state to this one; 0 if the clock is a new one.
 
         Args:
             stamp: Stamp of the state [ns].

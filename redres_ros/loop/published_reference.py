@@ -1,5 +1,5 @@
-"""What goes out: the reference that the robot gets, at rest, moving or braking; and what the robot
-does in cycles in which it gets none, or two.
+"""The published reference, at rest, moving or braking; and what the robot does in cycles in which
+it gets none, or two.
 """
 
 import math

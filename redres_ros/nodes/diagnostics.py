@@ -150,7 +150,7 @@ class Watchdog:
         """A message has come."""
         now = time.monotonic()
         if now - self._last > self._timeout:
-            self._last_silence = now  # which the timer may have missed, where the machine stalls
+            self._last_silence = now  # which the timer may have missed if the machine stalled
         self._last = now
         self.silent = False
 

@@ -106,7 +106,7 @@ def _free_domain() -> tuple[IO[bytes], int]:
 
 
 def _claim(domain: int) -> IO[bytes] | None:
-    """A lock against runs of ours that have no participant yet; None where another has it."""
+    """A lock against runs of ours that have no participant yet; None if another run has it."""
     try:
         path = Path(tempfile.gettempdir()) / f'redres_ros_domain_{domain}.lock'
         lock = path.open('wb')

@@ -134,7 +134,7 @@ def read_twist(message: Any) -> _TwistSample:
 
 
 def _joined(seconds: int, nanoseconds: int) -> int:
-    """A stamp [ns]. Raises EncodingError where the nanoseconds make a second or more."""
+    """A stamp [ns]. Raises EncodingError if the nanoseconds make a second or more."""
     if nanoseconds >= NANOSECONDS:
         raise EncodingError(f'a stamp with {nanoseconds} ns in nanosec; allowed: below 1e9')
     return seconds * NANOSECONDS + nanoseconds

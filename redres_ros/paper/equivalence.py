@@ -197,7 +197,7 @@ def integrate(
 
     Each segment takes exactly T_AB ('at_rest'; the tip is then far closer than the tolerance). ddx
     = ddx_d + k_P (dx_d - J dq) is the derivative of Eq. (37) and so keeps Eq. (37) itself, but only
-    if the motion begins with it: where the start misses x_0, the arm starts with the least velocity
+    if the motion begins with it: if the start misses x_0, the arm starts with the least velocity
     that fulfils it, J_W^# dx(0), which is the first tick of a law as T goes to zero.
 
     Args:

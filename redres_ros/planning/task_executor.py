@@ -219,7 +219,7 @@ class TaskExecutor:
 
     @property
     def is_due(self) -> bool:
-        """Whether the segment under way should be over: what is lost matters only then."""
+        """Whether the segment under way should be over: unachieved velocity matters only then."""
         planner = None if self._pursuit is None else self._pursuit.planner
         return planner is not None and planner.time_left(self._task_clock.t) <= 0.0
 

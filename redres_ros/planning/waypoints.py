@@ -225,7 +225,7 @@ def _start(value: Any, path: Path) -> np.ndarray:
 
 
 def _orientations(content: dict[str, Any], count: int, path: Path) -> np.ndarray | None:
-    """Rotations (count, 3, 3); one in the file stands for all points. None where it has none."""
+    """Rotations (count, 3, 3); one in the file stands for all points. None if it has none."""
     if 'quaternions' in content and 'rpy' in content:
         raise FileError(f'{path} has quaternions and rpy; expected one of them')
     key = next((key for key in _FORMS if key in content), None)

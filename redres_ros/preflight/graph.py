@@ -27,7 +27,7 @@ def judge(seen: GraphSnapshot, expected: ExpectedArm | None) -> list[Verdict]:
 
     Args:
         seen: Snapshot of the graph.
-        expected: What is expected where no controller runs; None: not known.
+        expected: What is expected if no controller runs; None: not known.
     """
     if seen.controller:
         parameters = seen.controller

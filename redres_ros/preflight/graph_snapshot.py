@@ -103,7 +103,7 @@ class SnapshotNode(GraphMonitor):
 
     Args:
         namespace: Namespace of the arm's nodes; empty: none.
-        states: The topic of the states, where it is remapped.
+        states: The topic of the states, if it is remapped.
     """
 
     def __init__(self, namespace: str = '', states: str = STATES) -> None:

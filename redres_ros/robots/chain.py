@@ -139,7 +139,7 @@ def _settle_limits(urdf: Urdf, joint: UrdfJoint) -> list[str]:
 
 
 def _limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
-    """The joint's lower and upper position limit [rad] or [m], 0 where the URDF has none."""
+    """The joint's lower and upper position limit [rad] or [m], 0 if the URDF has none."""
     limit = joint.element.find('limit')
     lower = urdf.number(limit, 'lower', '0', f'joint {joint.name}')
     upper = urdf.number(limit, 'upper', '0', f'joint {joint.name}')
@@ -149,7 +149,7 @@ def _limits_of(urdf: Urdf, joint: UrdfJoint) -> tuple[float, float]:
 def lock_joints(urdf: Urdf, chain: tuple[UrdfJoint, ...]) -> list[str]:
     """Turn every joint that does not lead to the tip into a fixed one.
 
-    It is held at zero or, where zero is outside its range, in the middle; one that mimics another
+    It is held at zero or, if zero is outside its range, in the middle; one that mimics another
     follows it. No law can move it then, and the arm still carries its weight.
 
     Args:

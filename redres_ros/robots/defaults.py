@@ -39,7 +39,7 @@ def default_acceleration(kinematics: Kinematics) -> tuple[float, ...]:
 
 
 def default_start(kinematics: Kinematics) -> np.ndarray:
-    """A posture to begin with, (n,) [rad] or [m]: the middle of the ranges, where that will do.
+    """A posture to begin with, (n,) [rad] or [m]: the middle of the ranges, if that will do.
 
     There many an arm is stretched out, which is a singularity. Then as few joints as possible are
     bent, up to three, to make the posture about as well conditioned as the best one of this kind.
@@ -75,7 +75,7 @@ def _bends(n: int) -> Iterator[np.ndarray]:
 def _conditioning(kinematics: Kinematics, postures: np.ndarray) -> np.ndarray:
     """Smallest singular value of the Jacobian over the largest, of postures (N, n), (N,).
 
-    Of the pose where there are joints enough for it, else of the position. Directions in which the
+    Of the pose if there are enough joints for it, else of the position. Directions in which the
     arm cannot move at all, as out of its plane, do not count.
     """
     jacobians = np.array([kinematics.jacobian(q) for q in postures])  # (N, 6, n)
@@ -122,7 +122,7 @@ def square_before_tip(
         acceleration: Limits of the joints (n,) [rad/s^2] or [m/s^2].
 
     Returns:
-        The square; None where the arm can go round none.
+        The square; None if no square is feasible.
     """
     slow: list[SquareTask] = []
     side = _LARGEST

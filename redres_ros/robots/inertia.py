@@ -117,7 +117,7 @@ def _mass(urdf: Urdf, link: str) -> float:
 
 
 def _tensor(urdf: Urdf, link: str) -> np.ndarray:
-    """A link's inertia about its centre of mass, (3, 3) [kg m^2]; zeros where it has none."""
+    """A link's inertia about its centre of mass, (3, 3) [kg m^2]; zeros if it has none."""
     inertia = urdf.links[link].find('inertial/inertia')
     xx, xy, xz, yy, yz, zz = (urdf.number(inertia, key, '0', f'link {link}') for key in _TENSOR)
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
@@ -129,7 +129,7 @@ def _principal_moments(urdf: Urdf, link: str) -> np.ndarray:
 
 
 def _mend(urdf: Urdf, link: str) -> bool:
-    """Give a link the mean of its principal moments, where no body can have them; whether.
+    """Give a link the mean of its principal moments if no body can have them; whether it did.
 
     Of any body, none is negative, and none larger than the sum of the other two: MuJoCo insists.
     """

@@ -127,7 +127,7 @@ class Urdf:
         Args:
             element: Where the attribute is; None counts as without it.
             attribute: Its name.
-            default: Its text where it is missing; says how many numbers there are.
+            default: Its text if it is missing, with as many numbers as are expected.
             owner: The joint or link in words, for errors.
 
         Raises:
@@ -150,7 +150,7 @@ class Urdf:
         Args:
             element: None for one that is not there.
             attribute: Its name.
-            default: Its text where there is none.
+            default: Its text if there is none.
             owner: What an error says the element belongs to.
 
         Raises:

@@ -110,7 +110,7 @@ def batch(
         yield from _results(jobs, executor, _MOST_WAITING)
         if jobs:
             raise RedresError(f'{type(executor).__name__} is broken; {len(jobs)} cases are left')
-    while jobs:  # again, with new processes, where one of them has died
+    while jobs:  # again, with new processes, if one of them has died
         workers = min(len(os.sched_getaffinity(0)), len(jobs))
         with processes(workers) as pool:
             yield from _results(jobs, pool, 2 * workers)

@@ -26,7 +26,7 @@ from redres_ros.table import as_tuple
 
 _WIDTH = 160  # columns of a table
 
-# A norm is drawn on a logarithmic scale where its largest peak is so many times the median one
+# A norm is drawn on a logarithmic scale if its largest peak is so many times the median one
 _WIDE = 10.0
 _SHOWN = 1e4  # the range of such a scale
 

@@ -66,7 +66,7 @@ class Effort:
 
 
 def first_violation(recording: Recording, limits: JointLimits) -> str:
-    """The first joint beyond one of its limits, how and when; empty where all are kept.
+    """The first joint beyond one of its limits, how and when; empty if all are kept.
 
     Args:
         recording: Recording of a motion that began at rest.

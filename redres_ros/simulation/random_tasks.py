@@ -88,7 +88,7 @@ def contrasting_task(model: RobotModel, robot: str) -> WaypointTask | None:
         robot: Its name, for the task.
 
     Returns:
-        The best that was found; None where the arm stays within its limits on none.
+        The best that was found; None if the arm leaves its limits on all of them.
     """
     random = np.random.default_rng(0)
     postures = [_random_posture(model, random) for _ in range(_TRIANGLES * _CORNERS)]
@@ -115,7 +115,7 @@ def _triangle(model: RobotModel, robot: str, corners: np.ndarray) -> WaypointTas
 
 
 def _contrast(model: RobotModel, task: WaypointTask) -> float:
-    """Ratio of the peaks of acceleration; 0 where a law does not finish, or the second one leaves
+    """Ratio of the peaks of acceleration; 0 if a law does not finish, or the second one leaves
     the limits.
     """
     peaks: list[float] = []

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from redres_ros.simulation.recording import Recording
 
-_WIDE = 240  # columns, where the output is no terminal and nothing has to be broken
+_WIDE = 240  # columns, if the output is not a terminal and lines need not be broken
 
 _DRAWN_EVERY = 0.1  # [s]
 
@@ -78,13 +78,13 @@ def facts(rows: Iterable[Sequence[str]], *, title: str = '') -> Table:
 
 
 def print_tables(*tables: Table) -> None:
-    """Print tables, as wide as the terminal is, or as they need to be where there is none.
+    """Print tables, as wide as the terminal is, or as wide as they need to be without one.
 
     In a narrow terminal their rows become columns, or tables of their own, before a figure is cut
     off.
     """
     width: int | None = _WIDE
-    if sys.stdout is not None and sys.stdout.isatty():  # it is None where it was closed
+    if sys.stdout is not None and sys.stdout.isatty():  # it is None if it was closed
         width = None
     console = Console(width=width)
     for each in tables:

@@ -118,7 +118,7 @@ class ResultsFile:
         return _key(_case_row(case)) in self._done
 
     def add(self, result: Result) -> None:
-        """Add the result of a case. Raises OSError where the disk is full."""
+        """Add the result of a case. Raises OSError if the disk is full."""
         row = _as_row(result)
         if self._file is None:
             self._rows.append(row)
@@ -189,7 +189,7 @@ def _key(row: dict[str, Any]) -> str:
 
 
 def _parquet() -> tuple[Any, Any]:
-    """pyarrow and pyarrow.parquet. Raises FileError where they are missing."""
+    """pyarrow and pyarrow.parquet. Raises FileError if they are missing."""
     try:
         import pyarrow
         import pyarrow.parquet as parquet

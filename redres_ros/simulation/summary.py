@@ -42,7 +42,7 @@ class Summary:
         return float(np.mean([holds(result) for result in self.results.values()]))
 
     def median(self, figure: Callable[[Result], float]) -> float:
-        """The median of a figure over the finished motions; NaN where there is none."""
+        """The median of a figure over the finished motions; NaN if there is none."""
         values = [figure(result) for result in self.results.values() if _finished(result)]
         return float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
 

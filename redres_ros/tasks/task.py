@@ -13,7 +13,7 @@ from redres_ros.robot_model import RobotModel, RobotState
 
 @dataclass(frozen=True)
 class Task(ABC):
-    """One aim of the arm: J dq = dx, with dx = k e where the task has a target of its own.
+    """One aim of the arm: J dq = dx, with dx = k e if the task has a target of its own.
 
     The first task of a controller gets its dx from outside. The others hold their targets. A target
     that is left open, (), becomes the value at the start of the motion. A subclass is a frozen
@@ -63,7 +63,7 @@ class Task(ABC):
         return None
 
     def row_scale(self, model: RobotModel) -> np.ndarray | None:
-        """Factors (m,) that make rows of different units comparable; None where all are alike."""
+        """Factors (m,) that make rows of different units comparable; None if all are alike."""
         return None
 
 
@@ -79,7 +79,7 @@ def check_length(name: str, values: tuple[float, ...], length: int) -> None:
 
     Args:
         name: What an error calls it.
-        values: () where it is open.
+        values: The target; () if it is open.
         length: The one that is allowed; 0: any.
 
     Raises:

@@ -120,7 +120,7 @@ class ArmScene:
             )
 
     def show_walls(self, walls: Iterable[DrawnShape]) -> None:
-        """Draw what the arm stays in, or out of, or touches, in place of what was drawn before."""
+        """Replace the drawn walls: what the arm stays in, stays out of, or touches."""
         for handle in self._walls:
             handle.remove()
         self._walls = [self._add_wall(number, wall) for number, wall in enumerate(walls)]

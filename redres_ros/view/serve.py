@@ -27,7 +27,7 @@ from redres_ros.view.panel import Plots, joint_bars, limits_text, state_text
 from redres_ros.view.scene import ArmScene
 from redres_ros.view.teleoperation import Teleoperation
 
-_NICENESS = 10  # who observes must wait for those who work, where processors are few
+_NICENESS = 10  # with few processors, observers must wait for the nodes
 _PERIOD = 0.05  # [s] from one picture of the arm to the next
 _SLOWLY = 6  # pictures from one drawing of plots, paths and words to the next
 _PLOTTED = 15.0  # [s]
