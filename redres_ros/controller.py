@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from numbers import Integral
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
+from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.tasks import Task
 from redres_ros.vectors import as_vector, check_finite
@@ -35,6 +36,30 @@ _SWITCH_TIME = Parameter('of changes [s]', 0.0, 60.0)
 _INTEGRATE_FROM = Parameter('what a reference goes on from', choices=INTEGRATE_FROM)
 _BRIDGING = Parameter('what a robot does without a command', choices=BRIDGING)
 _TURN = 2.0 * np.pi  # [rad]
+
+
+class _Ahead(NamedTuple):
+    """The solution of a tick whose state has not come yet."""
+
+    motion: Motion
+    state: RobotState
+    dx: bytes
+    solution: Solution
+
+    def is_of(self, motion: Motion, state: RobotState, dx: np.ndarray) -> bool:
+        """Whether a tick has this solution; arrays of a state are never modified."""
+        own = self.state
+        return (
+            motion is self.motion
+            and state.q is own.q
+            and state.dq_prev is own.dq_prev
+            and state.ddq_prev is own.ddq_prev
+            and not state.measurements
+            and state.correction is None
+            and state.gap == own.gap
+            and state.longest_gap == own.longest_gap
+            and dx.tobytes() == self.dx
+        )
 
 
 class Controller:
@@ -120,6 +145,7 @@ class Controller:
         self._motion: Motion = policy.stop
         self._targeted = policy  # with all targets
         self._follows_joints = False
+        self._ahead: _Ahead | None = None
         self.restart()
         self.set_policy(policy)
 
@@ -326,14 +352,15 @@ class Controller:
             dq_prev = self._dq_prev
         ddq_prev = self._bridging_acceleration if missed else self._ddq_prev
         at = q if self.policy.limits is None else start
-        state = RobotState(self.model, at, dq_prev, ddq_prev)
-        state.gap = self.gap
-        state.longest_gap = self.longest_gap
-        state.measurements = self.measurements
+        state = self._state(at, dq_prev, ddq_prev)
         state.correction = correction
 
         motion = self._motion_at(state, (missed + 1) * self.T)
-        solution = motion.solve(state, dx, self.T)
+        if self._ahead is not None and self._ahead.is_of(motion, state, dx):
+            state = self._ahead.state
+            solution = self._ahead.solution
+        else:
+            solution = motion.solve(state, dx, self.T)
         dq = solution.dq
         q_ref = np.empty(self.model.n)
         ddq = np.empty(self.model.n)
@@ -365,6 +392,30 @@ class Controller:
             solution.escape,
         )
 
+    def prepare(self, dx: np.ndarray) -> None:
+        """Solve the next tick before its state comes, while nobody waits for the command.
+
+        update() then takes the solution over, if it has the same dx and nothing else has changed.
+        Only a tick that does not depend on what is measured can be solved ahead: one with limits,
+        without other sensors, and integrated from the last command.
+
+        Args:
+            dx: Velocity of the task in the next tick, (m,), as for update().
+        """
+        is_known = self.policy.limits is not None and self._integrate_from == 'command'
+        if self._q_ref is None or self._has_open_targets or self.measurements or not is_known:
+            return
+        state = self._state(self._q_ref, self.dq, self._ddq_prev)
+        motion = self._motion_at(state, self.T)
+        is_prepared = self._ahead is not None and self._ahead.is_of(motion, state, dx)
+        if is_prepared or motion is not self._motion:
+            return
+        try:
+            solution = motion.solve(state, dx, self.T)
+        except RedresError:
+            return  # update() will raise it
+        self._ahead = _Ahead(motion, state, dx.tobytes(), solution)
+
     def standing(self) -> Command:
         """The command of an arm at rest: the last reference again, exactly.
 
@@ -377,6 +428,14 @@ class Controller:
         policy = self.policy.for_joints if self._follows_joints else self.policy
         J = policy.task.jacobian(state)
         return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, '', self._all_achieved)
+
+    def _state(self, q: np.ndarray, dq_prev: np.ndarray, ddq_prev: np.ndarray) -> RobotState:
+        """The state of a tick; arguments as of RobotState."""
+        state = RobotState(self.model, q, dq_prev, ddq_prev)
+        state.gap = self.gap
+        state.longest_gap = self.longest_gap
+        state.measurements = self.measurements
+        return state
 
     def _motion_at(self, state: RobotState, elapsed: float) -> Motion:
         """The motion of this tick, `elapsed` [s] after the last one."""

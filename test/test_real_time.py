@@ -14,7 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from redres_ros.nodes import real_time
-from redres_ros.nodes.planner import LonePlannerNode, PlannerNode
+from redres_ros.nodes.planner import PlannerNode, WaitingPlannerNode
 
 
 @pytest.fixture
@@ -27,8 +27,8 @@ def context(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.mark.parametrize(
     ('context', 'cls', 'slept'),
     [
-        ('rate:=500.0', LonePlannerNode, [0.15 / 500.0]),
-        ('lockstep:=true', LonePlannerNode, []),  # the controller waits for it
+        ('rate:=500.0', WaitingPlannerNode, [0.15 / 500.0]),
+        ('lockstep:=true', WaitingPlannerNode, []),  # the controller waits for it
         ('rate:=500.0', PlannerNode, []),  # as in one process: the others would sleep, too
     ],
     indirect=['context'],

@@ -15,7 +15,9 @@ def along(cycle: int) -> np.ndarray:
     return np.array((0.5, 0.0, 0.0)) / 3.0 * quintic(cycle * T / 3.0)[1]
 
 
-def played(arrivals: dict[int, list[int]], ticks: int, lag: int = 1) -> np.ndarray:
+def played(
+    arrivals: dict[int, list[int]], ticks: int, lag: int = 1, *, prepared: bool = False
+) -> np.ndarray:
     """What is played, (ticks, 3), when task velocities of cycles come before a tick, as by
     arrivals.
     """
@@ -24,6 +26,8 @@ def played(arrivals: dict[int, list[int]], ticks: int, lag: int = 1) -> np.ndarr
     for tick in range(ticks):
         for cycle in arrivals.get(tick, ()):
             twist_buffer.put(cycle, along(cycle))
+            if prepared:
+                twist_buffer.prepare(tick)
         out.append(twist_buffer.play(tick))
     return np.array(out)
 
@@ -51,6 +55,16 @@ def test_within_the_lag_it_does_not_matter_when_task_velocities_come() -> None:
         random.shuffle(cycles)
     out = played(arrivals, 1500, lag=3)
     np.testing.assert_array_equal(out[3:], [along(k) for k in range(1497)])
+
+
+def test_what_was_prepared_is_what_is_played_whatever_else_comes_or_is_missing() -> None:
+    random = np.random.default_rng(2)
+    arrivals: dict[int, list[int]] = {}
+    for k in range(1500):
+        if random.random() > 0.1:
+            arrivals.setdefault(k + int(random.integers(0, 3)), []).append(k)
+    expected = played(arrivals, 1500)
+    np.testing.assert_array_equal(played(arrivals, 1500, prepared=True), expected)
 
 
 def test_a_task_velocity_that_is_missing_now_and_then_hardly_shows() -> None:

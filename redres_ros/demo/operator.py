@@ -11,7 +11,7 @@ import numpy as np
 
 from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.nodes.parameters import declare
-from redres_ros.nodes.planner import LonePlannerNode
+from redres_ros.nodes.planner import WaitingPlannerNode
 from redres_ros.parameter import param
 from redres_ros.planning.goals import Goal
 from redres_ros.planning.planner import Reference, ReferenceSource
@@ -73,7 +73,7 @@ class SteeredPlanner(ReferenceSource):
         return min(self._ticks * self._operator.T, self._duration)
 
 
-class OperatorNode(LonePlannerNode):
+class OperatorNode(WaitingPlannerNode):
     """A planner whose task is to let an operator steer."""
 
     def __init__(self) -> None:

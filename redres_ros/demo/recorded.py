@@ -23,7 +23,7 @@ from redres_ros.nodes.runtime import run_nodes
 _NODES = {
     'sim': ('nodes.sim', 'SimNode'),
     'controller': ('nodes.controller', 'ControllerNode'),
-    'planner': ('nodes.planner', 'LonePlannerNode'),
+    'planner': ('nodes.planner', 'WaitingPlannerNode'),
     'operator': ('demo.operator', 'OperatorNode'),
 }  # module and class of each
 _RECEIVED = 'joint_command'  # the one topic of which arrivals are recorded

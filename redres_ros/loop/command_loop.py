@@ -295,7 +295,18 @@ class CommandLoop:
         if self.input.buffer is not kind:
             self._reference.approach = None
         self._expecting = self._expecting or of_a_state
-        return self.respond_if_due(now)
+        response = self.respond_if_due(now)
+        if of_a_state and self._waiting is None:
+            self._prepare(buffer)
+        return response
+
+    def _prepare(self, buffer: TwistBuffer) -> None:
+        """Compute ahead what the next response needs, while nobody waits for it."""
+        if self.mode is not Mode.MOVING or self.measurements.yields:
+            return
+        dx = buffer.prepare(self._cycles.number + 1)
+        if dx is not None:
+            self._controller.prepare(dx)
 
     def tare(self) -> None:
         """Take the measured wrench for the sensor's bias.

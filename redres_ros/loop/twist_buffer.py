@@ -111,6 +111,7 @@ class TwistBuffer:
         self._guesses = 0  # cycles in a row that were not known
         self._detour = self._rest  # what is added on the way back from a guess
         self._left = 0  # cycles until the detour is over
+        self._ahead: _Twist | None = None  # of the next cycle, if it needs no detour
 
     def put(self, cycle: int, dx: np.ndarray) -> None:
         """Record a task velocity; of several for one cycle the newest counts.
@@ -133,6 +134,18 @@ class TwistBuffer:
         """Whether the task velocity for a cycle is known."""
         return bool(self._twists) and self._twists[-1].cycle >= cycle - self._lag
 
+    def prepare(self, cycle: int) -> np.ndarray | None:
+        """The task velocity of the next cycle, (m,), which play() then takes over; None if it is
+        not known yet, or is approached.
+        """
+        self._ahead = None
+        newest = self._twists[-1]
+        is_known = newest.cycle == cycle - self._lag and not self._guesses and not self._left
+        if not is_known or self._cycles_needed(self._target - newest.dx) > 1:
+            return None
+        self._ahead = newest
+        return newest.dx
+
     def age(self, cycle: int) -> float:
         """Cycles since the state of the newest task velocity; infinite when there is none."""
         return cycle - self._twists[-1].cycle if self._twists else math.inf
@@ -140,6 +153,12 @@ class TwistBuffer:
     def play(self, cycle: int) -> np.ndarray:
         """The task velocity of a cycle, (m,)."""
         wanted = cycle - self._lag
+        ahead = self._ahead
+        if ahead is not None and ahead.cycle == wanted and ahead is self._twists[-1]:
+            self._line = self._level(ahead)
+            self._target = ahead.dx
+            self._played = cycle
+            return ahead.dx
         line = self._find(wanted)
         target = line.at(wanted)
         self._begin_detour(line, target, wanted, max(cycle - self._played, 1))
@@ -161,13 +180,16 @@ class TwistBuffer:
         for k in range(len(twists) - 1, -1, -1):
             twist = twists[k]
             if twist.cycle == wanted:
-                return _Line(twist, self._rest, wanted, guessed=False, dense=True)
+                return self._level(twist)
             if twist.cycle < wanted:
                 if after is not None:
                     return self._between(twist, after)
                 return self._beyond(twists[max(k - _RECENT, 0) : k + 1])
             after = twist
         return self._line._replace(guessed=True, dense=False)
+
+    def _level(self, known: _Twist) -> _Line:
+        return _Line(known, self._rest, known.cycle, guessed=False, dense=True)
 
     def _between(self, before: _Twist, after: _Twist) -> _Line:
         slope = (after.dx - before.dx) / (after.cycle - before.cycle)

@@ -4,7 +4,8 @@ States, commands and task velocities are handed over directly, not through DDS. 
 still listen, and send task velocities.
 
 With --no-sim there is no sim: a robot publishes the states and receives the commands. Controller
-and planner share one subscription to the states, and the controller responds first.
+and planner share one subscription to the states; the controller responds first, and the planner
+computes once the robot has the command.
 """
 
 import sys
@@ -17,7 +18,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from redres_ros.nodes.controller import ControllerNode
-from redres_ros.nodes.planner import PlannerNode
+from redres_ros.nodes.planner import PlannerNode, WaitingPlannerNode
 from redres_ros.nodes.runtime import run_nodes
 from redres_ros.nodes.sim import SimNode
 
@@ -139,9 +140,9 @@ def run_composed(
         open_topics=('cartesian_velocity',),
         shared_topics=() if with_sim else ('joint_states',),
     )
-    classes: list[type[Node]] = [ControllerNode, PlannerNode]
+    classes: list[type[Node]] = [ControllerNode, WaitingPlannerNode]
     if with_sim:
-        classes.insert(0, SimNode)
+        classes = [SimNode, ControllerNode, PlannerNode]
     makes = [intra_process.node(adapt(cls)) for cls in classes]
     return run_nodes(*makes, arguments=arguments)
 

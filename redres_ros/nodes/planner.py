@@ -61,8 +61,8 @@ class _PlannerParameters(ListenerParameters):
     )
     headstart: float = param(
         0.15,
-        'fraction of a cycle that the planner leaves to the controller before it computes, where '
-        'each has a process of its own; none in lock-step',
+        'fraction of a cycle that the planner leaves to controller and robot before it computes, '
+        'unless all are one process; none in lock-step',
         0.0,
         0.5,
     )
@@ -319,11 +319,11 @@ class PlannerNode(ManagedNode):
         return Health(OK, self._run.state.value, figures)
 
 
-class LonePlannerNode(PlannerNode):
-    """A planner in a process of its own, which lets the controller respond first.
+class WaitingPlannerNode(PlannerNode):
+    """A planner beside a robot in another process: it lets controller and robot run first.
 
-    Both would want a processor as soon as a state comes. What the planner publishes for this state
-    acts in the next cycle, so there is time.
+    All three want a processor as soon as a state comes, or its command. What the planner publishes
+    for this state acts in the next cycle, so there is time.
     """
 
     def _on_state(self, message: JointState | bytes) -> None:
@@ -334,7 +334,7 @@ class LonePlannerNode(PlannerNode):
 
 def main(arguments: list[str] | None = None) -> int:
     """Console entry point."""
-    return run_nodes(LonePlannerNode, arguments=arguments)
+    return run_nodes(WaitingPlannerNode, arguments=arguments)
 
 
 if __name__ == '__main__':
