@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from redres_ros.resolution import Weight, resolve_one
 from redres_ros.robot_model import RobotState
+
+if TYPE_CHECKING:
+    from redres_ros.limits.limits import ActiveLimit
 
 
 class Command(NamedTuple):
@@ -21,12 +24,10 @@ class Command(NamedTuple):
         J: Jacobian of the first task, (m, n).
         W: Weight of the law.
         s: Task scaling: the fraction of dx that the limits allow.
-        active_limits: The most active limit as 'joint: limit'; empty if none is active.
         unachieved: The part of dx that a singularity blocks, (m,).
         component_scaling: The fraction of each component of dx, translation and rotation, that the
             limits allow, if they are scaled separately; else empty.
-        escape: Joint velocity away from the most active limit, (n,), of any length; None if none
-            is active.
+        active_limit: The limit that resists hardest; None if none does.
     """
 
     dq: np.ndarray
@@ -36,10 +37,21 @@ class Command(NamedTuple):
     J: np.ndarray
     W: Weight
     s: float
-    active_limits: str
     unachieved: np.ndarray
     component_scaling: tuple[float, ...] = ()
-    escape: np.ndarray | None = None
+    active_limit: 'ActiveLimit | None' = None
+
+    @property
+    def active_limits(self) -> str:
+        """The most active limit as 'joint: limit'; empty if none is active."""
+        return self.active_limit.name if self.active_limit else ''
+
+    @property
+    def escape(self) -> np.ndarray | None:
+        """Joint velocity away from the most active limit, (n,), of any length; None if none is
+        active.
+        """
+        return self.active_limit.escape if self.active_limit else None
 
     @property
     def null(self) -> np.ndarray:

@@ -25,7 +25,7 @@ from redres_ros.kernels.active_set import hierarchical_qp
 from redres_ros.kernels.closed_form import FACTOR, SQUARE
 from redres_ros.resolution import Level, Weight, as_array, stacked
 
-Box = tuple[np.ndarray, np.ndarray]  # lower, upper, (n,) [rad/s]
+Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
 
 
@@ -77,12 +77,12 @@ def solve_constrained(
     dq = np.empty(n)
     figures = hierarchical_qp(
         dq_free,
-        np.asarray(weight, np.float64),  # these three are users'
+        np.asarray(weight, np.float64),  # these are users'
         is_factor,
         np.asarray(J, np.float64),
         np.asarray(dx, np.float64),
         sizes,
-        *box,
+        np.asarray(box, np.float64),
         C,
         low,
         high,

@@ -386,10 +386,9 @@ class Controller:
             solution.J,
             solution.W,
             solution.s,
-            solution.active_limits,
             unachieved,
             solution.component_scaling,
-            solution.escape,
+            solution.active_limit,
         )
 
     def prepare(self, dx: np.ndarray) -> None:
@@ -427,7 +426,7 @@ class Controller:
         state = RobotState(self.model, q_ref, zeros)
         policy = self.policy.for_joints if self._follows_joints else self.policy
         J = policy.task.jacobian(state)
-        return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, '', self._all_achieved)
+        return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, self._all_achieved)
 
     def _state(self, q: np.ndarray, dq_prev: np.ndarray, ddq_prev: np.ndarray) -> RobotState:
         """The state of a tick; arguments as of RobotState."""

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from redres_ros.kernels.closed_form import (
     fill_factor,
     solve_rows,
 )
+
+if TYPE_CHECKING:
+    from redres_ros.limits.limits import ActiveLimit
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -108,12 +112,10 @@ class Solution:
         levels: All tasks in order, with comparable rows, if there are several.
         scale: (m,), what makes the rows of the first task comparable; None where they are.
         s: The fraction of `executed` that limits allow (task scaling).
-        active_limits: 'joint: limit' that acts most, or ''.
+        active_limit: The limit that resists hardest; None if none does.
         dq_old: During a crossfade, (n,) [rad/s], what the old motion would command.
         component_scaling: The fraction of `executed` along each component, translation and
             rotation, if they are scaled separately; else empty.
-        escape: Joint velocity away from the most active limit, (n,), of any length; None if none
-            is active.
     """
 
     dq: np.ndarray
@@ -124,10 +126,9 @@ class Solution:
     levels: Sequence[Level] = ()
     scale: np.ndarray | None = None
     s: float = 1.0
-    active_limits: str = ''
+    active_limit: 'ActiveLimit | None' = None
     dq_old: np.ndarray | None = None
     component_scaling: tuple[float, ...] = ()
-    escape: np.ndarray | None = None
 
     @property
     def wanted(self) -> np.ndarray:

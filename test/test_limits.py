@@ -13,6 +13,7 @@ from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.limits import LIMITS, BoxLimit, Limits, limit_name, make_limits
 from redres_ros.limits.joint import AccelerationLimit
+from redres_ros.limits.limits import ActiveLimit
 from redres_ros.resolution import resolve
 from redres_ros.robot_model import RobotState
 
@@ -271,7 +272,7 @@ def test_the_limit_that_resists_is_reported_with_its_joint(model):
     bounds = limits.at(rest_state(model, q), T)
     unit = np.eye(model.n)
     bounded = solve_constrained(unit[2], None, [(unit[2:3], np.ones(1))], bounds.box)
-    limit, joint = bounds.acting_limit(bounded)
+    limit, joint = ActiveLimit(bounds, bounded.limiting, bounded.side).limit
     assert (limit_name(limit), joint) == ('acceleration', 2)
     assert bounded.side == 1
 

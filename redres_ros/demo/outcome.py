@@ -166,7 +166,6 @@ def replay(
                 J,
                 make_law(log.law_at(stamp)).weight(state),
                 s=log.scaling_at(stamp),
-                active_limits='',
                 unachieved=np.zeros(len(J)),
             )
             reference = _reference(desired[stamp], state, log.segment_at(stamp), pose)

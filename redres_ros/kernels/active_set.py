@@ -472,8 +472,7 @@ def _close_slack(search: _Search, begin: int, count: int) -> float:
 @inlined
 def _begin_at(
     dq_free: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    box: np.ndarray,
     C: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
@@ -513,16 +512,18 @@ def _begin_at(
     marks = search.marks
     for i in range(n):
         rows[i, i] = 1.0
-        ends[_LOWER, i] = lower[i]
-        ends[_UPPER, i] = upper[i]
-        z[i] = min(max(dq_free[i], lower[i]), upper[i])
+        lower = box[0, i]
+        upper = box[1, i]
+        ends[_LOWER, i] = lower
+        ends[_UPPER, i] = upper
+        z[i] = min(max(dq_free[i], lower), upper)
         towards = dq_free[i] - z[i]
         marks[_STATE, i] = _FREE
-        if lower[i] == upper[i]:
+        if lower == upper:
             marks[_STATE, i] = _FIXED
         elif held[n] != _UNKNOWN:
             towards = float(held[i])
-            end = upper[i] if towards > 0.0 else lower[i]
+            end = upper if towards > 0.0 else lower
             if towards != 0.0 and np.isfinite(end):
                 z[i] = end
                 marks[_STATE, i] = _HELD
@@ -598,8 +599,7 @@ def _ask_for_law(
 @compiled(
     several(float64, float64, float64, int64, int64, boolean)(
         *(vector(), matrix(), boolean, matrix(), vector(), vector(int64)),
-        *(vector(), vector(), matrix(), vector(), vector(), vector(int64), int64[::1]),
-        float64[::1],
+        *(matrix(), matrix(), vector(), vector(), vector(int64), int64[::1], float64[::1]),
     )
 )
 def hierarchical_qp(
@@ -609,8 +609,7 @@ def hierarchical_qp(
     J: np.ndarray,
     dx: np.ndarray,
     tasks: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    box: np.ndarray,
     C: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
@@ -628,8 +627,7 @@ def hierarchical_qp(
         J: (m, n) rows of all tasks.
         dx: (m,) what they want.
         tasks: (k,) number of rows of each task, one at least.
-        lower: (n,) limits of dq.
-        upper: (n,)
+        box: (2, n) limits of dq, lower and upper.
         C: (r, n) rows of the other limits.
         low: (r,) limits of C dq.
         high: (r,)
@@ -647,7 +645,7 @@ def hierarchical_qp(
     most = 0
     for rows in groups:
         most = max(most, rows)
-    search = _begin_at(dq_free, lower, upper, C, low, high, J, dx, tasks[0], most, held)
+    search = _begin_at(dq_free, box, C, low, high, J, dx, tasks[0], most, held)
     z = search.z
     first_task = len(groups)
     share = first_task + 1
@@ -701,7 +699,7 @@ def hierarchical_qp(
         error = np.nan
         solved = False
     for i in range(n):
-        dq[i] = min(max(z[i], lower[i]), upper[i])  # which changes it at rounding level
+        dq[i] = min(max(z[i], box[0, i]), box[1, i])  # which changes it at rounding level
     s = min(max(z[n], 0.0), 1.0)
     side = search.marks[_SIDE, hardest] if hardest >= 0 else 0
     if hardest > n:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import methodcaller
 
 import numpy as np
 
@@ -26,8 +25,7 @@ class Bounds:
         limits: Where they come from.
         state: The reference and the last command.
         T: Sampling time [s].
-        boxes: (k + 1, 2, n) of each box limit, and last the one in all of them.
-        box: That one: lower, upper, (n,) [rad/s].
+        boxes: (k + 1, 2, n) of each box limit, and last the one in all of them [rad/s].
         rows: Of each row limit.
         kept: False where a joint cannot keep every box, and goes as near to them as it may.
     """
@@ -36,9 +34,13 @@ class Bounds:
     state: ReferenceState
     T: float
     boxes: np.ndarray
-    box: Box
     rows: list[Rows]
     kept: bool
+
+    @property
+    def box(self) -> np.ndarray:
+        """The velocities that all box limits allow: lower, upper, (2, n) [rad/s]."""
+        return self.boxes[-1]
 
     def allow(self, dq: np.ndarray) -> bool:
         """Whether a velocity (n,) [rad/s] keeps them."""
@@ -53,7 +55,7 @@ class Bounds:
         W: Weight,
         levels: Sequence[Level],
         components: Sequence[int] = (),
-    ) -> tuple[Constrained, str, np.ndarray | None]:
+    ) -> 'tuple[Constrained, ActiveLimit | None]':
         """The velocity within the bounds that is best for the tasks, and then nearest to dq.
 
         Args:
@@ -64,8 +66,7 @@ class Bounds:
                 factor of its own; empty: one factor for all.
 
         Returns:
-            The solution; what limits most, as 'joint: limit', or ''; and a joint velocity away from
-            it, (n,), of any length, or None.
+            The solution; and the limit that resists hardest, None if none does.
         """
         problem = dq, W, levels, self.box, self.rows, self.limits.active_set
         if components:
@@ -74,12 +75,9 @@ class Bounds:
             solved = solve_components(*problem, components, held, steady_box, self.state.dq_prev)
         else:
             solved = solve_constrained(*problem)
-        acting = self.acting_limit(solved)
-        if acting is None:
-            return solved, '', None
-        limit, index = acting
-        place = limit.place(self.state, index, self.T)
-        return solved, f'{place}: {self.limits.names[limit]}', self._escape(solved)
+        if solved.limiting < 0:
+            return solved, None
+        return solved, ActiveLimit(self, solved.limiting, solved.side)
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
@@ -91,32 +89,51 @@ class Bounds:
                 upper = np.clip(high, 0.0, upper)
         return lower, upper
 
-    def _escape(self, solved: Constrained) -> np.ndarray:
-        """The direction (n,) that leads away from the limit that resists hardest."""
-        n = len(self.state.q)
-        if solved.limiting < n:
-            direction = np.zeros(n)
-            direction[solved.limiting] = -solved.side
-            return direction
-        C = np.concatenate([C for C, _, _ in self.rows])
-        return -solved.side * C[solved.limiting - n]
 
-    def acting_limit(self, solved: Constrained) -> tuple[Limit, int] | None:
-        """The limit that resists hardest, and its joint or row; None where none does."""
-        index = solved.limiting
-        n = len(self.box[0])
-        if index < 0:
-            return None
+@dataclass(slots=True)  # made in every tick in which limits act
+class ActiveLimit:
+    """The limit that resists hardest. Which one it is, is found on request.
+
+    Attributes:
+        bounds: Of all limits.
+        index: Number of the bound: joints first, then rows.
+        side: +1 for its upper end, -1 for its lower one.
+    """
+
+    bounds: Bounds
+    index: int
+    side: int
+
+    @property
+    def limit(self) -> tuple[Limit, int]:
+        """The limit, and the number of its joint or row."""
+        limits = self.bounds.limits
+        index = self.index
+        n = len(self.bounds.state.q)
         if index < n:
-            *ends, end = self.boxes[:, _UPPER if solved.side > 0 else 0, index].tolist()
+            *ends, end = self.bounds.boxes[:, _UPPER if self.side > 0 else 0, index].tolist()
             distances = [abs(each - end) for each in ends]
-            return self.limits.box_limits[distances.index(min(distances))], index
+            return limits.box_limits[distances.index(min(distances))], index
         index -= n
-        for limit, (C, _, _) in zip(self.limits.row_limits, self.rows, strict=True):
-            if index < len(C):
-                return limit, index
-            index -= len(C)
-        return None
+        which = 0
+        while index >= len(self.bounds.rows[which][0]):
+            index -= len(self.bounds.rows[which][0])
+            which += 1
+        return limits.row_limits[which], index
+
+    @property
+    def name(self) -> str:
+        """'joint: limit'."""
+        limit, index = self.limit
+        place = limit.place(self.bounds.state, index, self.bounds.T)
+        return f'{place}: {self.bounds.limits.names[limit]}'
+
+    @property
+    def escape(self) -> np.ndarray:
+        """The direction (n,) that leads away from it."""
+        n = len(self.bounds.state.q)
+        rows = np.concatenate((np.eye(n), *(C for C, _, _ in self.bounds.rows)))
+        return -self.side * rows[self.index]
 
 
 class Limits:
@@ -223,9 +240,8 @@ class Limits:
         return np.clip(_between(dq, slowest, v), *box)
 
     def _bounds(self, state: ReferenceState, T: float, kept: bool) -> Bounds:
-        boxes = self._boxes.copy()
-        rows = list(map(methodcaller('rows', state, T), self.row_limits))
-        return Bounds(self, state, T, boxes, (boxes[-1, 0], boxes[-1, 1]), rows, kept)
+        rows = [limit.rows(state, T) for limit in self.row_limits]
+        return Bounds(self, state, T, self._boxes.copy(), rows, kept)
 
     def _fill_boxes(self, dq: np.ndarray, state: ReferenceState, T: float) -> tuple[bool, bool]:
         """Write the box of each limit, and last the one in all of them, into _boxes; whether every

@@ -150,9 +150,10 @@ class PublishedReference:
         bounds = limits and limits.at(command.state, command.T)
         if not bounds or bounds.allow(command.dq):
             return ''
-        _, active, _ = bounds.nearest(command.dq, None, [])
+        _, active = bounds.nearest(command.dq, None, [])
+        name = active.name if active else ''
         return (
-            f'held where a limit does not allow it ({active}): a task velocity moves it back '
+            f'held where a limit does not allow it ({name}): a task velocity moves it back '
             'within its limits, or change that limit'
         )
 

@@ -198,7 +198,7 @@ class MotionTelemetry:
     def _publish_limits(self, command: Command, policy: Policy) -> None:
         """Publish which limits act: often while they do or have just changed, else now and then."""
         self._limits_age += 1
-        is_quiet = not command.active_limits and not self._active_limits
+        is_quiet = not command.active_limit and not self._active_limits
         if self._limits_age >= (self._limits_most if is_quiet else self._limits_least):
             self._active_limits = command.active_limits
             self._limits_age = 0

@@ -248,7 +248,6 @@ class SecondOrderController:
             state.J[:3],
             W,
             s=1.0,
-            active_limits='',
             unachieved=np.zeros(3),
         )
         self._dx_prev = dx

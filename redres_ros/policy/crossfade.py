@@ -53,7 +53,7 @@ class Crossfade:
             executed=(1.0 - c) * old.executed + c * new.executed,
             unachieved=_mixed(old.unachieved, new.unachieved, c),
             s=(1.0 - c) * old.s + c * new.s,
-            active_limits=new.active_limits or old.active_limits,
+            active_limit=new.active_limit or old.active_limit,
         )
         if at_once:
             mixed = self.new.constrained(mixed, state, T)

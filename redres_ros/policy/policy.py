@@ -126,7 +126,7 @@ class Policy:
         levels = [level]
         for J, _ in free.levels[1:]:
             levels.append((J, J.dot(free.dq)))
-        solved, active, escape = bounds.nearest(free.dq, free.W, levels, components)
+        solved, active = bounds.nearest(free.dq, free.W, levels, components)
         return Solution(
             solved.dq,
             free.J,
@@ -138,7 +138,6 @@ class Policy:
             solved.s,
             active,
             component_scaling=solved.component_scaling,
-            escape=escape,
         )
 
     def with_initial_targets(self, state: RobotState) -> 'Policy':
