@@ -17,11 +17,15 @@ pytest.importorskip('rclpy', reason='needs ROS 2: pip install .[test]')
 
 from geometry_msgs.msg import TwistStamped
 from graph_helpers import PATIENCE, Probe, await_that, graph
+from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from redres_ros.cli import main
 from redres_ros.errors import RangeError
-from redres_ros.graph.teleop import HELP, WAYS, KeyMap, limit_bar
+from redres_ros.graph.teleop import HELP, WAYS, KeyMap, TwistPublisher, limit_bar
 from redres_ros.loop.limit_report import read
+
+FORWARD = np.array((0.05, 0.0, 0.0, 0.0, 0.0, 0.0))  # [m/s], [rad/s]
 
 
 def test_the_page_shows_the_keys_as_the_command_does() -> None:
@@ -115,6 +119,31 @@ class Session:
 
 
 @pytest.mark.slow
+def test_a_planner_is_stopped_once_in_each_motion() -> None:
+    stops = []
+
+    def stop(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        stops.append(request)
+        return response
+
+    with graph(lambda: Node('operator')) as (node, _):
+        node.create_service(Trigger, 'planner/stop', stop)
+        twists = TwistPublisher(node)
+        now = 10.0
+
+        def moves() -> bool:
+            nonlocal now
+            now += 0.02
+            twists.publish(FORWARD, now)
+            return bool(stops)
+
+        await_that(moves, 'the stop')
+        twists.publish(FORWARD, now + 0.02)
+        twists.publish(0.0 * FORWARD, now + 1.0)
+        twists.publish(FORWARD, now + 2.0)
+        await_that(lambda: len(stops) == 2, 'that of the next motion')
+
+
 @pytest.mark.parametrize('ending', by_day(1, ['Ctrl-C', 'SIGTERM', 'SIGHUP']))
 def test_keys_are_published_and_the_terminal_is_given_back(ending: str) -> None:
     with graph(Probe) as (probe, _):

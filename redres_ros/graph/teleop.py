@@ -16,6 +16,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.node import Node
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from redres_ros.errors import RangeError, RedresError, one_line
 from redres_ros.files.signals import handled
@@ -102,6 +103,8 @@ class _TerminalError(RedresError):
 class TwistPublisher:
     """Publishes on `cartesian_velocity`, and nothing while no velocity is asked for.
 
+    When a motion begins it stops the planner, which would pull the tip back to its path or goal.
+
     Args:
         node: Publishes.
         frame: Link along whose axes the velocities are; empty: the base.
@@ -111,6 +114,8 @@ class TwistPublisher:
         self._writer = TwistWriter(frame)
         self._moved_at = -np.inf  # [s] when the task velocity was last not zero
         self._publisher = node.create_publisher(TwistStamped, _TOPIC, PUBLISH)
+        self._planner_stop = node.create_client(Trigger, 'planner/stop')
+        self._planner_leads = False  # as far as is known, since the motion began
 
     def publish(self, dx: np.ndarray, now: float) -> None:
         """Publish a task velocity, unless none was asked for lately.
@@ -120,9 +125,18 @@ class TwistPublisher:
             now: [s].
         """
         if dx.any():
+            self._take_over(now)
             self._moved_at = now
         if now - self._moved_at < _LAST_ZEROS:
             self._publisher.publish(self._writer.written(_NOW, dx))
+
+    def _take_over(self, now: float) -> None:
+        """Stop the planner, if there is one, once in each motion."""
+        if now - self._moved_at >= _LAST_ZEROS:
+            self._planner_leads = True
+        if self._planner_leads and self._planner_stop.service_is_ready():
+            self._planner_stop.call_async(Trigger.Request())
+            self._planner_leads = False
 
     def stop(self) -> None:
         """Publish a zero task velocity, if there was another."""
