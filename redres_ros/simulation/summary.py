@@ -228,20 +228,19 @@ def sweep(
     Raises:
         RedresError: No such law, or a damping out of its range.
     """
-    places = list(product(range(tasks), range(len(laws)), range(len(dampings))))
     cases = [
-        replace(base, law=laws[law], gains={'damping': dampings[damping]}, seed=seed)
-        for seed, law, damping in places
+        replace(base, law=law, gains={'damping': damping}, seed=seed)
+        for seed, law, damping in product(range(tasks), laws, dampings)
     ]
-    peaks = np.full((tasks, len(laws), len(dampings)), np.inf)
-    kept = np.zeros(peaks.shape, dtype=bool)
-    where = {repr(case): place for case, place in zip(cases, places, strict=True)}
-    for done, result in enumerate(batch(cases), 1):
-        place = where[repr(result.case)]
-        if result.effort is not None and result.effort.finished:
-            peaks[place] = result.effort.acceleration
-        kept[place] = result.within_limits
-        progress(done / len(cases))
+    results = {}
+    for result in batch(cases):
+        results[repr(result.case)] = result
+        progress(len(results) / len(cases))
+    ordered = [results[repr(case)] for case in cases]
+    shape = (tasks, len(laws), len(dampings))
+    largest = [_effort(each, 'acceleration') if each.finished else np.inf for each in ordered]
+    peaks = np.reshape(largest, shape)
+    kept = np.reshape([each.within_limits for each in ordered], shape)
     return [
         Trials(law, np.array(dampings), peaks[:, at], kept[:, at]) for at, law in enumerate(laws)
     ]
