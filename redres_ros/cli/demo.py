@@ -29,7 +29,7 @@ def add(commands: Any) -> None:
         'demo',
         'planner, controller and fake arm as ROS 2 nodes, in real time',
         '--law minimum_velocity --limits none  # the robot stops it',
-        '--switch minimum_weighted_torque@6.5  # another law on the way',
+        '--switch minimum_weighted_torque@6.5  # another law during the motion',
         '--robot my_arm.urdf --tip tool0  # your arm',
         '--robot fr3 --teleop  # an operator steers it to goals',
         '--task wipe  # press on a table, slide, lift, while the elbow is pushed',

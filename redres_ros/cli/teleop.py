@@ -35,7 +35,7 @@ def _teleop(options: argparse.Namespace) -> int:
     key_map = KeyMap(options.speed, options.turn)
     make = partial(Teleop, key_map, options.frame or '', options.namespace)
     with (
-        suppress(KeyboardInterrupt),  # the way to end it
+        suppress(KeyboardInterrupt),  # the usual end
         joined_domain(options.domain),
         spun(make) as node,
     ):

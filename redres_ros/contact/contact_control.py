@@ -70,7 +70,7 @@ class ContactControl:
 
     @property
     def retreats(self) -> bool:
-        """Whether a retreat is under way."""
+        """Whether the tip retreats."""
         return self._retreat is not None
 
     def set_settings(self, settings: AdmittanceSettings) -> None:

@@ -24,13 +24,13 @@ _NOISE = np.repeat((1.0, 0.1), 3)  # of forces and moments
 class Faults:
     """Every fault as a parameter that can be set while it runs. By default all is well."""
 
-    state_delay: int = _cycles('delay of states on their way to the client [cycles]')
+    state_delay: int = _cycles('delay of states to the client [cycles]')
     state_delay_spread: int = _cycles('random delay of states, at most [cycles]')
     state_loss: float = _fraction('fraction of the states that are lost')
     state_loss_burst: int = _burst('states lost in a row each time')
     state_duplication: float = _fraction('fraction of the states that arrive twice')
     state_reordering: float = _fraction('probability that a state arrives after the next one')
-    command_delay: int = _cycles('delay of commands on their way to the robot [cycles]')
+    command_delay: int = _cycles('delay of commands to the robot [cycles]')
     command_delay_spread: int = _cycles('random delay of commands, at most [cycles]')
     command_loss: float = _fraction('fraction of the commands that are lost')
     command_loss_burst: int = _burst('commands lost in a row each time')

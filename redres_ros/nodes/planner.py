@@ -199,7 +199,7 @@ class PlannerNode(ManagedNode):
     def _start_task(self, q: np.ndarray) -> str:
         """Begin the task with the joints at q (n,) [rad]; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
-            return 'is under way already; planner/stop ends it'
+            return 'is running already; planner/stop ends it'
         goal = self._task_goal()
         self._begin_goal(goal)
         home = self._announced_home(q)
@@ -213,7 +213,7 @@ class PlannerNode(ManagedNode):
     def _go_home(self, q: np.ndarray) -> str:
         """Move the joints from q (n,) [rad] to the start of the task; returns what will happen."""
         if self._run.state is TaskState.MOVING or self._run.is_paused:
-            raise GoalError('a task is under way; planner/stop ends it')
+            raise GoalError('a task is running; planner/stop ends it')
         self._begin_goal(self._goals.home())
         return self._announced_home(q) or 'the joints are at its start already'
 
@@ -280,7 +280,7 @@ class PlannerNode(ManagedNode):
         self._run.stop()
         self._topics.publish()
         response.success = True
-        response.message = 'nothing is under way'
+        response.message = 'nothing is running'
         if moved:
             response.message = 'the arm comes to rest; planner/start begins the task again'
         return response

@@ -90,7 +90,7 @@ def path_to(
 ) -> JointPath | None:
     """The joint-space motion of an arm to given positions; None if it is there.
 
-    A joint with a range of more than a turn takes the shortest way to an equal angle in its range.
+    A joint with a range of more than a turn goes to the nearest equal angle within its range.
 
     Args:
         model: The arm.

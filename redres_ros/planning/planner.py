@@ -67,9 +67,7 @@ class ReferenceSource(Protocol):
         """
 
     def time_left(self, t: float) -> float:
-        """Time of the segment under way that is left at a time t of the task [s]; 0 once it should
-        be over.
-        """
+        """Time left of the current segment at a time t of the task [s]; 0 once it is overdue."""
 
     def elapsed(self, t: float) -> float:
         """How much of the duration is over at a time t of the task [s]."""
@@ -150,7 +148,7 @@ class Planner(ReferenceSource):
         return Reference(twist, x_d, error, segment, self._finished, R_d, turn_left)
 
     def time_left(self, t: float) -> float:
-        """Time of the segment under way that is left at a time t of the task [s]."""
+        """Time left of the current segment at a time t of the task [s]."""
         left = self._t_segment + self._T_AB - t
         return left if left > _ROUNDING else 0.0
 

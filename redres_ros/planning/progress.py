@@ -51,7 +51,7 @@ class ProgressMonitor:
 
         Args:
             seconds: Since the last call [s].
-            segment: Number of the one under way.
+            segment: Number of the current one.
             left: Part of its time [s]; 0 once it should be over.
             error: Error of the position, in any unit.
             distance: The same in words.

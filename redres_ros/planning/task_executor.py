@@ -90,7 +90,7 @@ class _Pursuit:
         return self.x_d is not None and bool(np.linalg.norm(x - self.x_d) > _AWAY)
 
     def progress(self, t: float) -> float:
-        """The fraction of its duration that is over, 0 to 1, at the time t of the part under way
+        """The fraction of its duration that is over, 0 to 1, at the time t of the current part
         [s].
         """
         whole = self.goal.duration
@@ -219,7 +219,7 @@ class TaskExecutor:
 
     @property
     def is_due(self) -> bool:
-        """Whether the segment under way should be over: unachieved velocity matters only then."""
+        """Whether the current segment should be over: unachieved velocity matters only then."""
         planner = None if self._pursuit is None else self._pursuit.planner
         return planner is not None and planner.time_left(self._task_clock.t) <= 0.0
 

@@ -57,7 +57,7 @@ class WaypointTask:
         orientation_tolerance: The same for its orientation [rad].
         switching: When the next segment begins.
         nodes: Parameters of the nodes in a demo, by the node: what the tip touches, how it yields.
-        events: Changes of these on the way.
+        events: Changes of these during the motion.
     """
 
     robot: str

@@ -83,7 +83,7 @@ def advanced(
     """The motion of the next cycle, on the way from the one in force to the desired one.
 
     A stop, a start and another first task begin at once, from the present velocity. Any other
-    change waits for the end of the crossfade under way.
+    change waits for the end of the current crossfade.
 
     Args:
         motion: The one in force, which may be a crossfade.

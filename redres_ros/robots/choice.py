@@ -115,7 +115,7 @@ def _last_link(source: Path | str) -> str:
 
 
 def _joints_to(link: str, urdf: Urdf) -> int:
-    """How many joints move on the way from the root to a link."""
+    """Number of moving joints between the root and a link."""
     joints = {joint.child: joint for joint in urdf.joints}
     count = 0
     for _ in joints:  # no more of them even if they form a circle

@@ -185,6 +185,11 @@ class Recording:
         start = self.columns.index(first)
         return self.data[:, start : start + (3 if first in ('x', 'x_d') else self.n)]
 
+    def rows_at(self, times: np.ndarray) -> np.ndarray:
+        """Indices of the rows at some times (N,) [s], the last one for all later times, (N,)."""
+        rows: np.ndarray = np.minimum(np.searchsorted(self['t'], times), len(self.data) - 1)
+        return rows
+
     @property
     def accelerations(self) -> np.ndarray:
         """(dq_k - dq_{k-1}) / T from rest, Eq. (13), (ticks, n) [rad/s^2]."""

@@ -68,7 +68,8 @@ def write_film(
     start = min(motion.recording['t'][0] for motion in motions)
     times = np.arange(start, end + _LAST, 1.0 / _RATE[path.suffix])
     films = [
-        Film.of(motion.recording, model, task, _rows(motion.recording, times)) for motion in motions
+        Film.of(motion.recording, model, task, motion.recording.rows_at(times))
+        for motion in motions
     ]
     arms = [render(model.arm, film) for film in films]
     if len(motions) == 1:
@@ -104,13 +105,6 @@ def _several(
             for banner, shot in zip(banners, shots, strict=True)
         ]
         yield np.concatenate((np.concatenate(columns, axis=1), plots.at(t)), axis=0)
-
-
-def _rows(recording: Recording, times: np.ndarray) -> np.ndarray:
-    """The row of each picture, (N,); the last one stays."""
-    t = recording['t']
-    rows: np.ndarray = np.minimum(np.searchsorted(t, times), len(t) - 1)
-    return rows
 
 
 class _Banner:

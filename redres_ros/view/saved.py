@@ -57,9 +57,7 @@ def _postures(recording: Recording) -> np.ndarray:
     """q at each picture, (N, n) [rad]."""
     t = recording['t']
     times = np.arange(t[0], t[-1] + 0.5 / _RATE, 1.0 / _RATE)
-    rows = np.minimum(np.searchsorted(t, times), len(t) - 1)
-    postures: np.ndarray = recording.vectors('q1')[rows]
-    return postures
+    return recording.vectors('q1')[recording.rows_at(times)]
 
 
 def _closed(page: str) -> str:
