@@ -218,7 +218,7 @@ def test_a_second_start_does_not_make_the_planner_begin_anew_on_the_way(
     resting.run(1.0)
     under_way = speed()
     assert under_way > 0.1
-    assert 'under way already' in resting.graph.call('planner/start').message
+    assert 'running already' in resting.graph.call('planner/start').message
     resting.run(0.01)
     assert speed() == pytest.approx(under_way, rel=0.1)
 
