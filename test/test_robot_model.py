@@ -180,6 +180,25 @@ def test_cylinders_have_one_kilogram_each_and_the_inertia_of_their_length(name, 
         assert inertia['ixy'] == inertia['ixz'] == inertia['iyz'] == 0.0
 
 
+@pytest.mark.parametrize('name', ARMS)
+def test_no_state_takes_more_torque_than_its_bound(name):
+    model = RobotModel.named(name)
+    G, H = model.torque_bounds
+    for scale in (0.0, 0.1, 1.0, 10.0):
+        for q, dq in random_motion(model.n, 200):
+            ddq = scale * np.roll(q, 1)
+            A = np.abs(ddq).sum()
+            V = np.abs(scale * dq).sum()
+            tau = model.torque(q, scale * dq, ddq)
+            most = G + H * (A + 2.0 * V**2)
+            assert (np.abs(tau) <= (1.0 + 1e-12) * most).all()  # but for rounding
+
+
+def test_linear_joints_have_no_bound_on_torques(tmp_path):
+    arm = written_arm(tmp_path, 'type="revolute"', 'type="prismatic"')
+    assert (RobotModel(arm).torque_bounds[0] == np.inf).all()
+
+
 def test_cylinders_have_no_rotors():
     assert find_arm('lwr4_paper', dynamics='cylinders').armature == ()
     q, dq = random_motion(7, 1)[0]

@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.constrained import Box, Rows
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes, within
-from redres_ros.kernels.tick import accelerate
+from redres_ros.kernels.tick import accelerate, agitation
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.parameter import param
 
@@ -294,7 +294,15 @@ class TorqueLimit(RowLimit):
         rest = state.n - C.dot(state.dq_prev)  # (n,), the torque that dq = 0 would take
         return C, self._tau_min - rest, self.tau_max - rest
 
+    @cached_property
+    def _gentle(self) -> float:
+        """The A + 2 V^2 up to which no torque exceeds its limit, wherever the arm is [rad/s^2]."""
+        G, H = self.model.torque_bounds
+        return float(np.min((self.tau_max - G) / H))
+
     def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        if agitation(dq, state.dq_prev, T) < self._gentle:  # in a sixth of the time of what follows
+            return True
         ddq = np.empty(len(dq))
         accelerate(dq, state.dq_prev, T, ddq)  # Eq. (13)
         tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
