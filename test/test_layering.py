@@ -168,6 +168,7 @@ def test_the_fake_robot_is_independent_of_what_it_tests():
         'errors',
         'parameter',
         'robots',
+        'vectors',
     }
 
 
