@@ -51,7 +51,7 @@ def find_tables(*, limits: bool) -> 'list[Table[Any]]':
     """The tables of laws, preferences, tasks and limits.
 
     Args:
-        limits: With the limits, which take a second more to load, and once, a minute to compile.
+        limits: With the limits, which take longer to load, and are compiled the first time.
     """
     if limits:
         from redres_ros.kernels.ahead import compile_ahead

@@ -1,6 +1,6 @@
-"""Compiles the formulas of a run before it begins, by two processes if they are not there yet.
+"""Compiles the formulas of a run before it begins, in two processes, unless they are cached.
 
-A command has nothing else to do then. As a program, this is the second process.
+As a program, this is the second process.
 """
 
 import subprocess
@@ -20,8 +20,8 @@ _OTHERS = (
 
 
 def compile_ahead() -> None:
-    """Compile what is not there. Where no folder can be written, the second process is of no use,
-    and the largest formula is compiled when it is loaded.
+    """Compile what is not cached. Without a writable cache the second process does not help: the
+    largest formula is compiled when it is loaded.
     """
     import_module(_FIRST)
     if not time_compiling():

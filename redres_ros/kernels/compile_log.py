@@ -1,7 +1,7 @@
 """Reports why a start takes so long: formulas are compiled, once after an installation or update.
 
-Nodes are started by others, who see their output only: so it is reported on a terminal and off it.
-This file does without numba, which takes a third of a second to load.
+The line is printed without a terminal, too: nodes are often started by other programs. This file
+does not load numba, which takes a third of a second.
 """
 
 import sys
@@ -11,24 +11,21 @@ _times: list[float] = []  # [s] when, in this process; the first of them was rep
 
 
 def log_compiling(folder: str) -> None:
-    """Note that a formula was compiled, and say so of the first in a process: more will be.
+    """Record that a formula was compiled; print a line for the first one of a process.
 
     Args:
-        folder: Where they are kept; empty for nowhere.
+        folder: Where they are cached; empty: nowhere.
     """
     _times.append(time.monotonic())
     if len(_times) > 1:
         return
-    how_often = f'once, and kept in {folder}'
+    how_often = f'once, cached in {folder}'
     if not folder:
-        how_often = 'in every process, as no folder can be written; NUMBA_CACHE_DIR names one'
-    print(
-        f'compiling the formulas, which takes a quarter of a minute: {how_often}',
-        file=sys.stderr,
-        flush=True,
-    )
+        how_often = 'in every process, since no cache is writable; set NUMBA_CACHE_DIR'
+    line = f'compiling the formulas, about a quarter of a minute: {how_often}'
+    print(line, file=sys.stderr, flush=True)
 
 
 def time_compiling() -> float:
-    """From when that was said to the last formula [s]; 0 where nothing was compiled."""
+    """Time from that line to the last formula [s]; 0 if nothing was compiled."""
     return _times[-1] - _times[0] if _times else 0.0
