@@ -379,4 +379,4 @@ def test_a_graph_passes_when_the_controller_runs_and_not_before(tmp_path: Path) 
         failed = check('--robot', 'lwr4_paper', '--rate', f'{RATE:g}', '--duration', '2')
     assert passed.returncode == 0, passed.stdout + passed.stderr
     assert failed.returncode == 1
-    assert 'none runs' in failed.stdout
+    assert 'no controller runs' in failed.stdout
