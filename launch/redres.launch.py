@@ -26,21 +26,21 @@ from redres_ros.robots.urdf import Urdf
 ARGUMENTS = {
     'robot': ('', 'arm: a name that `redres laws` prints, a URDF file, or topic'),
     'task': ('', 'task: a name in config/tasks or a path ending in .yaml'),
-    'law': ('', 'law of the controller, as minimum_acceleration'),
-    'limits': ('', 'limits of the controller, as position,velocity,acceleration or none'),
-    'limit_scale': ('', 'fraction of the velocity and acceleration limits, as 0.2'),
+    'law': ('', 'law of the controller, such as minimum_acceleration'),
+    'limits': ('', 'limits of the controller, such as position,velocity,acceleration or none'),
+    'limit_scale': ('', 'fraction of the velocity and acceleration limits, such as 0.2'),
     'rate': ('', 'cycles per second [Hz]'),
     'autostart': ('', 'true: the task begins as soon as the robot takes commands'),
     'initial_state': ('', 'life cycle of our nodes: unconfigured, inactive or active'),
     'namespace': ('', 'puts the robot under this name'),
-    'states': ('joint_states', 'topic of the states, as franka/joint_states'),
+    'states': ('joint_states', 'topic of the states, such as franka/joint_states'),
     'params_file': ('', 'parameters of all nodes; empty: config/redres.yaml of this package'),
     'use_sim_time': ('', 'take the time of the nodes from /clock; not with our own sim'),
     'sim': ('true', 'start the fake arm; false: states, URDF and frames come from a robot'),
     'planner': ('true', 'start the planner; false: cartesian_velocity comes from elsewhere'),
     'composed': ('false', 'controller, planner and, if it is started, fake arm in one process'),
     'rviz': ('false', 'show the arm, its traces and the points of the task in RViz'),
-    'log_level': ('', 'of our nodes: debug, info, warn, error or fatal'),
+    'log_level': ('', 'log level of our nodes: debug, info, warn, error or fatal'),
 }
 DEFAULT_ROBOT = 'lwr4_paper'
 TOPIC = 'topic'  # in place of an arm's name
