@@ -2,15 +2,12 @@
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.resolution import Weight, resolve_one
+from redres_ros.resolution import ResistingLimit, Weight, resolve_one
 from redres_ros.robot_model import RobotState
-
-if TYPE_CHECKING:
-    from redres_ros.limits.limits import ActiveLimit
 
 
 class Command(NamedTuple):
@@ -39,7 +36,7 @@ class Command(NamedTuple):
     s: float
     unachieved: np.ndarray
     component_scaling: tuple[float, ...] = ()
-    active_limit: 'ActiveLimit | None' = None
+    active_limit: ResistingLimit | None = None
 
     @property
     def active_limits(self) -> str:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from redres_ros.kernels.closed_form import (
     fill_factor,
     solve_rows,
 )
-
-if TYPE_CHECKING:
-    from redres_ros.limits.limits import ActiveLimit
 
 # [rad/s] beyond which a direction of a lower task is dropped; several times what arms can do
 _FASTEST = 100.0
@@ -99,6 +96,18 @@ Weight = np.ndarray | Factor | None  # None stands for the identity
 Level = tuple[np.ndarray, np.ndarray]  # J (m, n) and dx (m,) of one task
 
 
+class ResistingLimit(Protocol):
+    """The limit that resists hardest."""
+
+    @property
+    def name(self) -> str:
+        """'joint: limit'."""
+
+    @property
+    def escape(self) -> np.ndarray:
+        """The direction (n,) that leads away from it."""
+
+
 @dataclass(slots=True)  # made in every tick: in two thirds of the time of a NamedTuple
 class Solution:
     """The joint velocity of one tick.
@@ -126,7 +135,7 @@ class Solution:
     levels: Sequence[Level] = ()
     scale: np.ndarray | None = None
     s: float = 1.0
-    active_limit: 'ActiveLimit | None' = None
+    active_limit: ResistingLimit | None = None
     dq_old: np.ndarray | None = None
     component_scaling: tuple[float, ...] = ()
 
