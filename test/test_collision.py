@@ -22,7 +22,7 @@ T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
 BALLS = (0.5, 0.2, 0.4, 0.1, -0.5, 0.0, 0.3, 0.05)
 CLEARANCE = 0.02  # [m], the default
-ABOUT = 1e-4  # [m], what a tick covers beside what its straight line would
+ABOUT = 1e-9  # [m], rounding
 EVERY_ARM = pytest.mark.parametrize('arm', ARMS)
 
 

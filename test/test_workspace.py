@@ -18,6 +18,7 @@ SHAPES = {
     'outside_spheres': (0.5, 0.0, 0.3, 0.2),
 }
 FARTHEST = 1e3  # [m]: everything is near
+T = 0.002  # [s]
 
 
 def middle_of(model: RobotModel) -> np.ndarray:
@@ -51,7 +52,7 @@ def test_distances_are_those_of_the_definition_for_each_point(name):
     model = RobotModel.named(name)
     limit = WorkspaceLimit(model, points='tip, elbow', **SHAPES)
     random = np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(40):
         q = middle_of(model) + random.uniform(-1.0, 1.0, model.n)
         _, distance, who = limit.approaches(q, FARTHEST)
         points = (model.tip(q)[0], model.position(q, model.elbow_frame))
@@ -125,6 +126,45 @@ def test_a_tip_that_moves_fast_along_a_wall_stays_on_its_side():
         q = controller.update(q, turns * along - 0.1 * n).q_ref
         nearest = min(nearest, limit.approaches(q, FARTHEST)[1].min())
     assert -1e-5 < nearest < 3e-3  # [m]
+
+
+def braking_tips(model: RobotModel, q: np.ndarray, dq: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Where the tip goes if every joint becomes slower by a step in a tick, (ticks, 3) [m]."""
+    tips = [model.tip(q)[0]]
+    while dq.any():
+        dq = np.sign(dq) * np.maximum(np.abs(dq) - step, 0.0)
+        q = q + T * dq
+        tips.append(model.tip(q)[0])
+    return np.array(tips)
+
+
+@pytest.mark.parametrize('name', ['lwr4', 'fr3', 'gen3'])
+def test_a_wall_that_a_braking_arm_passes_and_leaves_again_is_seen(name):
+    """Joints come to rest one after the other: the tip turns back, on the right side at the end."""
+    model = RobotModel.named(name)
+    step = T * 0.2 * np.array(model.arm.acceleration_limit)
+    random = np.random.default_rng(3)
+    passed = 0
+    for _ in range(40):
+        q = middle_of(model) + random.uniform(-0.5, 0.5, model.n)
+        dq = random.uniform(-1.0, 1.0, model.n)
+        tips = braking_tips(model, q, dq, step)
+        chord = (tips[-1] - tips[0]) / np.linalg.norm(tips[-1] - tips[0])
+        bulge = tips[len(tips) // 2] - tips[0]
+        normal = bulge - (bulge @ chord) * chord
+        normal /= np.linalg.norm(normal)
+        heights = tips @ normal
+        wall = heights.max() - 1e-3  # [m]
+        if wall < max(heights[0], heights[-1]) + 1e-3:
+            continue
+        passed += 1
+        limit = WorkspaceLimit(
+            model, scale=0.2, acceleration_is_limited=True, half_spaces=(*normal, wall)
+        )
+        C, _, high = limit.rows(model.state(q, dq), T)
+        braking = np.sign(dq) * np.maximum(np.abs(dq) - step, 0.0)
+        assert (C @ braking > high).any()
+    assert passed > 5
 
 
 @pytest.mark.slow

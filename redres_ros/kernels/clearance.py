@@ -5,9 +5,11 @@ from numba import float64, int64
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, several, vector
 
-# Of a row for where the arm comes to rest, beside a velocity damper, where not all can be kept:
-# what cannot be braked any more comes first.
+# Of a row for the path of a braking arm, beside a velocity damper, where not all can be kept: what
+# cannot be braked any more comes first.
 _WEIGHT = 100.0
+_BEND = 1.0 / 16.0  # of the lever, for a path of 1 rad; it grows with the square
+_EDGE = 0.1  # of an interval, at its ends, where nothing is looked for
 
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]
@@ -15,19 +17,20 @@ _PAIRS = int64[:, ::1]
 
 
 @inlined
-def _is_among(who: np.ndarray, count: int, one: int, other: int) -> bool:
-    """Whether a pair is among the first rows of who (r, 2)."""
-    found = False
-    for i in range(count):
+def _index_of(who: np.ndarray, near: int, one: int, other: int) -> int:
+    """Index of a pair in who (r, 2), which is likely to be `near`; -1 if it is not there."""
+    r = len(who)
+    for step in range(r):
+        i = (near + step) % r
         if who[i, 0] == one and who[i, 1] == other:
-            found = True
-    return found
+            return i
+    return -1
 
 
 @direct
 @compiled(
     float64(
-        *(vector(), vector(), float64, vector(), float64, _VECTOR, _VECTOR, _VECTOR),
+        *(vector(), vector(), float64, vector(), float64, float64, _VECTOR, _VECTOR, _VECTOR),
     )
 )
 def brake(
@@ -36,11 +39,14 @@ def brake(
     gap: float,
     A: np.ndarray,
     T: float,
-    q_stop: np.ndarray,
+    ticks: float,
+    q_ahead: np.ndarray,
     v: np.ndarray,
     slope: np.ndarray,
 ) -> float:
-    """Write where joints come to rest that brake from this tick on.
+    """Write where joints are that have braked for so many ticks, this one included.
+
+    A joint goes on by v, v - A T, v - 2 A T, ..., until less than A T is left.
 
     Args:
         q: (n,) [rad].
@@ -48,73 +54,176 @@ def brake(
         gap: Cycles between two commands.
         A: (n,) [rad/s^2].
         T: Sampling time [s].
-        q_stop: (n,) receives q + s(v) [rad].
+        ticks: Any number; infinity: until all are at rest.
+        q_ahead: (n,) receives q + s(v) [rad].
         v: (n,) receives the velocity of braking in this tick [rad/s].
         slope: (n,) receives S = ds/dv [s].
 
     Returns:
-        The sum over the joints of how much further one may come to rest that does not brake in this
-        tick, [rad].
+        After how many ticks the last joint is at rest.
     """
-    further = 0.0
+    longest = 0.0
     for i in range(len(q)):
         speed = max(abs(dq_prev[i]) - A[i] * T, 0.0)
         v[i] = speed if dq_prev[i] > 0.0 else -speed
-        q_stop[i] = q[i] + gap * v[i] * (speed / (2.0 * A[i]) + T / 2.0)
-        slope[i] = gap * (speed / A[i] + T)
-        further += slope[i] * 2.0 * T * A[i]
-    return further
+        stop = np.floor(speed / (A[i] * T)) + 1.0
+        k = min(ticks, stop)
+        path = gap * T * (k * speed - A[i] * T * k * (k - 1.0) / 2.0)
+        q_ahead[i] = q[i] + (path if dq_prev[i] > 0.0 else -path)
+        slope[i] = gap * min(ticks * T, speed / A[i] + T)
+        longest = max(longest, stop)
+    return longest
+
+
+@direct
+@compiled(float64(vector(), float64, vector(), float64))
+def farthest_path(dq_prev: np.ndarray, gap: float, A: np.ndarray, T: float) -> float:
+    """The sum of how far each joint may move, at most, if it brakes after this tick [rad].
+
+    Args:
+        dq_prev: (n,) [rad/s].
+        gap: Cycles between two commands.
+        A: (n,) [rad/s^2].
+        T: Sampling time [s].
+    """
+    paths = 0.0
+    for i in range(len(A)):
+        fastest = abs(dq_prev[i]) + A[i] * T
+        paths += gap * (fastest + A[i] * T) ** 2 / (2.0 * A[i])
+    return paths
 
 
 @compiled(
-    several(_ROWS, _VECTOR, _PAIRS)(
-        *(matrix(), vector(), matrix(int64), matrix(), vector(), matrix(int64)),
-        *(vector(), vector(), vector(), vector(), float64, float64, float64, float64),
+    several(float64, float64)(
+        *(vector(), matrix(), vector(), matrix(int64), float64),
+        *(vector(), matrix(), vector(), matrix(int64), float64),
+        *(vector(), vector(), vector(), float64, float64, float64),
     )
 )
-def clearance_rows(
+def nearest_between(
+    q: np.ndarray,
     C: np.ndarray,
     distance: np.ndarray,
     who: np.ndarray,
-    C_stop: np.ndarray,
-    distance_stop: np.ndarray,
-    who_stop: np.ndarray,
-    dq_prev: np.ndarray,
+    ticks: float,
+    q_late: np.ndarray,
+    C_late: np.ndarray,
+    distance_late: np.ndarray,
+    who_late: np.ndarray,
+    ticks_late: float,
     v: np.ndarray,
     slope: np.ndarray,
     A: np.ndarray,
     T: float,
     gap: float,
-    rate: float,
-    clearance: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rows that no acceleration within the limits keeps by itself: see ClearanceLimit.
+    lever: float,
+) -> tuple[float, float]:
+    """The least distance that a pair may have between two ticks of a braking arm, and when.
+
+    It is that of the cubic through the distances and their rates at both ends, less what the path
+    may bend in between, as joints come to rest one after the other, and less how far the pair may
+    approach in this tick if it does not brake.
 
     Args:
-        C: (r, n) of what is near, C dq is the speed of approach [m/s].
+        q: At the earlier tick, (n,) [rad].
+        C: (r, n), C dq is the speed of approach [m/s].
         distance: (r,) [m].
         who: (r, 2) approaches whom.
-        C_stop: (k, n), the same where the joints come to rest, and so are the next two.
-        distance_stop: (k,) [m].
-        who_stop: (k, 2).
-        dq_prev: (n,) [rad/s].
+        ticks: For how long the arm has braked.
+        q_late: (n,) [rad], at the later tick, and so are the next four.
+        C_late: (k, n).
+        distance_late: (k,) [m].
+        who_late: (k, 2).
+        ticks_late: For how long it has braked then.
         v: (n,) as from `brake` [rad/s].
-        slope: (n,) as from `brake` [s].
+        slope: (n,) as from `brake`, at rest [s].
         A: (n,) [rad/s^2].
         T: Sampling time [s].
         gap: Cycles between two commands.
+        lever: How far a radian of any joint moves any point, at most [m].
+
+    Returns:
+        The distance [m], infinity if there is no tick between; and the tick.
+    """
+    least = np.inf
+    nearest = ticks
+    length = ticks_late - ticks
+    if length < 2.0:
+        return least, nearest
+    bend = 0.0
+    for joint in range(len(q)):
+        bend += _BEND * lever * (q_late[joint] - q[joint]) ** 2
+    for i in range(len(who)):
+        j = _index_of(who_late, i, who[i, 0], who[i, 1])
+        if j < 0:
+            continue
+        start = 0.0  # the slopes at both ends
+        end = 0.0
+        reach = 0.0
+        for joint in range(len(v)):
+            side = np.sign(v[joint]) * gap * T * length
+            speed = abs(v[joint])
+            loss = A[joint] * T
+            start -= C[i, joint] * side * max(speed - loss * (ticks - 0.5), 0.0)
+            end -= C_late[j, joint] * side * max(speed - loss * (ticks_late - 0.5), 0.0)
+            steepest = max(abs(C[i, joint]), abs(C_late[j, joint]))
+            reach += 2.0 * steepest * slope[joint] * loss
+        rise = distance_late[j] - distance[i]
+        square = 3.0 * rise - 2.0 * start - end
+        cube = start + end - 2.0 * rise
+        root = np.sqrt(max(square * square - 3.0 * cube * start, 0.0))
+        lowest = min(distance[i], distance_late[j])
+        at = 0.5
+        if square + root != 0.0:
+            x = -start / (square + root)
+            value = distance[i] + x * (start + x * (square + x * cube))
+            if 0.0 < x < 1.0 and value < lowest:
+                lowest = value
+                at = min(max(x, _EDGE), 1.0 - _EDGE)
+        if lowest - bend - reach < least:
+            least = lowest - bend - reach
+            nearest = min(max(np.round(ticks + at * length), ticks + 1.0), ticks_late - 1.0)
+    return least, nearest
+
+
+@compiled(
+    several(_ROWS, _VECTOR, _PAIRS)(
+        *(matrix(), vector(), matrix(int64), vector(), vector()),
+        *(float64, float64, float64, float64),
+    )
+)
+def damper_rows(
+    C: np.ndarray,
+    distance: np.ndarray,
+    who: np.ndarray,
+    dq_prev: np.ndarray,
+    A: np.ndarray,
+    T: float,
+    rate: float,
+    clearance: float,
+    influence: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """C dq <= rate (d - d_s) of all that is nearer than the influence, unless every acceleration
+    within the limits keeps it.
+
+    Args:
+        C: (r, n), C dq is the speed of approach [m/s].
+        distance: (r,) [m].
+        who: (r, 2) approaches whom.
+        dq_prev: (n,) [rad/s].
+        A: (n,) [rad/s^2].
+        T: Sampling time [s].
         rate: 1 / t_d [1/s].
         clearance: d_s [m].
+        influence: d_i [m].
 
     Returns:
         Rows (j, n), their upper ends (j,), and who approaches whom (j, 2).
     """
-    n = len(dq_prev)
-    r = len(C)
-    most = r + len(C_stop)
-    rows = np.empty((most, n))
-    high = np.empty(most)
-    pairs = np.empty((most, 2), np.int64)
+    r, n = C.shape
+    rows = np.empty((r, n))
+    high = np.empty(r)
+    pairs = np.empty((r, 2), np.int64)
     count = 0
     for i in range(r):
         fastest = 0.0  # in this tick
@@ -124,41 +233,91 @@ def clearance_rows(
         high[count] = rate * (distance[i] - clearance)
         pairs[count, 0] = who[i, 0]
         pairs[count, 1] = who[i, 1]
-        if fastest > high[count]:
+        if distance[i] < influence and fastest > high[count]:
             count += 1
-    inside = np.empty((r, 2), np.int64)
-    number_inside = 0
+    return rows[:count], high[:count], pairs[:count]
+
+
+@compiled(
+    several(_ROWS, _VECTOR, _PAIRS)(
+        *(matrix(), vector(), matrix(int64), vector(), matrix(int64)),
+        *(vector(), vector(), vector(), float64, float64, float64, float64, float64, float64),
+    )
+)
+def braking_rows(
+    C: np.ndarray,
+    distance: np.ndarray,
+    who: np.ndarray,
+    distance_now: np.ndarray,
+    who_now: np.ndarray,
+    v: np.ndarray,
+    slope: np.ndarray,
+    A: np.ndarray,
+    T: float,
+    gap: float,
+    ticks: float,
+    rate: float,
+    clearance: float,
+    lever: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """C S (dq - v) <= d - d_s - b at a place of a braking arm, unless every acceleration within
+    the limits keeps it.
+
+    ClearanceLimit says what these are.
+
+    Args:
+        C: (r, n) at that place, C dq is the speed of approach [m/s].
+        distance: (r,) [m].
+        who: (r, 2) approaches whom.
+        distance_now: (k,) [m].
+        who_now: (k, 2).
+        v: (n,) as from `brake` [rad/s].
+        slope: (n,) as from `brake` [s].
+        A: (n,) [rad/s^2].
+        T: Sampling time [s].
+        gap: Cycles between two commands.
+        ticks: For how long the arm has braked.
+        rate: 1 / t_d [1/s].
+        clearance: d_s [m].
+        lever: How far a radian of any joint moves any point, at most [m].
+
+    Returns:
+        As damper_rows().
+    """
+    r, n = C.shape
+    rows = np.empty((r, n))
+    high = np.empty(r)
+    pairs = np.empty((r, 2), np.int64)
+    count = 0
+    bend = 0.0  # how far the arm leaves the tangent, for a change of A T in every joint
+    for j in range(n):
+        bend += 0.5 * lever * (slope[j] * A[j] * T) ** 2
     for i in range(r):
-        if distance[i] < clearance:
-            inside[number_inside, 0] = who[i, 0]
-            inside[number_inside, 1] = who[i, 1]
-            number_inside += 1
-    for i in range(len(C_stop)):
         before = 0.0  # |C|^2
         after = 0.0  # of the row
         braking = 0.0
         reach = 0.0
         for j in range(n):
             # The chord of s that is on the safe side: it becomes steeper with the speed.
-            chord = slope[j] + 0.5 * gap * T * np.sign(C_stop[i, j] * v[j])
-            rows[count, j] = C_stop[i, j] * chord
-            before += C_stop[i, j] * C_stop[i, j]
+            chord = slope[j] + 0.5 * gap * T * np.sign(C[i, j] * v[j])
+            rows[count, j] = C[i, j] * min(chord, gap * T * ticks)
+            before += C[i, j] * C[i, j]
             after += rows[count, j] * rows[count, j]
             braking += rows[count, j] * v[j]
             reach += abs(rows[count, j]) * 2.0 * T * A[j]
-        margin = distance_stop[i] - clearance
-        if not margin < reach:
+        margin = distance[i] - clearance
+        if after == 0.0 or not margin - bend < reach:
             continue
         # What is inside already comes out again as slowly as by the damper.
-        one = who_stop[i, 0]
-        other = who_stop[i, 1]
-        if margin < 0.0 and _is_among(inside, number_inside, one, other):
-            margin *= min(rate * T, 1.0)
+        if margin < 0.0:
+            now = _index_of(who_now, i, who[i, 0], who[i, 1])
+            if now >= 0 and distance_now[now] < clearance:
+                margin *= min(rate * T, 1.0)
         size = _WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
         for j in range(n):
             rows[count, j] *= size
-        high[count] = size * (margin + braking)
-        pairs[count, 0] = one
-        pairs[count, 1] = other
+        high[count] = size * (margin - bend + braking)
+        pairs[count, 0] = who[i, 0]
+        pairs[count, 1] = who[i, 1]
         count += 1
     return rows[:count], high[:count], pairs[:count]

@@ -3,16 +3,24 @@ of the limit `collision`: of the arm from itself, a floor and spheres.
 """
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from operator import itemgetter
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.clearance import brake, clearance_rows
+from redres_ros.kernels.clearance import (
+    brake,
+    braking_rows,
+    damper_rows,
+    farthest_path,
+    nearest_between,
+)
 from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
@@ -21,18 +29,43 @@ from redres_ros.robots.bodies import Bodies
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
 
+_MOST_DIPS = 5  # that are looked for on the path of a braking arm
+
 _ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
 
 
+class _Place(NamedTuple):
+    """Where an arm is that brakes.
+
+    Attributes:
+        q: (n,) [rad].
+        v: The velocity of braking in the first tick, (n,) [rad/s].
+        slope: S, of q by v, (n,) [s].
+        ticks: For how long it has braked.
+        near: All pairs.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    slope: np.ndarray
+    ticks: float
+    near: Near
+
+    @property
+    def at(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+        """Where, the pairs, and when."""
+        return self.q, *self.near, self.ticks
+
+
 @dataclass(frozen=True, eq=False)
 class ClearanceLimit(AccelerationFigures, RowLimit):
-    """C dq <= (d - d_s) / t_d for all that is nearer than d_i, and d >= d_s where the joints rest
-    after braking.
+    """C dq <= (d - d_s) / t_d for all that is nearer than d_i, and d >= d_s while the joints brake.
 
     C dq is the speed at which a distance d becomes smaller. The nearer, the slower the approach; at
     d_s there is none, and below it they go apart. The second condition is that of the limit
-    `position`, for distances in place of joint positions: the arm can always stop in time. `scale`
+    `position`, for distances in place of joint positions: the arm can always stop in time, unless
+    obstacles move, limits are tightened, or the limit `jerk` makes braking take longer. `scale`
     acts on the speed and on the accelerations.
 
     Where no acceleration limit is in force, this limit keeps the accelerations itself while
@@ -123,15 +156,17 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         Those that the acceleration limits imply are left out. There are two kinds, with d the
         distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
         velocity damper C dq <= rate (d - d_s), with C in the middle of the tick, q + T dq_prev / 2:
-        a fast arm leaves the tangent of its path at q. And at q + s(dq), where the joints come to
-        rest if they brake by A from the next tick on, d >= d_s. To first order in dq, about the
-        velocity v of braking already in this tick,
+        a fast arm leaves the tangent of its path at q. And d >= d_s while the joints brake by A
+        from the next tick on: where they come to rest, and where a pair is nearest before. They
+        come to rest one after the other, so that an arm may pass a wall and turn back. To first
+        order in dq, about the velocity v of braking already in this tick,
 
-            C S (dq - v) <= d(q + s(v)) - d_s,   s(v) = v |v| / (2 A) + v T / 2,
+            C S (dq - v) <= d(q + s(v)) - d_s - b,
 
-        with S = ds/dv; s is exact for v = j A T. Braking, dq = v, changes nothing about where the
-        joints come to rest, so it keeps all of these rows, if those of the tick before were kept.
-        That is why they can be kept for ever, however many pairs there are.
+        with s(v) the path to such a place and S = ds/dv. The margin b = 1/2 lever |T S A|^2 is of
+        second order: how far the arm leaves its tangent. Braking, dq = v, does not change the path,
+        so it keeps d >= d_s if the tick before did. That is why these rows can be kept for ever,
+        however many pairs there are.
 
         Args:
             state: Of the reference at this tick.
@@ -141,17 +176,55 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             C (r, n), high (r,), and who approaches whom (r, 2).
         """
         half = 0.5 * T * state.gap * state.dq_prev
-        C, at_half, who = self.approaches(state.q + half, self.influence)
+        C, at_half, who = self.approaches(state.q + half, np.inf)
         distance = at_half + C.dot(half)
-        n = len(state.q)
-        q_stop = np.empty(n)
-        v = np.empty(n)
-        slope = np.empty(n)
-        dq_prev = state.dq_prev
-        further = brake(state.q, dq_prev, state.gap, self.A, T, q_stop, v, slope)
-        at_rest = self.approaches(q_stop, self.clearance + self.lever * further)
-        figures = (dq_prev, v, slope, self.A, T, state.gap, self._rate, self.clearance)
-        return clearance_rows(C, distance, who, *at_rest, *figures)
+        figures = (self._rate, self.clearance)
+        found = [damper_rows(C, distance, who, state.dq_prev, self.A, T, *figures, self.influence)]
+        for place in self._nearest_places(state, T, (C, distance, who)):
+            braking = (place.v, place.slope, self.A, T, state.gap, place.ticks)
+            found.append(braking_rows(*place.near, distance, who, *braking, *figures, self.lever))
+        rows, high, pairs = zip(*found, strict=True)
+        return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
+
+    def _nearest_places(self, state: ReferenceState, T: float, now: Near) -> Iterator[_Place]:
+        """Where the joints come to rest if they brake, and where a pair is nearest before.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+            now: All pairs at this tick.
+        """
+        farthest = self.lever * farthest_path(state.dq_prev, state.gap, self.A, T)
+        if now[1].min(initial=np.inf) > self.clearance + farthest:
+            return
+        rest = self._braked(state, T, np.inf)
+        yield rest
+        braking = (rest.v, rest.slope, self.A, T, state.gap, self.lever)
+        start = rest._replace(q=state.q, ticks=0.0, near=now)
+        parts = [(start, rest)]
+        intervals = []
+        for _ in range(_MOST_DIPS):
+            for early, late in parts:
+                intervals.append((*nearest_between(*early.at, *late.at, *braking), early, late))
+            intervals.sort(key=itemgetter(0))
+            least, ticks, early, late = intervals.pop(0)
+            if least > self.clearance:
+                return
+            dip = self._braked(state, T, ticks)
+            yield dip
+            parts = [(early, dip), (dip, late)]
+
+    def _braked(self, state: ReferenceState, T: float, ticks: float) -> _Place:
+        """Where the arm is that has braked for so many ticks, this one included; infinity: at rest.
+
+        Args:
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+            ticks: Their number.
+        """
+        q, v, slope = np.empty((3, len(state.q)))
+        longest = brake(state.q, state.dq_prev, state.gap, self.A, T, ticks, q, v, slope)
+        return _Place(q, v, slope, min(ticks, longest), self.approaches(q, np.inf))
 
     @property
     def _rate(self) -> float:
@@ -162,7 +235,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
 @dataclass(frozen=True, eq=False)
 class CollisionLimit(ClearanceLimit):
     """n' (J_a - J_b) dq <= (d - d_s) / t_d for each pair of bodies nearer than d_i, and d >= d_s
-    where the joints come to rest if they brake.
+    while the joints brake.
 
     d is their distance, n the direction from the nearest point of a to that of b, J_a and J_b the
     Jacobians of these points. Bodies are capsules around the arm's links.

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ TIP = 'tip'
 _ELBOW = 'elbow'
 
 _FARTHEST = 100.0  # [m]
-_SHORTEST = 1e-12  # [m] of a vector that has a direction
 _FACES = ('-x', '-y', '-z', '+x', '+y', '+z')  # of a box
 _INWARDS = np.concatenate((np.eye(3), -np.eye(3)))  # from each of them
 
@@ -31,7 +31,8 @@ class _Walls(NamedTuple):
         names: In the order of the kinds below.
         normals: Of half-spaces and of the faces of boxes to stay in, (h, 3); they point outwards.
         offsets: n' x <= offset is allowed, (h,) [m].
-        boxes: Least and largest x, y, z of those to stay out of, (2, b, 3) [m].
+        lower: Least x, y, z of boxes to stay out of, (b, 3) [m].
+        upper: Largest, (b, 3) [m].
         centres: Of spheres, (s, 3) [m].
         radii: (s,) [m].
         sides: 1 for a sphere to stay in, -1 for one to stay out of, (s,).
@@ -40,48 +41,17 @@ class _Walls(NamedTuple):
     names: tuple[str, ...]
     normals: np.ndarray
     offsets: np.ndarray
-    boxes: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
     centres: np.ndarray
     radii: np.ndarray
     sides: np.ndarray
 
-    def seen_from(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distances of points (points, 3) [m] from the walls, (points, walls) [m], positive on the
-        allowed side; and the directions in which they become smaller, (points, walls, 3).
-        """
-        planes = self.offsets - x @ self.normals.T
-        to_planes = np.broadcast_to(self.normals, (len(x), *self.normals.shape))
-        boxes, to_boxes = self._boxes_from(x)
-        since = x[:, None] - self.centres  # (points, s, 3)
-        radii = np.linalg.norm(since, axis=2)
-        spheres = self.sides * (self.radii - radii)
-        outwards = since / np.maximum(radii, _SHORTEST)[:, :, None]
-        to_spheres = self.sides[:, None] * outwards
-        return (
-            np.concatenate((planes, boxes, spheres), axis=1),
-            np.concatenate((to_planes, to_boxes, to_spheres), axis=1),
-        )
-
-    def _boxes_from(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As seen_from(), of boxes to stay out of."""
-        lower, upper = self.boxes
-        away = x[:, None] - np.clip(x[:, None], lower, upper)  # (points, b, 3)
-        distance = np.linalg.norm(away, axis=2)
-        approach = -away / np.maximum(distance, _SHORTEST)[:, :, None]
-        depths = np.concatenate((x[:, None] - lower, upper - x[:, None]), axis=2)  # (points, b, 6)
-        face = depths.argmin(axis=2)
-        is_inside = distance == 0.0
-        depth = np.take_along_axis(depths, face[:, :, None], axis=2)[:, :, 0]
-        return (
-            np.where(is_inside, -depth, distance),
-            np.where(is_inside[:, :, None], _INWARDS[face], approach),
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceLimit(ClearanceLimit):
-    """n' J dq <= (d - d_s) / t_d for each point and each wall nearer than d_i, and d >= d_s where
-    the joints rest after braking.
+    """n' J dq <= (d - d_s) / t_d for each point and each wall nearer than d_i, and d >= d_s while
+    the joints brake.
 
     d is the distance of a point from the wall, n the direction towards it, J the point's Jacobian.
     Shapes are in the base frame, and each applies to all points.
@@ -116,15 +86,11 @@ class WorkspaceLimit(ClearanceLimit):
         self._load()
 
     def approaches(self, q: np.ndarray, reach: float) -> Near:
-        x = np.array([self.model.position(q, frame) for frame in self._frames])  # (points, 3)
-        distance, approach = self._walls.seen_from(x)
-        who = np.argwhere(distance < reach)  # (r, 2)
-        points, walls = who.T
-        J = {k: self.model.jacobian(q, self._frames[k])[:3] for k in set(points.tolist())}
-        C = np.zeros((len(who), len(q)))
-        for row, (point, wall) in enumerate(who.tolist()):
-            C[row] = approach[point, wall].dot(J[point])
-        return C, distance[points, walls], who
+        frames = self._frames
+        x = np.array([self.model.position(q, frame) for frame in frames])  # (points, 3)
+        J = np.array([self.model.jacobian(q, frame)[:3] for frame in frames])  # (points, 3, n)
+        _, *walls = self._walls
+        return _kernel().approaches(x, J, *walls, reach)
 
     def name_of_pair(self, one: int, other: int) -> str:
         return f'{self._frames[one]} to {self._walls.names[other]}'
@@ -144,7 +110,7 @@ class WorkspaceLimit(ClearanceLimit):
         lengths = np.linalg.norm(half_spaces[:, :3], axis=1)
         half_spaces = half_spaces[lengths > 0.0] / lengths[lengths > 0.0, None]
         inside = self._boxes('inside_boxes')  # (2, b, 3)
-        outside = self._boxes('outside_boxes')
+        lower, upper = self._boxes('outside_boxes')  # (b, 3)
         spheres_in = self._spheres('inside_spheres')
         spheres_out = self._spheres('outside_spheres')
         spheres = np.concatenate((spheres_in, spheres_out))
@@ -152,7 +118,7 @@ class WorkspaceLimit(ClearanceLimit):
         names = (
             *_numbered('half-space', len(half_spaces)),
             *(f'{face} of inside box {k + 1}' for k in range(b) for face in _FACES),
-            *_numbered('outside box', outside.shape[1]),
+            *_numbered('outside box', len(lower)),
             *_numbered('inside sphere', len(spheres_in)),
             *_numbered('outside sphere', len(spheres_out)),
         )
@@ -161,7 +127,8 @@ class WorkspaceLimit(ClearanceLimit):
             names,
             np.concatenate((half_spaces[:, :3], np.tile(-_INWARDS, (b, 1)))),
             np.concatenate((half_spaces[:, 3], ends.reshape(-1))),
-            outside,
+            lower,
+            upper,
             spheres[:, :3],
             spheres[:, 3],
             np.repeat((1.0, -1.0), (len(spheres_in), len(spheres_out))),
@@ -194,3 +161,10 @@ class WorkspaceLimit(ClearanceLimit):
 
 def _numbered(kind: str, count: int) -> list[str]:
     return [f'{kind} {k + 1}' for k in range(count)]
+
+
+def _kernel() -> ModuleType:
+    """The compiled function. It is loaded only if this limit is used."""
+    from redres_ros.kernels import walls
+
+    return walls
