@@ -17,6 +17,7 @@ from redres_ros.controller import Controller
 from redres_ros.errors import DivergedError
 from redres_ros.laws import make_law
 from redres_ros.robot_model import RobotModel
+from redres_ros.robots.table import radians
 
 T = 0.001  # [s]
 _K_P = 2.0  # [1/s]
@@ -75,10 +76,6 @@ class SaturatedMotion:
     limit_usage: float
 
 
-def _radians(*degrees: float) -> tuple[float, ...]:
-    return tuple(np.radians(degrees).tolist())
-
-
 def _hexagon(rounds: int) -> tuple[tuple[float, float, float], ...]:
     """Corners at 0.2 m from a point 0.7 m in front of the base, from the top back to it."""
     angles = np.radians(90.0 - 60.0 * np.arange(6 * rounds + 1))
@@ -87,9 +84,9 @@ def _hexagon(rounds: int) -> tuple[tuple[float, float, float], ...]:
 
 LWR = Benchmark(
     robot='lwr4',
-    velocity=_radians(100.0, 110.0, 100.0, 130.0, 130.0, 180.0, 180.0),
-    acceleration=_radians(*(300.0,) * 7),
-    start=_radians(0.0, 45.0, 45.0, 45.0, 0.0, 0.0, 0.0),
+    velocity=radians(100.0, 110.0, 100.0, 130.0, 130.0, 180.0, 180.0),
+    acceleration=radians(*(300.0,) * 7),
+    start=radians(0.0, 45.0, 45.0, 45.0, 0.0, 0.0, 0.0),
     corners=((0.1, 0.3, -0.2), (0.0, 0.0, 0.0)),
     is_relative=True,
     braking=1.0,
@@ -104,7 +101,7 @@ PLANAR = Benchmark(
     robot='planar4r',
     velocity=(2.0, 2.0, 4.0, 4.0),
     acceleration=(2.0, 2.0, 4.0, 4.0),
-    start=_radians(0.0, 90.0, -90.0, 90.0),
+    start=radians(0.0, 90.0, -90.0, 90.0),
     corners=_hexagon(2),
     is_relative=False,
     braking=0.4,

@@ -16,7 +16,8 @@ def _urdf(name: str) -> Path:
     return FOLDER / f'{name}.urdf'
 
 
-def _radians(*degrees: float) -> tuple[float, ...]:
+def radians(*degrees: float) -> tuple[float, ...]:
+    """Angles [rad] from degrees."""
     return tuple(np.radians(degrees).tolist())
 
 
@@ -29,8 +30,8 @@ _LWR4 = Arm(
     rotor_inertia=(3.19, 3.15, 2.01, 1.92, 0.776, 0.391, 0.399),
     body_radius=(0.08, 0.066, 0.0, 0.064, 0.0, 0.058, 0.0, 0.045),
     # From the controller file of the KRC2.
-    acceleration_limit=_radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
-    start=_radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
+    acceleration_limit=radians(1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0),
+    start=radians(0.0, -30.0, 0.0, 75.0, 0.0, -75.0, 0.0),
     task='lwr4_square',
 )
 
@@ -38,7 +39,7 @@ _LWR4_PAPER = replace(  # Section 5
     _LWR4,
     base_offset=0.0125,
     tool_offset=0.135,
-    start=_radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
+    start=radians(28.08, 104.12, 114.59, 94.85, 14.32, -28.12, 0.0),  # q(0)
     task='rectangle',
 )
 
@@ -49,7 +50,7 @@ _IIWA7 = Arm(
     body_radius=(0.1, 0.075, 0.075, 0.07, 0.07, 0.065, 0.06, 0.04),
     # KUKA publishes none. An assumption: what the MoveIt configuration of lbr_fri_ros2_stack sets.
     acceleration_limit=(10.0,) * 7,
-    start=_radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
+    start=radians(0.0, 30.0, 0.0, -75.0, 0.0, 75.0, 0.0),
     task='iiwa7_square',
 )
 
@@ -72,7 +73,7 @@ _FR3 = Arm(
         EndSpeed(0.54092, 4.5205, 5.5, 0.35),
         EndSpeed(-3.0196, 3.0196, 17.0, 0.35),
     ),
-    start=_radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
+    start=radians(0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0),
     task='fr3_square',
 )
 
@@ -84,7 +85,7 @@ _GEN3 = Arm(
     # Kinova's user guide: 297.94 deg/s^2 for the large actuators, 572.95 deg/s^2 for the small.
     acceleration_limit=(5.2, 5.2, 5.2, 5.2, 10.0, 10.0, 10.0),
     # Kinova's home, but with joint 3 away from 180 degrees, where its driver jumps by a turn.
-    start=_radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
+    start=radians(0.0, 15.0, 0.0, 130.0, 0.0, -55.0, -90.0),
     task='gen3_square',
 )
 
@@ -94,7 +95,7 @@ _PLANAR4R = Arm(
     elbow_frame='link_3',
     body_radius=(0.0, 0.04, 0.04, 0.04, 0.03),
     acceleration_limit=(2.0, 2.0, 4.0, 4.0),  # as of the planar example named in the URDF
-    start=_radians(0.0, 90.0, -90.0, 90.0),
+    start=radians(0.0, 90.0, -90.0, 90.0),
     task='planar4r_hexagon',
 )
 

@@ -74,10 +74,11 @@ def peaks(runs: Runs) -> Finding:
     """Ratio of the acceleration peaks of lambda = 1 and 0.99, at the sampling times of simulation
     and experiment.
     """
-    without, at = _peak(runs['simulated_15'])
-    damped, _ = _peak(runs['simulated_23'])
+    names = ('simulated_15', 'simulated_23', 'ideal_15', 'ideal_23')
+    found = [runs[name].peak('joint_acceleration_norm') for name in names]
+    (without, at), (damped, _), (without_slower, _), (damped_slower, _) = found
     ratio = without / damped
-    slower = _peak(runs['ideal_15'])[0] / _peak(runs['ideal_23'])[0]
+    slower = without_slower / damped_slower
     return Finding(
         min(ratio, slower) > 10.0,
         f'{without:.1f} rad/s^2 at {at:.2f} s against {damped:.2f} rad/s^2: '
@@ -128,11 +129,6 @@ def equivalence_others(runs: Runs) -> Finding:
         f'largest difference in closed loops of their own / given the same past: {listed}',
         'with the identified dynamics and k_d = 10 1/s',
     )
-
-
-def _peak(recording: Recording) -> tuple[float, float]:
-    """Largest |ddq| [rad/s^2] and when [s]."""
-    return recording.peak('joint_acceleration_norm')
 
 
 def _equivalence(law: Recording, scheme: Recording) -> Finding:
