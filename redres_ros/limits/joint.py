@@ -24,6 +24,7 @@ _GENTLER = 0.7
 _CYCLE = 1e-3  # [s] of robots that limit velocities by position: they judge a joint one step ahead
 _TOLERANCE = 1e-3  # [rad/s] below their limits, as libfranka's rate limiter
 
+_NO_INERTIA = 1e-12  # [kg m^2], of links without mass: only keeps a division finite
 _RISE = 100.0  # [1/s]; an arm without jerk limits may reach its acceleration in 10 ms
 
 
@@ -298,7 +299,7 @@ class TorqueLimit(RowLimit):
     def _gentle(self) -> float:
         """The A + 2 V^2 up to which no torque exceeds its limit, wherever the arm is [rad/s^2]."""
         G, H = self.model.torque_bounds
-        return float(np.min((self.tau_max - G) / H))
+        return float(np.min((self.tau_max - G) / np.maximum(H, _NO_INERTIA)))
 
     def is_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
         if agitation(dq, state.dq_prev, T) < self._gentle:  # in a sixth of the time of what follows
