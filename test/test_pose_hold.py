@@ -116,16 +116,38 @@ def test_a_tip_that_limits_have_turned_comes_back():
     assert arm.turned(R) < np.radians(0.5)
 
 
-@pytest.mark.slow
-def test_a_stretched_arm_does_not_swing_when_a_turn_leads_the_held_position_out_of_reach():
+def stretched() -> Arm:
     arm = Arm()
     arm.steer(1.0, lambda _: np.array((0.1, 0.0, 0.1, 0.0, 0.0, 0.0)))
     arm.steer(4.0, lambda _: np.array((0.15, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    arm.steer(0.2, lambda _: np.zeros(6))
+    return arm
+
+
+def tilting(t: float) -> np.ndarray:
+    """Leads a stretched arm's held position out of reach."""
+    return np.array((0.0, 0.0, 0.0, 0.0, 0.3, 0.0))
+
+
+@pytest.mark.slow
+def test_a_stretched_arm_does_not_swing_where_its_position_cannot_be_held():
+    arm = stretched()
     _, R = arm.model.tip(arm.q)
-    references = arm.steer(3.0, lambda _: np.array((0.0, 0.0, 0.0, 0.0, 0.3, 0.0)))
+    references = arm.steer(3.0, tilting)
     elbow = [q[3] for q in references[len(references) // 2 :]]
     assert np.ptp(elbow) < 0.05  # [rad]; 0.26 where the position pulls
     assert arm.turned(R) > 0.7 * 0.3 * 3.0
+
+
+@pytest.mark.slow
+def test_a_position_that_could_not_be_held_comes_back_when_the_turn_is_reversed():
+    """In between the velocity is zero."""
+    arm = stretched()
+    x, _ = arm.model.tip(arm.q)
+    arm.steer(1.5, tilting)
+    assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) > 0.02
+    arm.steer(3.0, lambda t: -tilting(t))
+    assert np.linalg.norm(arm.model.tip(arm.q)[0] - x) < 1e-3
 
 
 @pytest.mark.parametrize('limits', [(), BOX])

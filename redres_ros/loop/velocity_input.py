@@ -223,9 +223,11 @@ class PoseHold:
         correction = np.zeros(6)
         for component, rows in _COMPONENTS.items():
             velocity = np.zeros(3)
-            is_held = is_open_loop and _asks(dx) and not _asks(dx[rows])
+            is_held = is_open_loop and not _asks(dx[rows])
             if not is_held:
                 self._targets.pop(component, None)
+            elif not _asks(dx):
+                pass  # a reversal passes through zero: what is held stays the same
             elif component not in self._targets:
                 pose = Pose(gain=_HOLDING_GAIN, frame=task.frame)
                 self._targets[component] = pose.with_initial_targets(state)
