@@ -168,7 +168,6 @@ def test_the_fake_robot_is_independent_of_what_it_tests():
         'errors',
         'parameter',
         'robots',
-        'vectors',
     }
 
 

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from redres_ros.errors import RangeError, RedresError, UnknownNameError
+from redres_ros.errors import ArrayError, RangeError, RedresError, UnknownNameError
 from redres_ros.fake_robot.environment import ContactForce, EnvironmentSettings, contact_forces
 from redres_ros.fake_robot.mujoco_arm import SERVO_GROUP, MujocoSettings, joint_range, servo_model
 from redres_ros.robots import Arm
-from redres_ros.vectors import finite_vector
 
 
 class IdealPlant:
@@ -31,7 +30,7 @@ class IdealPlant:
 
     def reset(self, q: np.ndarray) -> None:
         """Rest at q (n,) [rad]. Raises ArrayError."""
-        self._q = finite_vector(q, len(self.joint_names), 'q')
+        self._q = _finite_vector(q, len(self.joint_names), 'q')
         self._dq = np.zeros_like(self._q)
 
     @property
@@ -213,7 +212,7 @@ class MujocoPlant:
 
     def reset(self, q: np.ndarray) -> None:
         """Stand still at q (n,) [rad]. Raises ArrayError, or RangeError outside the limits."""
-        q = finite_vector(q, self._model.nq, 'q')
+        q = _finite_vector(q, self._model.nq, 'q')
         for name, value, lower, upper in zip(
             self.joint_names, q, *joint_range(self._model, np.inf), strict=True
         ):
@@ -254,3 +253,10 @@ def _whole_steps(period: float, step: float) -> int:
             f'whole number of plant steps of {1e3 * step:g} ms'
         )
     return steps
+
+
+def _finite_vector(value: np.ndarray, n: int, name: str) -> np.ndarray:
+    vector = np.array(value, dtype=np.float64)
+    if vector.shape != (n,) or not np.isfinite(vector).all():
+        raise ArrayError(f'{name} is {vector.tolist()}; expected {n} finite values')
+    return vector
