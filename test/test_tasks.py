@@ -182,7 +182,7 @@ NO_PARAMETERS = 'expected parameters below the names of nodes'
         ('quaternions', [[0, 0, 0, float('nan')]], 'expected rows of finite numbers'),
         ('nodes', [1], NO_PARAMETERS),
         ('nodes', {'sim': 3}, NO_PARAMETERS),
-        ('nodes', {'robot': {}}, 'no node; allowed: sim, controller, planner'),
+        ('nodes', {'robot': {}}, 'is not a node; allowed: sim, controller, planner'),
         ('events', 5, 'events is 5; expected a list'),
         ('events', [{'at': 1.0}], 'expected at [s], node, and parameters'),
         ('events', [{'at': 'x', 'node': 'sim', 'a': 1}], 'at is'),
