@@ -7,9 +7,9 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, sever
 
 # Of a row for the path of a braking arm, beside a velocity damper, where not all can be kept: what
 # cannot be braked any more comes first.
-_WEIGHT = 100.0
+_WEIGHT = 1000.0
 _BEND = 1.0 / 16.0  # of the lever, for a path of 1 rad; it grows with the square
-_EDGE = 0.1  # of an interval, at its ends, where nothing is looked for
+_EDGE = 0.25  # of an interval, at its ends, where nothing is looked for
 
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]

@@ -157,9 +157,9 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
         velocity damper C dq <= rate (d - d_s), with C in the middle of the tick, q + T dq_prev / 2:
         a fast arm leaves the tangent of its path at q. And d >= d_s while the joints brake by A
-        from the next tick on: where they come to rest, and where a pair is nearest before. They
-        come to rest one after the other, so that an arm may pass a wall and turn back. To first
-        order in dq, about the velocity v of braking already in this tick,
+        from the next tick on: after this tick, where they come to rest, and where a pair is nearest
+        between. They come to rest one after the other, so that an arm may pass a wall and turn
+        back. To first order in dq, about the velocity v of braking already in this tick,
 
             C S (dq - v) <= d(q + s(v)) - d_s - b,
 
@@ -187,7 +187,8 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 
     def _nearest_places(self, state: ReferenceState, T: float, now: Near) -> Iterator[_Place]:
-        """Where the joints come to rest if they brake, and where a pair is nearest before.
+        """Where the joints come to rest if they brake, after this tick, and where a pair is nearest
+        between.
 
         Args:
             state: Of the reference at this tick.
@@ -199,6 +200,8 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             return
         rest = self._braked(state, T, np.inf)
         yield rest
+        if rest.ticks > 1.0:
+            yield self._braked(state, T, 1.0)
         braking = (rest.v, rest.slope, self.A, T, state.gap, self.lever)
         start = rest._replace(q=state.q, ticks=0.0, near=now)
         parts = [(start, rest)]
