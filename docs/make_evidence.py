@@ -283,7 +283,8 @@ def draw(results: Sequence[Result]) -> Figure:
         ax.grid(alpha=0.3)
     axes[0, 2].tick_params(labelbottom=True)  # nothing is drawn below it
     axes.flat[-1].axis('off')
-    axes.flat[-1].legend(*axes.flat[0].get_legend_handles_labels(), loc='center')
+    entries = axes.flat[0].get_legend_handles_labels()
+    axes.flat[-1].legend(*entries, loc='center', markerscale=3)
     figure.supxlabel('smallest singular value along the path / reach, under minimum_velocity')
     figure.supylabel(f'peak acceleration / that of {FIRST}')
     return figure
@@ -302,11 +303,11 @@ def _draw_law(
         colour: Of the law.
     """
     for found, style in (
-        (free, {'marker': '.', 'color': colour, 'label': 'without limits'}),
-        (limited, {'marker': 'x', 'color': '0.35', 'label': 'with limits'}),
+        (free, {'marker': '.', 'ms': 2, 'color': colour, 'label': 'without limits'}),
+        (limited, {'marker': 'x', 'ms': 2, 'mew': 0.4, 'color': '0.35', 'label': 'with limits'}),
     ):
         x = [near[_task(first)] for _, first in _both(found)]
-        ax.loglog(x, ratios(found, PEAK), ls='', ms=3, alpha=0.6, **style)
+        ax.loglog(x, ratios(found, PEAK), ls='', alpha=0.5, **style)
     ax.axhline(1.0, color='0.2', lw=0.8)
     ax.set(xlim=(1e-4, 1.0), ylim=(1e-2, 1e6))
 
