@@ -25,17 +25,9 @@ def _shapes(size: int, description: str) -> Any:
 
 
 class _Walls(NamedTuple):
-    """All walls, by kind.
+    """All walls: their names, and the arrays that kernels/walls.py describes, in its order.
 
-    Args:
-        names: In the order of the kinds below.
-        normals: Of half-spaces and of the faces of boxes to stay in, (h, 3); they point outwards.
-        offsets: n' x <= offset is allowed, (h,) [m].
-        lower: Least x, y, z of boxes to stay out of, (b, 3) [m].
-        upper: Largest, (b, 3) [m].
-        centres: Of spheres, (s, 3) [m].
-        radii: (s,) [m].
-        sides: 1 for a sphere to stay in, -1 for one to stay out of, (s,).
+    The faces of boxes to stay in are half-spaces.
     """
 
     names: tuple[str, ...]
