@@ -15,10 +15,12 @@ from numba import boolean, float64, int64
 
 from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, part, several, vector
 
-# The rows of Search.ends: of a limit, and what a row of a level is to come to.
+# The rows of Search.figures: of a limit, and what a row of a level is to come to.
 _LOWER = 0
 _UPPER = 1
 _WANTED = 2
+_LENGTH = 3  # of a limit's row, before it became a unit vector
+_LEAST = 4  # a row depends on the basis if less of it is orthogonal to that
 
 # The rows of Search.marks.
 _STATE = 0  # of each row, one of the four below
@@ -54,15 +56,16 @@ _LESS = -1  # less of it
 
 
 class _Search(NamedTuple):
-    """A point, its limits, and the rows along which it may not move."""
+    """A point, its limits, and the rows along which it may not move.
+
+    In as few arrays as possible: of each one numba counts the references, wherever it is used.
+    """
 
     z: np.ndarray  # (d,)
     p: np.ndarray  # (d,) its next step
     largest: np.ndarray  # (d,) that |z| has been; its rounding stays when z comes to zero
     rows: np.ndarray  # (K, d) of limits, of unit length; of tasks; of slack variables or the law
-    ends: np.ndarray  # (3, K), lower <= rows z <= upper for limits, what levels want of rows z
-    length: np.ndarray  # (K,) of limits, before they became unit vectors
-    least: np.ndarray  # (K,) a row depends on the basis if less of it is orthogonal to that
+    figures: np.ndarray  # (5, K), lower <= rows z <= upper for limits, what levels want of rows z
     Q: np.ndarray  # (d, d) orthonormal rows; behind the basis there are those of the level
     R: np.ndarray  # (d, d) lower triangular: row k of the basis is sum_j R[k, j] Q[j]
     marks: np.ndarray  # (4, K + 3) of int64
@@ -75,6 +78,15 @@ def dot(A: np.ndarray, i: int, x: np.ndarray, d: int) -> float:
     total = 0.0
     for j in range(d):
         total += A[i, j] * x[j]
+    return total
+
+
+@inlined
+def dot_rows(A: np.ndarray, i: int, B: np.ndarray, k: int, d: int) -> float:
+    """As `dot` with row k of B (r, d): a view of the row would take longer than the product."""
+    total = 0.0
+    for j in range(d):
+        total += A[i, j] * B[k, j]
     return total
 
 
@@ -96,25 +108,24 @@ def append(Q: np.ndarray, R: np.ndarray, k: int, rows: np.ndarray, i: int, d: in
     Returns:
         The length of what is orthogonal to the rows before.
     """
-    row = Q[k]
     for c in range(d):
-        row[c] = rows[i, c]
+        Q[k, c] = rows[i, c]
     for j in range(k):
         R[k, j] = 0.0
-    before = dot(Q, k, row, d)
+    before = dot_rows(Q, k, Q, k, d)
     square = before
     for _ in range(2):  # Gram-Schmidt, and once more where rounding may have left something
         for j in range(k):
-            along = dot(Q, j, row, d)
+            along = dot_rows(Q, j, Q, k, d)
             R[k, j] += along
             for c in range(d):
-                row[c] -= along * Q[j, c]
-        square = dot(Q, k, row, d)
+                Q[k, c] -= along * Q[j, c]
+        square = dot_rows(Q, k, Q, k, d)
         if square > _MUCH * before:
             break
     R[k, k] = np.sqrt(square)
     for c in range(d):
-        row[c] /= R[k, k]
+        Q[k, c] /= R[k, k]
     return float(R[k, k])
 
 
@@ -137,7 +148,7 @@ def build_basis(search: _Search) -> None:
     A held limit that those keep in its place already is set free.
     """
     rows = search.rows
-    least = search.least
+    figures = search.figures
     Q = search.Q
     R = search.R
     marks = search.marks
@@ -147,7 +158,7 @@ def build_basis(search: _Search) -> None:
         for i in range(len(rows)):
             if marks[_STATE, i] != state:
                 continue
-            if count < d and append(Q, R, count, rows, i, d) > least[i]:
+            if count < d and append(Q, R, count, rows, i, d) > figures[_LEAST, i]:
                 marks[_BEHIND, count] = i
                 count += 1
             elif state == _HELD:
@@ -167,7 +178,7 @@ def hold(search: _Search, i: int, towards: float) -> None:
     marks = search.marks
     d = marks[_COUNT, _VARIABLES]
     k = marks[_COUNT, _BASIS]
-    if k < d and append(Q, R, k, rows, i, d) > search.least[i]:
+    if k < d and append(Q, R, k, rows, i, d) > search.figures[_LEAST, i]:
         marks[_COUNT, _BASIS] = k + 1
         marks[_BEHIND, k] = i
         marks[_STATE, i] = _HELD
@@ -186,8 +197,7 @@ def step(search: _Search, begin: int, end: int) -> None:
     z = search.z
     p = search.p
     rows = search.rows
-    ends = search.ends
-    least = search.least
+    figures = search.figures
     Q = search.Q
     R = search.R
     marks = search.marks
@@ -196,24 +206,25 @@ def step(search: _Search, begin: int, end: int) -> None:
     m = end - begin
     square = 0.0
     for i in range(begin, end):
-        square = max(square, dot(rows, i, rows[i], d))
+        square = max(square, dot_rows(rows, i, rows, i, d))
     rank = 0
     for i in range(begin, end):
         k = count + rank
-        least[i] = _RANK * np.sqrt(square)
-        if k < d and append(Q, R, k, rows, i, d) > least[i]:
+        figures[_LEAST, i] = _RANK * np.sqrt(square)
+        if k < d and append(Q, R, k, rows, i, d) > figures[_LEAST, i]:
             marks[_BEHIND, k] = i
             rank += 1
     marks[_COUNT, _BEYOND] = count + rank
     # p = V' t with the orthonormal rows V from `count` on: |B t - rest| is least, B = A V'.
-    Y = np.zeros((rank, m))  # B'
-    U = np.zeros((rank, rank))
-    rest = np.zeros(m)
+    space = np.zeros((2 * rank + 2, m))  # one array takes less time than four
+    Y = space[:rank]  # B'
+    U = space[rank : 2 * rank]
+    rest = space[2 * rank]
+    t = space[2 * rank + 1]
     for i in range(m):
-        rest[i] = ends[_WANTED, begin + i] - dot(rows, begin + i, z, d)
+        rest[i] = figures[_WANTED, begin + i] - dot(rows, begin + i, z, d)
         for k in range(rank):
-            Y[k, i] = dot(rows, begin + i, Q[count + k], d)
-    t = np.zeros(rank)
+            Y[k, i] = dot_rows(rows, begin + i, Q, count + k, d)
     for k in range(rank):
         append(Y, U, k, Y, k, m)
         t[k] = dot(Y, k, rest, m)
@@ -232,7 +243,7 @@ def _step_across(search: _Search, begin: int) -> None:
     d = search.marks[_COUNT, _VARIABLES]
     before = 0.0
     for j in range(d):
-        p[j] = search.ends[_WANTED, begin + j] - search.z[j] if j < search.n else 0.0
+        p[j] = search.figures[_WANTED, begin + j] - search.z[j] if j < search.n else 0.0
         before += p[j] ** 2
     for _ in range(2):  # once more, for rounding
         for k in range(search.marks[_COUNT, _BASIS]):
@@ -291,7 +302,7 @@ def _advance(search: _Search) -> tuple[int, float]:
     z = search.z
     p = search.p
     rows = search.rows
-    ends = search.ends
+    figures = search.figures
     d = search.marks[_COUNT, _VARIABLES]
     largest = 0.0
     for j in range(d):
@@ -309,7 +320,7 @@ def _advance(search: _Search) -> tuple[int, float]:
             slope += rows[i, j] * p[j]
             value += rows[i, j] * z[j]
             noise += abs(rows[i, j] * z[j])
-        margin = ends[_UPPER, i] - value if slope > 0.0 else value - ends[_LOWER, i]
+        margin = figures[_UPPER, i] - value if slope > 0.0 else value - figures[_LOWER, i]
         speed = abs(slope)
         if speed <= 10.0 * _DEPENDENT * largest or speed <= margin + ROUNDING * noise:
             continue
@@ -333,13 +344,15 @@ def fill_forces(search: _Search, begin: int, end: int, force: np.ndarray) -> flo
     z = search.z
     rows = search.rows
     d = search.marks[_COUNT, _VARIABLES]
-    g = np.zeros(d)
+    g = search.p  # the step has been made
+    for j in range(d):
+        g[j] = 0.0
     fastest = 0.0
     for j in range(search.n):
         fastest = max(fastest, search.largest[j])
     largest = 0.0
     for i in range(begin, end):
-        rest = -search.ends[_WANTED, i]
+        rest = -search.figures[_WANTED, i]
         size = abs(rest)
         for j in range(d):
             rest += rows[i, j] * z[j]
@@ -424,8 +437,8 @@ def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
         for j in range(slack):
             value += rows[i, j] * z[j]
             noise += abs(rows[i, j] * z[j])
-        above = value - search.ends[_UPPER, i]
-        below = search.ends[_LOWER, i] - value
+        above = value - search.figures[_UPPER, i]
+        below = search.figures[_LOWER, i] - value
         marks[_STATE, i] = _FREE
         if max(above, below) > ROUNDING * noise:
             z[slack + r] = above if above > below else -below
@@ -436,7 +449,7 @@ def _open_slack(search: _Search, begin: int, count: int, level: int) -> bool:
         marks[_COUNT, _VARIABLES] = slack + count
         for r in range(count):
             rows[begin + r, slack + r] = -1.0
-            rows[level + r, slack + r] = search.length[begin + r]
+            rows[level + r, slack + r] = search.figures[_LENGTH, begin + r]
         build_basis(search)
     return is_exceeded
 
@@ -450,18 +463,18 @@ def _close_slack(search: _Search, begin: int, count: int) -> float:
     """
     z = search.z
     rows = search.rows
-    ends = search.ends
+    figures = search.figures
     slack = search.n + 1
     search.marks[_COUNT, _VARIABLES] = slack
     square = 0.0
     for r in range(count):
         i = begin + r
-        square += (search.length[i] * z[slack + r]) ** 2
+        square += (search.figures[_LENGTH, i] * z[slack + r]) ** 2
         z[slack + r] = 0.0
         rows[i, slack + r] = 0.0
         value = dot(rows, i, z, slack)
-        ends[_UPPER, i] = max(ends[_UPPER, i], value)
-        ends[_LOWER, i] = min(ends[_LOWER, i], value)
+        figures[_UPPER, i] = max(figures[_UPPER, i], value)
+        figures[_LOWER, i] = min(figures[_LOWER, i], value)
     build_basis(search)
     return square
 
@@ -492,30 +505,29 @@ def _begin_at(
     d = n + 1 + most
     limits = n + 1 + len(C)
     K = limits + len(J) + max(n, most)
-    vectors = np.zeros((3, d))
+    space = np.zeros((3 + K + 2 * d, d))  # one array takes less time than six
     search = _Search(
-        vectors[0],
-        vectors[1],
-        vectors[2],
-        np.zeros((K, d)),
-        np.zeros((_WANTED + 1, K)),
-        np.zeros(K),
-        np.full(K, _DEPENDENT),
-        np.zeros((d, d)),
-        np.zeros((d, d)),
+        space[0],
+        space[1],
+        space[2],
+        space[3 : 3 + K],
+        np.zeros((_LEAST + 1, K)),
+        space[3 + K : 3 + K + d],
+        space[3 + K + d :],
         np.full((_COUNT + 1, K + 3), _LATER),
         n,
     )
     z = search.z
     rows = search.rows
-    ends = search.ends
+    figures = search.figures
+    figures[_LEAST] = _DEPENDENT
     marks = search.marks
     for i in range(n):
         rows[i, i] = 1.0
         lower = box[0, i]
         upper = box[1, i]
-        ends[_LOWER, i] = lower
-        ends[_UPPER, i] = upper
+        figures[_LOWER, i] = lower
+        figures[_UPPER, i] = upper
         z[i] = min(max(dq_free[i], lower), upper)
         towards = dq_free[i] - z[i]
         marks[_STATE, i] = _FREE
@@ -532,8 +544,8 @@ def _begin_at(
         marks[_SIDE, i] = 1 if towards > 0.0 else -1
     z[n] = 1.0
     rows[n, n] = 1.0  # 0 <= s <= 1
-    ends[_UPPER, n] = 1.0
-    ends[_WANTED, n] = 1.0
+    figures[_UPPER, n] = 1.0
+    figures[_WANTED, n] = 1.0
     marks[_STATE, n] = _FREE if held[n] == _LESS else _HELD
     marks[_SIDE, n] = 1
     for r in range(len(C)):
@@ -541,18 +553,18 @@ def _begin_at(
         square = 0.0
         for j in range(n):
             square += C[r, j] ** 2
-        search.length[i] = np.sqrt(square) if square > 0.0 else 1.0
+        figures[_LENGTH, i] = np.sqrt(square) if square > 0.0 else 1.0
         for j in range(n):
-            rows[i, j] = C[r, j] / search.length[i]
-        ends[_LOWER, i] = low[r] / search.length[i]
-        ends[_UPPER, i] = high[r] / search.length[i]
+            rows[i, j] = C[r, j] / figures[_LENGTH, i]
+        figures[_LOWER, i] = low[r] / figures[_LENGTH, i]
+        figures[_UPPER, i] = high[r] / figures[_LENGTH, i]
     for r in range(len(J)):  # J dq - s dx = 0 of the first task, J dq = dx of others
         for j in range(n):
             rows[limits + r, j] = J[r, j]
         if r < first:
             rows[limits + r, n] = -dx[r]
         else:
-            ends[_WANTED, limits + r] = dx[r]
+            figures[_WANTED, limits + r] = dx[r]
     for j in range(n + 1):
         search.largest[j] = abs(z[j])
     marks[_COUNT, _VARIABLES] = n + 1
@@ -671,7 +683,9 @@ def hierarchical_qp(
         elif level == law:
             begin = last
             end = last + n
-            _ask_for_law(W, is_factor, dq_free, search.rows[begin:], search.ends[_WANTED, begin:])
+            _ask_for_law(
+                W, is_factor, dq_free, search.rows[begin:], search.figures[_WANTED, begin:]
+            )
         else:
             begin = following
             following += tasks[max(level - share, 0)]
@@ -692,7 +706,7 @@ def hierarchical_qp(
     _leave_behind(search, held)
     total = error + excess + z[n]
     for i in range(n):
-        total += search.ends[_WANTED, last + i] + z[i]
+        total += search.figures[_WANTED, last + i] + z[i]
     if not np.isfinite(total):  # as the input was
         z[:] = 0.0
         held[:] = 0
