@@ -12,7 +12,7 @@ import numpy as np
 
 from redres_ros.command import Command
 from redres_ros.errors import DivergedError, RangeError, RedresError
-from redres_ros.kernels.tick import are_usable, integrate
+from redres_ros.kernels.tick import are_usable, differentiate, integrate
 from redres_ros.laws import Law
 from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Motion, Policy, advanced, make_policy
@@ -372,7 +372,10 @@ class Controller:
         self._q_ref = q_ref
         self._dq_prev = dq
         self._ddq_prev = ddq
-        self.dq = dq if start is before[0] else (q_ref - before[0]) / self.T
+        self.dq = dq
+        if start is not before[0]:
+            self.dq = np.empty(self.model.n)
+            differentiate(q_ref, before[0], self.T, self.dq)
         self._motion = motion.after(solution) if isinstance(motion, Crossfade) else motion
         self._has_open_targets = False
         if self._begins_anew and not dq.any():

@@ -43,10 +43,10 @@ def agitation(dq: np.ndarray, dq_prev: np.ndarray, T: float) -> float:
 
 @direct
 @compiled((vector(), vector(), float64, float64[::1]))
-def accelerate(dq: np.ndarray, dq_prev: np.ndarray, T: float, ddq: np.ndarray) -> None:
-    """Write (dq - dq_prev) / T, Eq. (13), into ddq: in a third of the time that numpy takes."""
-    for i in range(len(dq)):
-        ddq[i] = (dq[i] - dq_prev[i]) / T
+def differentiate(x: np.ndarray, x_prev: np.ndarray, T: float, dx: np.ndarray) -> None:
+    """Write (x - x_prev) / T, as of Eq. (13), into dx: in a third of the time that numpy takes."""
+    for i in range(len(x)):
+        dx[i] = (x[i] - x_prev[i]) / T
 
 
 @direct

@@ -10,7 +10,7 @@ import numpy as np
 from redres_ros.constrained import Box, Rows
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes, within
-from redres_ros.kernels.tick import accelerate, agitation
+from redres_ros.kernels.tick import agitation, differentiate
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.parameter import param
 
@@ -305,6 +305,6 @@ class TorqueLimit(RowLimit):
         if agitation(dq, state.dq_prev, T) < self._gentle:  # in a sixth of the time of what follows
             return True
         ddq = np.empty(len(dq))
-        accelerate(dq, state.dq_prev, T, ddq)  # Eq. (13)
+        differentiate(dq, state.dq_prev, T, ddq)  # Eq. (13)
         tau = self.model.torque(state.q, state.dq_prev, ddq)  # Eq. (6), without M or n
         return bool(within(tau, self._tau_min, self.tau_max))
