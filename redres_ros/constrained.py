@@ -24,6 +24,7 @@ import numpy as np
 from redres_ros.kernels.active_set import hierarchical_qp
 from redres_ros.kernels.closed_form import FACTOR, SQUARE
 from redres_ros.resolution import Level, Weight, as_array, stacked
+from redres_ros.vectors import FLOAT64
 
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
@@ -74,15 +75,17 @@ def solve_constrained(
     is_factor = form in (FACTOR, SQUARE)  # a SQUARE is symmetric: W = M'M
     if active_set is None:
         active_set = np.zeros(n + 1, np.int64)
+    if not J.dtype is dx.dtype is weight.dtype is FLOAT64:  # these are users'
+        J, dx, weight = (np.asarray(each, FLOAT64) for each in (J, dx, weight))
     dq = np.empty(n)
     figures = hierarchical_qp(
         dq_free,
-        np.asarray(weight, np.float64),  # these are users'
+        weight,
         is_factor,
-        np.asarray(J, np.float64),
-        np.asarray(dx, np.float64),
+        J,
+        dx,
         sizes,
-        np.asarray(box, np.float64),
+        np.asarray(box, FLOAT64),
         C,
         low,
         high,

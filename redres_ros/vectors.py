@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.errors import ArrayError, quoted
 
-_FLOAT64 = np.dtype(np.float64)
+FLOAT64 = np.dtype(np.float64)
 
 
 def finite_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
@@ -39,7 +39,7 @@ def as_vector(values: np.ndarray, size: int, name: str) -> np.ndarray:
     Raises:
         ArrayError: Another shape, or no numbers.
     """
-    if type(values) is not np.ndarray or values.dtype is not _FLOAT64:
+    if type(values) is not np.ndarray or values.dtype is not FLOAT64:
         values = _as_floats(values, size, name)
     if values.shape != (size,):
         raise ArrayError(f'{name} has shape {values.shape}; expected ({size},)')
