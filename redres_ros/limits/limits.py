@@ -200,9 +200,7 @@ class Limits:
             T: Sampling time [s].
         """
         kept, is_inside = self._fill_boxes(dq, state, T)
-        if is_inside and not self.row_limits:
-            return None
-        if is_inside and all(limit.is_kept(dq, state, T) for limit in self.row_limits):
+        if is_inside and self._are_rows_kept(dq, state, T):
             return None
         bounds = self._bounds(state, T, kept)
         return None if is_inside and bounds.allow(dq) else bounds
@@ -238,6 +236,13 @@ class Limits:
         )
         slowest[np.abs(slowest) < _AT_REST] = 0.0
         return np.clip(_between(dq, slowest, v), *box)
+
+    def _are_rows_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        """Whether a velocity keeps all limits that are rows, as far as they can say it quickly."""
+        for limit in self.row_limits:  # noqa: SIM110 (a generator takes as long as what it asks)
+            if not limit.is_kept(dq, state, T):
+                return False
+        return True
 
     def _bounds(self, state: ReferenceState, T: float, kept: bool) -> Bounds:
         rows = [limit.rows(state, T) for limit in self.row_limits]
