@@ -16,8 +16,8 @@ law by name; the numerical work is done in kernels/active_set.py.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,8 @@ Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
 
 
-class Constrained(NamedTuple):
+@dataclass(slots=True)  # made in every tick in which limits act
+class Constrained:
     """A joint velocity that keeps the box, and the violations of the lower levels."""
 
     dq: np.ndarray  # (n,) [rad/s]
@@ -69,7 +70,7 @@ def solve_constrained(
     """
     n = len(dq_free)
     J, dx = stacked(tasks, n)
-    sizes = _sizes(*[len(dx) for _, dx in tasks])
+    sizes = _sizes(len(dx)) if len(tasks) == 1 else _sizes(*[len(dx) for _, dx in tasks])
     C, low, high, groups = _stacked_rows(rows, n)
     weight, form = as_array(W)
     is_factor = form in (FACTOR, SQUARE)  # a SQUARE is symmetric: W = M'M

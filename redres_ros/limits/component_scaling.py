@@ -23,6 +23,7 @@ The factors a_i are variables beside dq, so that solve_constrained() does the wo
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -81,7 +82,7 @@ def solve_components(
     lengths = _lengths(components)
     is_whole = is_exact and whole.s >= 1.0
     if is_whole or not lengths.any() or not np.isfinite(whole.error):
-        return whole._replace(component_scaling=(whole.s,) * len(sizes))
+        return replace(whole, component_scaling=(whole.s,) * len(sizes))
     problem = _WithFactors(dq_free, W, tasks[1:], box, rows, len(sizes))
     factors = np.full(len(sizes), whole.s if is_exact else 0.0)
     if is_exact and np.count_nonzero(lengths) > 1:
@@ -97,7 +98,7 @@ def solve_components(
             dq = dq + weight * (_alone(problem, steady, components, order, dq) - dq)
     solved = whole.solved and executed.solved
     scaling = tuple(_fractions(components, dq).tolist())
-    return whole._replace(dq=dq, solved=solved, component_scaling=scaling)
+    return replace(whole, dq=dq, solved=solved, component_scaling=scaling)
 
 
 def _alone(
