@@ -12,7 +12,6 @@ from nightly import by_day
 
 from redres_ros import Command, Controller, RobotModel, RobotState, make_law
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.distances import FLOOR
 from redres_ros.limits import make_limits
 from redres_ros.limits.clearance import CollisionLimit
 from redres_ros.robots import ARMS, Arm
@@ -20,6 +19,7 @@ from redres_ros.robots.urdf import Urdf
 
 T = 0.002  # [s]
 BOX = ('position', 'velocity', 'acceleration')
+FLOOR = -1  # the number of the first wall
 BALLS = (0.5, 0.2, 0.4, 0.1, -0.5, 0.0, 0.3, 0.05)
 CLEARANCE = 0.02  # [m], the default
 ABOUT = 1e-9  # [m], rounding

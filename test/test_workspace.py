@@ -56,9 +56,10 @@ def test_distances_are_those_of_the_definition_for_each_point(name):
         q = middle_of(model) + random.uniform(-1.0, 1.0, model.n)
         _, distance, who = limit.approaches(q, FARTHEST)
         points = (model.tip(q)[0], model.position(q, model.elbow_frame))
-        expected = [expected_distances(x) for x in points]
-        assert distance == pytest.approx(np.ravel(expected), abs=1e-12)
-        assert who[-1].tolist() == [1, len(expected[0]) - 1]
+        expected = np.array([expected_distances(x) for x in points])
+        point, wall = who.T
+        assert distance == pytest.approx(expected[point, -1 - wall], abs=1e-12)
+        assert name == 'planar4r' or len(who) == expected.size  # no joint of that leads up or down
 
 
 def test_rows_are_the_speeds_at_which_distances_become_smaller():
@@ -165,6 +166,85 @@ def test_a_wall_that_a_braking_arm_passes_and_leaves_again_is_seen(name):
         braking = np.sign(dq) * np.maximum(np.abs(dq) - step, 0.0)
         assert (C @ braking > high).any()
     assert passed > 5
+
+
+def least_of_every_tick(limit: WorkspaceLimit, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """The least distance of each pair on the path of joints that move by dq and then brake."""
+    q = q + T * dq
+    found = [limit.approaches(q, FARTHEST)]
+    while dq.any():
+        dq = np.sign(dq) * np.maximum(np.abs(dq) - T * limit.A, 0.0)
+        q = q + T * dq
+        found.append(limit.approaches(q, FARTHEST))
+    return np.min([distance for _, distance, _ in found], axis=0)
+
+
+@pytest.mark.parametrize('name', ['lwr4', 'gen3'])
+def test_a_velocity_can_be_kept_if_braking_after_it_passes_no_wall_in_any_tick(name):
+    model = RobotModel.named(name)
+    random = np.random.default_rng(4)
+    verdicts = []
+    for _ in range(60):
+        q = middle_of(model) + random.uniform(-0.5, 0.5, model.n)
+        dq_prev, dq = random.uniform(-0.3, 0.3, (2, model.n)) * model.dq_max
+        x, _ = model.tip(q)
+        low, high = random.uniform(0.01, 0.15, (2, 3))
+        walls = {
+            'inside_boxes': (*(x - low), *(x + high)),
+            'outside_spheres': (*(x + random.uniform(0.05, 0.1, 3)), 0.04),
+        }
+        limit = WorkspaceLimit(model, points='tip,elbow', **walls)
+        braking = np.sign(dq_prev) * np.maximum(np.abs(dq_prev) - T * limit.A, 0.0)
+        allowed = np.minimum(least_of_every_tick(limit, q, braking), 0.0)
+        expected = bool((least_of_every_tick(limit, q, dq) >= allowed).all())
+        assert limit.can_be_kept(dq, model.state(q, dq_prev), T) is expected
+        verdicts.append(expected)
+    assert 5 < sum(verdicts) < 55
+
+
+def random_walls(model: RobotModel, x: np.ndarray, random: np.random.Generator) -> dict:
+    """Walls of each kind around a point that none of them excludes."""
+    normals = random.normal(size=(3, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    away = random.uniform(0.08, 0.15, (4, 3))
+    sides = np.sign(random.normal(size=(4, 3)))
+    sizes = random.uniform(0.01, 0.07, (4, 3))
+    centres = x + sides * away
+    return {
+        'half_spaces': tuple(
+            np.hstack((normals, normals @ x[:, None] + random.uniform(0.005, 0.03, (3, 1)))).ravel()
+        ),
+        'outside_boxes': tuple(np.hstack((centres - sizes, centres + sizes))[:2].ravel()),
+        'outside_spheres': tuple(np.hstack((centres, sizes[:, :1]))[2:].ravel()),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('name', 'scale', 'seed'), by_day(4, product(['planar4r', 'lwr4', 'gen3'], [1.0, 0.2], [0, 1]))
+)
+def test_several_walls_are_kept_while_joints_come_to_rest_one_after_the_other(name, scale, seed):
+    """With low accelerations the way to rest is long, and passes several walls."""
+    model = RobotModel.named(name)
+    random = np.random.default_rng(seed)
+    q = middle_of(model)
+    walls = random_walls(model, model.tip(q)[0], random)
+    limit = WorkspaceLimit(model, scale=scale, acceleration_is_limited=True, **walls)
+    controller = Controller(
+        model,
+        'minimum_velocity',
+        T,
+        limits=('position', 'velocity', 'acceleration', limit),
+        limit_scale=scale,
+        scaling='components',
+    )
+    nearest = []
+    for k in range(4000):
+        if k % 1000 == 0:
+            dx = random.uniform(-1.0, 1.0, 3)
+        q = controller.update(q, dx).q_ref
+        nearest.append(limit.approaches(q, FARTHEST)[1].min())
+    assert -1e-9 < min(nearest) < 0.02  # [m]
 
 
 @pytest.mark.slow

@@ -8,8 +8,6 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, sever
 # Of a row for the path of a braking arm, beside a velocity damper, where not all can be kept: what
 # cannot be braked any more comes first.
 _WEIGHT = 1000.0
-_BEND = 1.0 / 16.0  # of the lever, for a path of 1 rad; it grows with the square
-_EDGE = 0.25  # of an interval, at its ends, where nothing is looked for
 
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]
@@ -76,114 +74,24 @@ def brake(
 
 
 @direct
-@compiled(float64(vector(), float64, vector(), float64))
-def farthest_path(dq_prev: np.ndarray, gap: float, A: np.ndarray, T: float) -> float:
-    """The sum of how far each joint may move, at most, if it brakes after this tick [rad].
+@compiled(float64(vector(), float64, vector(), float64, vector()))
+def farthest_path(
+    dq_prev: np.ndarray, gap: float, A: np.ndarray, T: float, levers: np.ndarray
+) -> float:
+    """How far any point may move, at most, if the joints brake after this tick [m].
 
     Args:
         dq_prev: (n,) [rad/s].
         gap: Cycles between two commands.
         A: (n,) [rad/s^2].
         T: Sampling time [s].
+        levers: How far a radian of each joint moves any point, at most, (n,) [m].
     """
-    paths = 0.0
+    path = 0.0
     for i in range(len(A)):
         fastest = abs(dq_prev[i]) + A[i] * T
-        paths += gap * (fastest + A[i] * T) ** 2 / (2.0 * A[i])
-    return paths
-
-
-@compiled(
-    several(float64, float64)(
-        *(vector(), matrix(), vector(), matrix(int64), float64),
-        *(vector(), matrix(), vector(), matrix(int64), float64),
-        *(vector(), vector(), vector(), float64, float64, float64),
-    )
-)
-def nearest_between(
-    q: np.ndarray,
-    C: np.ndarray,
-    distance: np.ndarray,
-    who: np.ndarray,
-    ticks: float,
-    q_late: np.ndarray,
-    C_late: np.ndarray,
-    distance_late: np.ndarray,
-    who_late: np.ndarray,
-    ticks_late: float,
-    v: np.ndarray,
-    slope: np.ndarray,
-    A: np.ndarray,
-    T: float,
-    gap: float,
-    lever: float,
-) -> tuple[float, float]:
-    """The least distance that a pair may have between two ticks of a braking arm, and when.
-
-    It is that of the cubic through the distances and their rates at both ends, less what the path
-    may bend in between, as joints come to rest one after the other, and less how far the pair may
-    approach in this tick if it does not brake.
-
-    Args:
-        q: At the earlier tick, (n,) [rad].
-        C: (r, n), C dq is the speed of approach [m/s].
-        distance: (r,) [m].
-        who: (r, 2) approaches whom.
-        ticks: For how long the arm has braked.
-        q_late: (n,) [rad], at the later tick, and so are the next four.
-        C_late: (k, n).
-        distance_late: (k,) [m].
-        who_late: (k, 2).
-        ticks_late: For how long it has braked then.
-        v: (n,) as from `brake` [rad/s].
-        slope: (n,) as from `brake`, at rest [s].
-        A: (n,) [rad/s^2].
-        T: Sampling time [s].
-        gap: Cycles between two commands.
-        lever: How far a radian of any joint moves any point, at most [m].
-
-    Returns:
-        The distance [m], infinity if there is no tick between; and the tick.
-    """
-    least = np.inf
-    nearest = ticks
-    length = ticks_late - ticks
-    if length < 2.0:
-        return least, nearest
-    bend = 0.0
-    for joint in range(len(q)):
-        bend += _BEND * lever * (q_late[joint] - q[joint]) ** 2
-    for i in range(len(who)):
-        j = _index_of(who_late, i, who[i, 0], who[i, 1])
-        if j < 0:
-            continue
-        start = 0.0  # the slopes at both ends
-        end = 0.0
-        reach = 0.0
-        for joint in range(len(v)):
-            side = np.sign(v[joint]) * gap * T * length
-            speed = abs(v[joint])
-            loss = A[joint] * T
-            start -= C[i, joint] * side * max(speed - loss * (ticks - 0.5), 0.0)
-            end -= C_late[j, joint] * side * max(speed - loss * (ticks_late - 0.5), 0.0)
-            steepest = max(abs(C[i, joint]), abs(C_late[j, joint]))
-            reach += 2.0 * steepest * slope[joint] * loss
-        rise = distance_late[j] - distance[i]
-        square = 3.0 * rise - 2.0 * start - end
-        cube = start + end - 2.0 * rise
-        root = np.sqrt(max(square * square - 3.0 * cube * start, 0.0))
-        lowest = min(distance[i], distance_late[j])
-        at = 0.5
-        if square + root != 0.0:
-            x = -start / (square + root)
-            value = distance[i] + x * (start + x * (square + x * cube))
-            if 0.0 < x < 1.0 and value < lowest:
-                lowest = value
-                at = min(max(x, _EDGE), 1.0 - _EDGE)
-        if lowest - bend - reach < least:
-            least = lowest - bend - reach
-            nearest = min(max(np.round(ticks + at * length), ticks + 1.0), ticks_late - 1.0)
-    return least, nearest
+        path += levers[i] * gap * (fastest + A[i] * T) ** 2 / (2.0 * A[i])
+    return path
 
 
 @compiled(

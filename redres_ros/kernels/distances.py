@@ -1,7 +1,23 @@
-"""Distances of bodies, and how joint velocities change them, compiled.
+"""Distances of bodies and walls, and how joint velocities change them, compiled.
 
 A body is a capsule: all points within a radius of a line segment. Its distance to another one is
-that of their segments, less the radii; the closest points are where the segments are nearest.
+that of their segments, less the radii; the closest points are where the segments are nearest. A
+body that is to keep away from boxes and spheres of `walls` is a point: both ends are the same.
+
+The arrays that say what there is, the scene, are the last arguments of `approaches` and
+`least_on_path`:
+
+    before          (n, 4, 4) from the frame that a joint's parent moves to the joint's
+    axes            of the joints, (n, 3) unit vectors in the joint's frame
+    is_prismatic    (n,)
+    parents         index of the joint before each, (n,); BASE: there is none
+    moved_by        the last joint that moves each body, (B,); BASE for one that stands still
+    ends            of the bodies' axes, in the frame that this joint moves, (B, 2, 3) [m]
+    radius          of the bodies, (B,) [m]
+    pairs           what may collide, (P, 2): a body, and another one, or -1 - w for wall w
+    walls           (W, 7): a kind, and its figures: n and d of a half-space n' x <= d; least and
+                    largest x, y, z of a box to stay out of; centre, radius and side of a sphere,
+                    1 to stay in, -1 to stay out
 
 Everything is written in scalars: numba compiles one expression of arrays as long as a whole loop.
 """
@@ -11,11 +27,20 @@ from numba import boolean, float64, int64
 
 from redres_ros.kernels.compiled import compiled, part, several, vector
 
-FLOOR = -1  # in place of a second body
+BASE = -1  # in place of a joint's index
 
+HALF_SPACE = 0.0  # the kinds of walls
+BOX = 1.0
+SPHERE = 2.0
+
+_SHORTEST = 1e-12  # [m] of a vector that has a direction
 _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a part in
 
 _POINTS = float64[:, :, ::1]
+_SCENE = (
+    *(_POINTS, float64[:, ::1], boolean[::1], int64[::1]),
+    *(int64[::1], _POINTS, float64[::1], int64[:, ::1], float64[:, ::1]),
+)
 
 
 @part
@@ -77,6 +102,108 @@ def _nearest_points(points: np.ndarray, i: int, j: int, at: np.ndarray) -> None:
 
 
 @part
+def _to_box(x: np.ndarray, wall: np.ndarray, normal: np.ndarray) -> float:
+    """The distance of a point (3,) from a box [m], below zero inside.
+
+    Args:
+        x: [m].
+        wall: A row of `walls`.
+        normal: (3,) receives the direction in which it becomes smaller.
+    """
+    square = 0.0
+    for c in range(3):
+        normal[c] = min(max(x[c], wall[1 + c]), wall[4 + c]) - x[c]
+        square += normal[c] * normal[c]
+    if square > 0.0:
+        distance = np.sqrt(square)
+        for c in range(3):
+            normal[c] /= max(distance, _SHORTEST)
+        return float(distance)
+    face = 0  # the nearest: three lower ones, three upper ones
+    depth = np.inf
+    for k in range(6):
+        within = x[k % 3] - wall[1 + k] if k < 3 else wall[1 + k] - x[k % 3]
+        if within < depth:
+            depth = within
+            face = k
+    for c in range(3):
+        normal[c] = 0.0
+    normal[face % 3] = 1.0 if face < 3 else -1.0
+    return -depth
+
+
+@part
+def _to_wall(
+    points: np.ndarray, i: int, wall: np.ndarray, at: np.ndarray, normal: np.ndarray
+) -> float:
+    """The distance of a segment from a half-space, or of a point from any wall [m], positive on the
+    allowed side.
+
+    Args:
+        points: Ends of the segments, (B, 2, 3) [m].
+        i: Number of the segment.
+        wall: A row of `walls`.
+        at: (2, 3) receives its nearest point in at[0] [m].
+        normal: (3,) receives the direction in which the distance becomes smaller.
+    """
+    end = 0
+    if wall[0] == HALF_SPACE:
+        ahead = 0.0
+        for c in range(3):
+            normal[c] = wall[1 + c]
+            ahead += wall[1 + c] * (points[i, 1, c] - points[i, 0, c])
+        end = 1 if ahead > 0.0 else 0
+    for c in range(3):
+        at[0, c] = points[i, end, c]
+    if wall[0] == HALF_SPACE:
+        return float(wall[4] - normal[0] * at[0, 0] - normal[1] * at[0, 1] - normal[2] * at[0, 2])
+    if wall[0] == BOX:
+        return _to_box(at[0], wall, normal)
+    square = 0.0
+    for c in range(3):
+        normal[c] = at[0, c] - wall[1 + c]
+        square += normal[c] * normal[c]
+    length = np.sqrt(square)
+    for c in range(3):
+        normal[c] *= wall[5] / max(length, _SHORTEST)
+    return float(wall[5] * (wall[4] - length))
+
+
+@part
+def _distance(
+    points: np.ndarray,
+    radius: np.ndarray,
+    walls: np.ndarray,
+    i: int,
+    j: int,
+    at: np.ndarray,
+    normal: np.ndarray,
+) -> float:
+    """The distance of a pair [m].
+
+    Args:
+        points: Ends of the bodies' axes, (B, 2, 3) [m].
+        radius: (B,) [m].
+        walls: (W, 7).
+        i: Number of the body.
+        j: Number of the other one, or of a wall.
+        at: (2, 3) receives the nearest points [m]; that of a wall is not written.
+        normal: (3,) receives the direction from i to j; zeros where there is none.
+    """
+    if j < 0:
+        return _to_wall(points, i, walls[-1 - j], at, normal) - radius[i]
+    _nearest_points(points, i, j, at)
+    square = 0.0
+    for c in range(3):
+        normal[c] = at[1, c] - at[0, c]
+        square += normal[c] * normal[c]
+    length = np.sqrt(square)
+    for c in range(3):
+        normal[c] = normal[c] / length if square > _NOTHING else 0.0
+    return float(length - radius[i] - radius[j])
+
+
+@part
 def turn(R: np.ndarray, axis: np.ndarray, angle: float) -> None:
     """R (3, 3) becomes R times the rotation about a unit vector (3,) by an angle [rad]: Rodrigues'
     formula, for each row.
@@ -99,54 +226,55 @@ def place(
     before: np.ndarray,
     axes: np.ndarray,
     is_prismatic: np.ndarray,
+    parents: np.ndarray,
     moved_by: np.ndarray,
     ends: np.ndarray,
+    frames: np.ndarray,
     lines: np.ndarray,
     points: np.ndarray,
 ) -> None:
-    """Compute where joints and bodies are at q; the arguments are those of `approaches`.
+    """Compute where joints and bodies are at q (n,) [rad]; of the scene it has what moves.
 
     Args:
-        q: (n,) [rad].
-        before: (n, 4, 4).
-        axes: (n, 3).
-        is_prismatic: (n,).
-        moved_by: (B,).
-        ends: (B, 2, 3).
+        q: Joint positions.
+        before: As in the scene, and so are the next five.
+        axes: Of joints.
+        is_prismatic: Of joints.
+        parents: Of joints.
+        moved_by: Of bodies.
+        ends: Of bodies.
+        frames: (n + 1, 3, 4) receives the pose of the frame that each joint moves, last the base's.
         lines: (n, 2, 3) receives each joint's origin [m] and its axis, in the base frame.
         points: (B, 2, 3) receives the ends of the bodies' axes, in the base frame [m].
     """
     n = len(q)
-    H = np.zeros((3, 4))  # pose of the frame that the joints so far move
-    moved = np.empty((3, 4))
     for i in range(3):
-        H[i, i] = 1.0
-    for joints in range(n + 1):
-        if joints > 0:
-            k = joints - 1
-            for i in range(3):
-                for j in range(4):
-                    moved[i, j] = H[i, 3] if j == 3 else 0.0
-                    for c in range(3):
-                        moved[i, j] += H[i, c] * before[k, c, j]
-            for i in range(3):
-                lines[k, 0, i] = moved[i, 3]
-                lines[k, 1, i] = 0.0
+        for j in range(4):
+            frames[n, i, j] = 1.0 if i == j else 0.0
+    for k in range(n):
+        parent = frames[parents[k]]  # the base's is the last one, at BASE
+        H = frames[k]
+        for i in range(3):
+            for j in range(4):
+                H[i, j] = parent[i, 3] if j == 3 else 0.0
                 for c in range(3):
-                    lines[k, 1, i] += moved[i, c] * axes[k, c]
-                for j in range(4):
-                    H[i, j] = moved[i, j]
-                if is_prismatic[k]:
-                    H[i, 3] += q[k] * lines[k, 1, i]
-            if not is_prismatic[k]:
-                turn(H, axes[k], q[k])
-        for i in range(len(ends)):
-            if moved_by[i] == joints:
-                for end in range(2):
-                    for c in range(3):
-                        points[i, end, c] = H[c, 3]
-                        for j in range(3):
-                            points[i, end, c] += H[c, j] * ends[i, end, j]
+                    H[i, j] += parent[i, c] * before[k, c, j]
+        for i in range(3):
+            lines[k, 0, i] = H[i, 3]
+            lines[k, 1, i] = 0.0
+            for c in range(3):
+                lines[k, 1, i] += H[i, c] * axes[k, c]
+            if is_prismatic[k]:
+                H[i, 3] += q[k] * lines[k, 1, i]
+        if not is_prismatic[k]:
+            turn(H, axes[k], q[k])
+    for i in range(len(ends)):
+        H = frames[moved_by[i]]
+        for end in range(2):
+            for c in range(3):
+                points[i, end, c] = H[c, 3]
+                for j in range(3):
+                    points[i, end, c] += H[c, j] * ends[i, end, j]
 
 
 @part
@@ -154,12 +282,13 @@ def add_motion(
     row: np.ndarray,
     lines: np.ndarray,
     is_prismatic: np.ndarray,
-    joints: int,
+    parents: np.ndarray,
+    joint: int,
     normal: np.ndarray,
     p: np.ndarray,
     sign: float,
 ) -> None:
-    """Add to row (n,) how fast the first joints move a point along a normal: row dq [m/s].
+    """Add to row (n,) how fast the joints move a point along a normal: row dq [m/s].
 
     A joint with the axis z through o moves p by z x (p - o), a prismatic one by z.
 
@@ -167,12 +296,14 @@ def add_motion(
         row: (n,).
         lines: (n, 2, 3) of the joints.
         is_prismatic: (n,).
-        joints: How many joints move the point.
+        parents: (n,).
+        joint: The last one that moves the point.
         normal: (3,).
         p: The point, (3,) [m].
         sign: 1, or -1 for what is subtracted.
     """
-    for k in range(joints):
+    k = joint
+    while k != BASE:
         for a in range(3):
             b = (a + 1) % 3
             c = (a + 2) % 3
@@ -182,90 +313,160 @@ def add_motion(
             else:
                 row[k] += z * (p[b] - lines[k, 0, b]) * normal[c]
                 row[k] -= z * (p[c] - lines[k, 0, c]) * normal[b]
+        k = parents[k]
 
 
-@compiled(
-    several(float64[:, ::1], float64[::1], int64[:, ::1])(
-        *(vector(), _POINTS, float64[:, ::1], boolean[::1]),
-        *(int64[::1], _POINTS, float64[::1], int64[:, ::1], float64, float64),
-    )
-)
+@compiled(several(float64[:, ::1], float64[::1], int64[:, ::1])(vector(), float64, *_SCENE))
 def approaches(
     q: np.ndarray,
+    reach: float,
     before: np.ndarray,
     axes: np.ndarray,
     is_prismatic: np.ndarray,
+    parents: np.ndarray,
     moved_by: np.ndarray,
     ends: np.ndarray,
     radius: np.ndarray,
     pairs: np.ndarray,
-    floor: float,
-    reach: float,
+    walls: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All that is nearer to the arm than `reach`, itself included: n' (J_i - J_j) of each pair.
+    """The pairs that are nearer than `reach`, and how joints change that: n' (J_i - J_j) of each.
 
     Args:
         q: Joint positions, (n,) [rad].
-        before: (n, 4, 4) from the frame that the joint before moves to this joint's.
-        axes: Of the joints, (n, 3) unit vectors in the joint's frame.
-        is_prismatic: (n,).
-        moved_by: How many joints move each body, (B,); 0 for one that stands still.
-        ends: (B, 2, 3) of the bodies' axes, in the frame that its last joint moves [m].
-        radius: Of the bodies, (B,) [m].
-        pairs: Bodies that may collide with each other, (P, 2); the second one may be FLOOR.
-        floor: All that is below this height [m].
         reach: [m].
+        before: The scene, as the head of this file says, and so are the others.
+        axes: Of joints.
+        is_prismatic: Of joints.
+        parents: Of joints.
+        moved_by: Of bodies.
+        ends: Of bodies.
+        radius: Of bodies.
+        pairs: What may collide.
+        walls: Their kinds and figures.
 
     Returns:
         Rows C (r, n), so that C dq is the speed of approach [m/s]; the distances (r,) [m]; and
-        which pair each belongs to, (r, 2).
+        which pair each belongs to, (r, 2). What no joint can change is left out.
     """
     n = len(q)
+    frames = np.empty((n + 1, 3, 4))
     lines = np.empty((n, 2, 3))
     points = np.empty((len(ends), 2, 3))
-    place(q, before, axes, is_prismatic, moved_by, ends, lines, points)
+    place(q, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
     at = np.empty((2, 3))
     normal = np.empty(3)
-    C = np.zeros((len(pairs), n))
+    C = np.empty((len(pairs), n))
     distance = np.empty(len(pairs))
     found = np.empty((len(pairs), 2), np.int64)
     count = 0
     for pair in range(len(pairs)):
         i = pairs[pair, 0]
         j = pairs[pair, 1]
-        if j == FLOOR:
-            lower = 0 if points[i, 0, 2] < points[i, 1, 2] else 1
-            for c in range(3):
-                at[0, c] = points[i, lower, c]
-                normal[c] = 0.0
-            normal[2] = -1.0
-            distance[count] = at[0, 2] - radius[i] - floor
-            joints = 0
-        else:
-            _nearest_points(points, i, j, at)
-            square = 0.0
-            for c in range(3):
-                normal[c] = at[1, c] - at[0, c]
-                square += normal[c] * normal[c]
-            if not square > _NOTHING:
-                continue
-            length = np.sqrt(square)
-            for c in range(3):
-                normal[c] /= length
-            distance[count] = length - radius[i] - radius[j]
-            joints = moved_by[j]
+        distance[count] = _distance(points, radius, walls, i, j, at, normal)
         if not distance[count] < reach:
             continue
         row = C[count]
         for k in range(n):
             row[k] = 0.0
-        add_motion(row, lines, is_prismatic, moved_by[i], normal, at[0], 1.0)
-        add_motion(row, lines, is_prismatic, joints, normal, at[1], -1.0)
+        add_motion(row, lines, is_prismatic, parents, moved_by[i], normal, at[0], 1.0)
+        if j >= 0:
+            add_motion(row, lines, is_prismatic, parents, moved_by[j], normal, at[1], -1.0)
         square = 0.0
         for k in range(n):
             square += row[k] * row[k]
-        if square > _NOTHING:  # else no joint can do anything about it
+        if square > _NOTHING:
             found[count, 0] = i
             found[count, 1] = j
             count += 1
     return C[:count], distance[:count], found[:count]
+
+
+@compiled(
+    several(float64[::1], float64[::1])(
+        *(vector(), vector(), vector(), float64, float64, vector(), int64, float64),
+        *_SCENE,
+    )
+)
+def least_on_path(
+    q: np.ndarray,
+    dq: np.ndarray,
+    A: np.ndarray,
+    T: float,
+    gap: float,
+    levers: np.ndarray,
+    step: int,
+    enough: float,
+    before: np.ndarray,
+    axes: np.ndarray,
+    is_prismatic: np.ndarray,
+    parents: np.ndarray,
+    moved_by: np.ndarray,
+    ends: np.ndarray,
+    radius: np.ndarray,
+    pairs: np.ndarray,
+    walls: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The least distance of each pair while the joints move by dq in a tick and then brake to rest.
+
+    Ticks are left out in which no pair can be nearer than `enough`, whatever its direction
+    (conservative advancement: Mirtich, Impulse-based dynamic simulation, 1996).
+
+    Args:
+        q: Joint positions, (n,) [rad].
+        dq: Joint velocities of the first tick, (n,) [rad/s].
+        A: Deceleration after it, (n,) [rad/s^2].
+        T: Sampling time [s].
+        gap: Cycles between two commands.
+        levers: How far a radian of each joint moves any point, at most, (n,) [m].
+        step: Least number of ticks from one look to the next; 1: none is missed.
+        enough: [m].
+        before: The scene, as the head of this file says, and so are the others.
+        axes: Of joints.
+        is_prismatic: Of joints.
+        parents: Of joints.
+        moved_by: Of bodies.
+        ends: Of bodies.
+        radius: Of bodies.
+        pairs: What may collide.
+        walls: Their kinds and figures.
+
+    Returns:
+        The distances, (P,) [m], those below `enough` exact; and after how many ticks, (P,).
+    """
+    n = len(q)
+    frames = np.empty((n + 1, 3, 4))
+    lines = np.empty((n, 2, 3))
+    points = np.empty((len(ends), 2, 3))
+    at = np.empty((2, 3))
+    normal = np.empty(3)
+    ahead = np.empty(n)
+    least = np.full(len(pairs), np.inf)
+    ticks = np.ones(len(pairs))
+    last = 1.0
+    for k in range(n):
+        last = max(last, 1.0 + np.floor(abs(dq[k]) / (A[k] * T)))
+    tick = 1.0
+    while True:
+        for k in range(n):
+            speed = abs(dq[k])
+            moving = min(tick, 1.0 + np.floor(speed / (A[k] * T)))
+            path = gap * T * moving * (speed - A[k] * T * (moving - 1.0) / 2.0)
+            ahead[k] = q[k] + (path if dq[k] > 0.0 else -path)
+        place(ahead, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
+        nearest = np.inf
+        for pair in range(len(pairs)):
+            i = pairs[pair, 0]
+            distance = _distance(points, radius, walls, i, pairs[pair, 1], at, normal)
+            nearest = min(nearest, distance)
+            if distance < least[pair]:
+                least[pair] = distance
+                ticks[pair] = tick
+        looked = tick
+        approached = 0.0  # at most, since then
+        while tick < last and (tick < looked + step or not approached > nearest - enough):
+            for k in range(n):
+                approached += levers[k] * gap * T * max(abs(dq[k]) - A[k] * T * tick, 0.0)
+            tick += 1.0
+        if tick == looked or not approached > nearest - enough:
+            return least, ticks

@@ -3,33 +3,32 @@ of the limit `collision`: of the arm from itself, a floor and spheres.
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from operator import itemgetter
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
-from redres_ros.kernels.clearance import (
-    brake,
-    braking_rows,
-    damper_rows,
-    farthest_path,
-    nearest_between,
-)
+from redres_ros.kernels.clearance import brake, braking_rows, damper_rows, farthest_path
 from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
+from redres_ros.robots.kinematics import Kinematics
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
 
-_MOST_DIPS = 5  # that are looked for on the path of a braking arm
+# Of the path of a braking arm: how often it is looked at, and the most places between its ends that
+# get rows
+_LOOKS = 16
+_MOST_PLACES = 5
+
+_FLOOR = -1  # in place of a second body: it is the first wall
 
 _ClearanceRows = tuple[np.ndarray, np.ndarray, np.ndarray]
 Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m], who (r, 2)
@@ -52,10 +51,52 @@ class _Place(NamedTuple):
     ticks: float
     near: Near
 
-    @property
-    def at(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-        """Where, the pairs, and when."""
-        return self.q, *self.near, self.ticks
+
+class Scene(NamedTuple):
+    """What moves and what it may collide with, as kernels/distances.py describes these arrays."""
+
+    before: np.ndarray
+    axes: np.ndarray
+    is_prismatic: np.ndarray
+    parents: np.ndarray
+    moved_by: np.ndarray
+    ends: np.ndarray
+    radius: np.ndarray
+    pairs: np.ndarray
+    walls: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        kinematics: Kinematics,
+        moved_by: Sequence[int],
+        ends: np.ndarray,
+        radius: np.ndarray,
+        pairs: Sequence[Sequence[int]],
+        walls: np.ndarray,
+    ) -> 'Scene':
+        """A scene of bodies that these joints move.
+
+        Args:
+            kinematics: The joints.
+            moved_by: The last joint that moves each body, B of them.
+            ends: (B, 2, 3) [m].
+            radius: (B,) [m].
+            pairs: P of them.
+            walls: (W, 7).
+        """
+        joints = kinematics.joints
+        return cls(
+            np.array([joint.before for joint in joints]),
+            np.array([joint.axis for joint in joints]),
+            np.array([joint.is_prismatic for joint in joints]),
+            np.array([joint.parent for joint in joints], np.int64),
+            np.array(moved_by, np.int64),
+            np.ascontiguousarray(ends, np.float64),
+            np.ascontiguousarray(radius, np.float64),
+            np.array(pairs, np.int64).reshape(-1, 2),
+            np.ascontiguousarray(walls, np.float64).reshape(-1, 7),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +143,16 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         zeros = np.zeros(self.model.n)
         self.rows(self.model.unchecked_state(zeros, zeros), 1.0)
 
-    @cached_property
-    def lever(self) -> float:
-        """How far a radian of any joint moves any point of the arm, at most [m]."""
-        return float(np.linalg.norm(self.model.kinematics.offsets, axis=1).sum())
-
+    @property
     @abstractmethod
+    def scene(self) -> Scene:
+        """What may come near what; always the same."""
+
+    @cached_property
+    def levers(self) -> np.ndarray:
+        """How far a radian of each joint moves any point of the arm, at most, (n,) [m]."""
+        return self.model.kinematics.levers
+
     def approaches(self, q: np.ndarray, reach: float) -> Near:
         """What is nearer than `reach`: C dq is the speed of approach [m/s]; who approaches whom.
 
@@ -115,6 +160,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             q: (n,) [rad].
             reach: [m].
         """
+        return distance_kernels().approaches(q, reach, *self.scene)
 
     @abstractmethod
     def name_of_pair(self, one: int, other: int) -> str:
@@ -150,6 +196,18 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             return super().place(state, index - len(who), T)
         return self.name_of_pair(*who[index].tolist())
 
+    def can_be_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        """Whether no pair comes nearer than d_s, or than by braking at once, if the joints brake
+        after this tick. The rows are of first order, and of some places on the path; this is exact
+        in each tick.
+        """
+        least, _ = self._least(state, dq, T, 1, self.clearance)
+        if not least.min(initial=np.inf) < self.clearance:
+            return True
+        braking = self._braked(state, T, np.inf)
+        least_braking, _ = self._least(state, braking.v, T, 1, self.clearance)
+        return bool((least >= np.minimum(least_braking, self.clearance)).all())
+
     def clearance_rows(self, state: ReferenceState, T: float) -> _ClearanceRows:
         """Rows C dq <= high for which the arm keeps its clearance.
 
@@ -157,7 +215,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         distance of a pair and d_s the clearance. At q, of pairs nearer than the influence, the
         velocity damper C dq <= rate (d - d_s), with C in the middle of the tick, q + T dq_prev / 2:
         a fast arm leaves the tangent of its path at q. And d >= d_s while the joints brake by A
-        from the next tick on: after this tick, where they come to rest, and where a pair is nearest
+        from the next tick on: after this tick, where they come to rest, and where pairs are nearest
         between. They come to rest one after the other, so that an arm may pass a wall and turn
         back. To first order in dq, about the velocity v of braking already in this tick,
 
@@ -180,42 +238,57 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         distance = at_half + C.dot(half)
         figures = (self._rate, self.clearance)
         found = [damper_rows(C, distance, who, state.dq_prev, self.A, T, *figures, self.influence)]
-        for place in self._nearest_places(state, T, (C, distance, who)):
+        lever = float(self.levers.max())
+        for place in self._nearest_places(state, T, distance.min(initial=np.inf)):
             braking = (place.v, place.slope, self.A, T, state.gap, place.ticks)
-            found.append(braking_rows(*place.near, distance, who, *braking, *figures, self.lever))
+            found.append(braking_rows(*place.near, distance, who, *braking, *figures, lever))
         rows, high, pairs = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 
-    def _nearest_places(self, state: ReferenceState, T: float, now: Near) -> Iterator[_Place]:
-        """Where the joints come to rest if they brake, after this tick, and where a pair is nearest
+    def _nearest_places(self, state: ReferenceState, T: float, nearest: float) -> Iterator[_Place]:
+        """Where the joints come to rest if they brake, after this tick, and where pairs are nearest
         between.
 
         Args:
             state: Of the reference at this tick.
             T: Sampling time [s].
-            now: All pairs at this tick.
+            nearest: The least distance at this tick [m].
         """
-        farthest = self.lever * farthest_path(state.dq_prev, state.gap, self.A, T)
-        if now[1].min(initial=np.inf) > self.clearance + farthest:
+        farthest = farthest_path(state.dq_prev, state.gap, self.A, T, self.levers)
+        if nearest > self.clearance + farthest:
             return
         rest = self._braked(state, T, np.inf)
         yield rest
-        if rest.ticks > 1.0:
-            yield self._braked(state, T, 1.0)
-        braking = (rest.v, rest.slope, self.A, T, state.gap, self.lever)
-        start = rest._replace(q=state.q, ticks=0.0, near=now)
-        parts = [(start, rest)]
-        intervals = []
-        for _ in range(_MOST_DIPS):
-            for early, late in parts:
-                intervals.append((*nearest_between(*early.at, *late.at, *braking), early, late))
-            intervals.sort(key=itemgetter(0))
-            least, ticks, early, late = intervals.pop(0)
-            if least > self.clearance:
+        if rest.ticks == 1.0:
+            return
+        yield self._braked(state, T, 1.0)
+        step = 1 + int(rest.ticks) // _LOOKS
+        change = 2.0 * T * float(self.levers.dot(rest.slope * self.A))  # of the path, in this tick
+        least, ticks = self._least(state, rest.v, T, step, self.clearance + change)
+        taken = [1.0, rest.ticks]
+        for pair in np.argsort(least).tolist():
+            if least[pair] > self.clearance + change or len(taken) == 2 + _MOST_PLACES:
                 return
-            dip = self._braked(state, T, ticks)
-            yield dip
-            parts = [(early, dip), (dip, late)]
+            if min(abs(ticks[pair] - each) for each in taken) > step:
+                taken.append(ticks[pair])
+                yield self._braked(state, T, ticks[pair])
+
+    def _least(
+        self, state: ReferenceState, dq: np.ndarray, T: float, step: int, enough: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The least distance of each pair (P,) [m] on the path of joints that move by dq and then
+        brake, and after how many ticks, (P,).
+
+        Args:
+            state: Of the reference at this tick.
+            dq: (n,) [rad/s].
+            T: Sampling time [s].
+            step: Ticks from one look to the next.
+            enough: Distance from which on it need not be exact [m].
+        """
+        path = (state.q, dq, self.A, T, state.gap, self.levers)
+        least, ticks = distance_kernels().least_on_path(*path, step, enough, *self.scene)
+        return least, ticks
 
     def _braked(self, state: ReferenceState, T: float, ticks: float) -> _Place:
         """Where the arm is that has braked for so many ticks, this one included; infinity: at rest.
@@ -277,29 +350,23 @@ class CollisionLimit(ClearanceLimit):
         return self.model.bodies
 
     @cached_property
-    def _scene(self) -> tuple[Any, ...]:
-        """The joints, the bodies and what they may collide with, as `approaches` takes them.
-
-        Balls are bodies that no joint moves, after those of the arm.
-        """
-        joints = self.model.kinematics.joints
+    def scene(self) -> Scene:
+        """The bodies, and balls that no joint moves after them; the floor is a wall."""
         bodies = self.bodies
         balls = self._balls
-        centres = np.repeat(balls[:, None, :3], 2, axis=1)
         number = len(bodies.links)
         pairs = bodies.pairs(self.influence).tolist()
         for body in range(number):
-            pairs.append([body, _distances().FLOOR])
+            pairs.append([body, _FLOOR])
             pairs.extend([body, number + ball] for ball in range(len(balls)))
-        return (
-            np.array([joint.before for joint in joints]),
-            np.array([joint.axis for joint in joints]),
-            np.array([joint.is_prismatic for joint in joints]),
-            np.concatenate((bodies.moved_by, np.zeros(len(balls), np.int64))),
-            np.concatenate((bodies.ends, centres)),
+        kinds = distance_kernels()
+        return Scene.of(
+            self.model.kinematics,
+            [*(bodies.moved_by - 1), *[kinds.BASE] * len(balls)],
+            np.concatenate((bodies.ends, np.repeat(balls[:, None, :3], 2, axis=1))),
             np.concatenate((bodies.radius, balls[:, 3])),
-            np.array(pairs, np.int64),
-            float(self.floor),
+            pairs,
+            np.array((kinds.HALF_SPACE, 0.0, 0.0, -1.0, -self.floor, 0.0, 0.0)),
         )
 
     @cached_property
@@ -308,14 +375,11 @@ class CollisionLimit(ClearanceLimit):
         balls = np.reshape(np.array(self.spheres, np.float64), (-1, 4))
         return balls[balls[:, 3] > 0.0]
 
-    def approaches(self, q: np.ndarray, reach: float) -> Near:
-        return _distances().approaches(q, *self._scene, reach)
-
     def name_of_pair(self, one: int, other: int) -> str:
         return f'{self.bodies.links[one]} to {self._name(other)}'
 
     def _name(self, other: int) -> str:
-        if other == _distances().FLOOR:
+        if other == _FLOOR:
             return 'floor'
         links = self.bodies.links
         return links[other] if other < len(links) else f'ball {other - len(links) + 1}'
@@ -326,8 +390,8 @@ def _rows_at(limit: ClearanceLimit, state: ReferenceState, T: float) -> _Clearan
     return limit.clearance_rows(state, T)
 
 
-def _distances() -> ModuleType:
-    """The compiled kernels. They are loaded only if this limit is used."""
+def distance_kernels() -> ModuleType:
+    """The compiled kernels. They are loaded only if such a limit is used."""
     from redres_ros.kernels import distances
 
     return distances

@@ -142,6 +142,17 @@ def _lengths(components: Sequence[_Component]) -> np.ndarray:
     return np.array([component.length for component in components])
 
 
+def executed_fractions(task: Level, sizes: Sequence[int], dq: np.ndarray) -> tuple[float, ...]:
+    """The fraction of each component of a task that is executed; 1 if it is not asked for.
+
+    Args:
+        task: J, dx.
+        sizes: Number of rows of each component.
+        dq: (n,) [rad/s].
+    """
+    return tuple(_fractions(list(_split(task, sizes, [False] * len(sizes))), dq).tolist())
+
+
 def _fractions(components: Sequence[_Component], dq: np.ndarray) -> np.ndarray:
     """The fraction of each component that is executed, (g,); 1 if it is not asked for."""
     return np.array(

@@ -88,3 +88,13 @@ class RowLimit(Limit):
             T: Sampling time [s].
         """
         return False
+
+    def can_be_kept(self, dq: np.ndarray, state: ReferenceState, T: float) -> bool:
+        """Whether the joints can brake without leaving it, after a velocity that keeps its rows.
+
+        Args:
+            dq: (n,) [rad/s].
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """
+        return True

@@ -7,7 +7,7 @@ import numpy as np
 
 from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
 from redres_ros.kernels.boxes import GIVEN, fill_boxes, stopping_speed, within
-from redres_ros.limits.component_scaling import solve_components
+from redres_ros.limits.component_scaling import executed_fractions, solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.resolution import Level, Weight
@@ -15,6 +15,7 @@ from redres_ros.resolution import Level, Weight
 _AT_REST = 1e-12  # [rad/s]
 _FASTEST = 100.0  # [rad/s] of a joint without a limit
 _UPPER = 1  # the place of the upper bound in a box
+_SHARES = (0.5, 0.25, 0.125, 0.0)  # of a velocity, the rest is that of braking; that can be kept
 
 
 @dataclass(slots=True)  # made in every tick
@@ -47,7 +48,8 @@ class Bounds:
         lower, upper = self.box
         if not within(dq, lower, upper):
             return False
-        return not self.rows or all(within(C.dot(dq), low, high) for C, low, high in self.rows)
+        rows_are_kept = all(within(C.dot(dq), low, high) for C, low, high in self.rows)
+        return rows_are_kept and self._can_be_kept(dq)
 
     def nearest(
         self,
@@ -75,9 +77,35 @@ class Bounds:
             solved = solve_components(*problem, components, held, steady_box, self.state.dq_prev)
         else:
             solved = solve_constrained(*problem)
+        if self.rows and not self._can_be_kept(solved.dq):
+            solved = self._nearer_to_braking(solved, levels, components)
         if solved.limiting < 0:
             return solved, None
         return solved, ActiveLimit(self, solved.limiting, solved.side)
+
+    def _can_be_kept(self, dq: np.ndarray) -> bool:
+        """Whether the joints can brake within the limits after this velocity (n,) [rad/s]."""
+        return all(limit.can_be_kept(dq, self.state, self.T) for limit in self.limits.row_limits)
+
+    def _nearer_to_braking(
+        self, solved: Constrained, levels: Sequence[Level], components: Sequence[int]
+    ) -> Constrained:
+        """A solution between the one that keeps the rows and braking, for which the joints can
+        still brake.
+
+        Args:
+            solved: The one that keeps the rows.
+            levels: (J, dx) of each task.
+            components: As of nearest().
+        """
+        braking = self.limits.slower(np.zeros(len(solved.dq)), self.box, self.state, self.T)
+        for share in _SHARES:
+            dq = braking + share * (solved.dq - braking)
+            if self._can_be_kept(dq):
+                break
+        _, dx = levels[0]
+        shares = executed_fractions(levels[0], components or (len(dx),), dq)
+        return solved._replace(dq=dq, s=min(shares), component_scaling=shares if components else ())
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
@@ -217,16 +245,24 @@ class Limits:
             T: Sampling time [s].
         """
         bounds = self.at(state, T)
-        slower = self._slower(dq, bounds.box, state, T)
+        slower = self.slower(dq, bounds.box, state, T)
         for limit, (C, _, high) in zip(self.row_limits, bounds.rows, strict=True):
-            if limit.holds_in_a_stop and not (C.dot(slower) <= high).all():
-                return self._slower(np.zeros(len(dq)), bounds.box, state, T)
+            if limit.holds_in_a_stop and not (
+                (C.dot(slower) <= high).all() and limit.can_be_kept(slower, state, T)
+            ):
+                return self.slower(np.zeros(len(dq)), bounds.box, state, T)
         return slower
 
-    def _slower(self, dq: np.ndarray, box: Box, state: ReferenceState, T: float) -> np.ndarray:
+    def slower(self, dq: np.ndarray, box: Box, state: ReferenceState, T: float) -> np.ndarray:
         """dq (n,) [rad/s] in the box, with no joint faster than before, or turning round.
 
         Under a limit on the jerk it may be, until its acceleration has come to zero.
+
+        Args:
+            dq: (n,) [rad/s].
+            box: That of all box limits at this state.
+            state: The reference and the last command.
+            T: Sampling time [s].
         """
         v = state.dq_prev
         if self.jerk is None:

@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from redres_ros.errors import ArrayError
-from redres_ros.limits.clearance import ClearanceLimit, Near
+from redres_ros.errors import ArrayError, UnknownNameError
+from redres_ros.limits.clearance import ClearanceLimit, Scene, distance_kernels
 from redres_ros.parameter import param
 
 TIP = 'tip'
@@ -25,19 +24,13 @@ def _shapes(size: int, description: str) -> Any:
 
 
 class _Walls(NamedTuple):
-    """All walls: their names, and the arrays that kernels/walls.py describes, in its order.
+    """All walls: their names, and the rows that kernels/distances.py describes.
 
     The faces of boxes to stay in are half-spaces.
     """
 
     names: tuple[str, ...]
-    normals: np.ndarray
-    offsets: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    centres: np.ndarray
-    radii: np.ndarray
-    sides: np.ndarray
+    rows: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +70,24 @@ class WorkspaceLimit(ClearanceLimit):
         super().__post_init__()
         self._load()
 
-    def approaches(self, q: np.ndarray, reach: float) -> Near:
-        frames = self._frames
-        x = np.array([self.model.position(q, frame) for frame in frames])  # (points, 3)
-        J = np.array([self.model.jacobian(q, frame)[:3] for frame in frames])  # (points, 3, n)
-        _, *walls = self._walls
-        return _kernel().approaches(x, J, *walls, reach)
+    @cached_property
+    def scene(self) -> Scene:
+        """The points, each of which may come near each wall."""
+        kinematics = self.model.kinematics
+        placed = [kinematics.links[frame] for frame in self._frames]
+        points = np.array([pose[:3, 3] for _, pose in placed])
+        _, walls = self._walls
+        return Scene.of(
+            kinematics,
+            [joint for joint, _ in placed],
+            np.repeat(points[:, None], 2, axis=1),
+            np.zeros(len(points)),
+            [(i, -1 - w) for i in range(len(points)) for w in range(len(walls))],
+            walls,
+        )
 
     def name_of_pair(self, one: int, other: int) -> str:
-        return f'{self._frames[one]} to {self._walls.names[other]}'
+        return f'{self._frames[one]} to {self._walls.names[-1 - other]}'
 
     @cached_property
     def _frames(self) -> tuple[str, ...]:
@@ -94,37 +96,37 @@ class WorkspaceLimit(ClearanceLimit):
         names = [name.strip() for name in self.points.split(',')]
         if _ELBOW in names:
             known[_ELBOW] = self.model.elbow_frame
-        return tuple(known.get(name, name) for name in names)
+        frames = tuple(known.get(name, name) for name in names)
+        for frame in frames:
+            if frame not in self.model.kinematics.links:
+                raise UnknownNameError('frame', frame, self.model.links)
+        return frames
 
     @cached_property
     def _walls(self) -> _Walls:
         half_spaces = self._shapes_in('half_spaces', 4)
         lengths = np.linalg.norm(half_spaces[:, :3], axis=1)
         half_spaces = half_spaces[lengths > 0.0] / lengths[lengths > 0.0, None]
-        inside = self._boxes('inside_boxes')  # (2, b, 3)
-        lower, upper = self._boxes('outside_boxes')  # (b, 3)
+        inside = self._boxes('inside_boxes')
+        outside = self._boxes('outside_boxes')
         spheres_in = self._spheres('inside_spheres')
         spheres_out = self._spheres('outside_spheres')
-        spheres = np.concatenate((spheres_in, spheres_out))
-        b = inside.shape[1]
         names = (
             *_numbered('half-space', len(half_spaces)),
-            *(f'{face} of inside box {k + 1}' for k in range(b) for face in _FACES),
-            *_numbered('outside box', len(lower)),
+            *(f'{face} of inside box {k + 1}' for k in range(len(inside)) for face in _FACES),
+            *_numbered('outside box', len(outside)),
             *_numbered('inside sphere', len(spheres_in)),
             *_numbered('outside sphere', len(spheres_out)),
         )
-        ends = np.concatenate((-inside[0], inside[1]), axis=1)  # (b, 6), of -x, -y, -z, x, y, z
-        return _Walls(
-            names,
-            np.concatenate((half_spaces[:, :3], np.tile(-_INWARDS, (b, 1)))),
-            np.concatenate((half_spaces[:, 3], ends.reshape(-1))),
-            lower,
-            upper,
-            spheres[:, :3],
-            spheres[:, 3],
-            np.repeat((1.0, -1.0), (len(spheres_in), len(spheres_out))),
-        )
+        kinds = distance_kernels()
+        rows = [[kinds.HALF_SPACE, *each, 0.0, 0.0] for each in half_spaces]
+        for lower, upper in inside:
+            for inwards, end in zip(_INWARDS, (*-lower, *upper), strict=True):
+                rows.append([kinds.HALF_SPACE, *-inwards, end, 0.0, 0.0])
+        rows.extend([kinds.BOX, *lower, *upper] for lower, upper in outside)
+        for side, spheres in ((1.0, spheres_in), (-1.0, spheres_out)):
+            rows.extend([kinds.SPHERE, *each, side, 0.0] for each in spheres)
+        return _Walls(names, np.array(rows).reshape(-1, 7))
 
     def _shapes_in(self, name: str, size: int) -> np.ndarray:
         """The shapes in a field, (shapes, size)."""
@@ -139,7 +141,7 @@ class WorkspaceLimit(ClearanceLimit):
         return spheres[spheres[:, 3] > 0.0]
 
     def _boxes(self, name: str) -> np.ndarray:
-        """Least and largest x, y, z of the boxes in a field, (2, b, 3) [m]."""
+        """Least and largest x, y, z of the boxes in a field, (b, 2, 3) [m]."""
         boxes = self._shapes_in(name, 6).reshape(-1, 2, 3)
         for lower, upper in boxes:
             if not (lower <= upper).all():
@@ -147,16 +149,8 @@ class WorkspaceLimit(ClearanceLimit):
                     f'{name}: {lower.tolist()} is not below {upper.tolist()}; expected least '
                     'x, y, z before largest x, y, z'
                 )
-        has_size = (boxes[:, 0] < boxes[:, 1]).any(axis=1)
-        return boxes[has_size].transpose(1, 0, 2)
+        return boxes[(boxes[:, 0] < boxes[:, 1]).any(axis=1)]
 
 
 def _numbered(kind: str, count: int) -> list[str]:
     return [f'{kind} {k + 1}' for k in range(count)]
-
-
-def _kernel() -> ModuleType:
-    """The compiled function. It is loaded only if this limit is used."""
-    from redres_ros.kernels import walls
-
-    return walls

@@ -96,6 +96,24 @@ class Kinematics:
         to_the_next = [self.joints[index].before[:3, 3] for index in self.leading[1:]]
         return np.array([*to_the_next, self.tip[:3, 3]])
 
+    @property
+    def levers(self) -> np.ndarray:
+        """How far a radian of each joint moves the origin of any link, at most, (n,) [m]; of a
+        prismatic joint how far a metre does.
+        """
+        farthest = np.zeros(self.n)  # from the joint
+        for index, pose in self.links.values():
+            if index != BASE:
+                farthest[index] = max(farthest[index], np.linalg.norm(pose[:3, 3]))
+        for index in range(self.n - 1, -1, -1):
+            joint = self.joints[index]
+            if joint.is_prismatic:
+                farthest[index] += max(abs(self.lower[index]), abs(self.upper[index]))
+            if joint.parent != BASE:
+                beyond = np.linalg.norm(joint.before[:3, 3]) + farthest[index]
+                farthest[joint.parent] = max(farthest[joint.parent], beyond)
+        return np.where([joint.is_prismatic for joint in self.joints], 1.0, farthest)
+
     def position(self, q: np.ndarray) -> np.ndarray:
         """The tip's position in the base frame, (3,) [m], at q (n,) [rad] or [m]."""
         pin.forwardKinematics(self._model, self._data, q)
