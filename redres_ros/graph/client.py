@@ -156,11 +156,11 @@ class GraphClient:
         for service, kind in _STEERED.items():
             self._client(kind, service)
         until = time.monotonic() + patience
-        while not all(map(self.offers, _NEEDED)):
+        while missing := [name for name in _NEEDED if not self.offers(name)]:
             if time.monotonic() > until:
                 domain = self._node.context.get_domain_id()
                 raise CallError(
-                    f'no {" and no ".join(_NEEDED)} in ROS domain {domain}; '
+                    f'no {" and no ".join(missing)} in ROS domain {domain}; '
                     'start them, for example with `redres demo`, which prints its domain, '
                     'or name another with --domain'
                 )

@@ -8,6 +8,7 @@ foreign name was made to point to this computer.
 import asyncio
 import contextlib
 import io
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http import HTTPStatus
@@ -109,6 +110,8 @@ def open_server(port: int, label: str, channel: TeleopChannel | None = None) -> 
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(message)  # they would open a way in from outside
     server.gui.configure_theme(show_share_button=False, show_logo=False)
+    # Chromium opens connections in advance and closes them unused: no reason for a traceback.
+    logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
     _check(server)
     return server
 
