@@ -26,8 +26,16 @@ from redres_ros.kernels.closed_form import FACTOR, SQUARE
 from redres_ros.resolution import Level, Weight, as_array, stacked
 from redres_ros.vectors import FLOAT64
 
+# Rows that are given to the search at once, and those that are then added: its time grows with the
+# square of their number
+_FEW = 8
+_ADDED = 4
+_SHORTEST = 1e-12  # of a row whose excess is measured by its length
+
 Box = tuple[np.ndarray, np.ndarray] | np.ndarray  # lower, upper, (n,) [rad/s]
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), low (r,), high (r,)
+_StackedRows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+_Problem = tuple[np.ndarray, np.ndarray, bool, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(slots=True)  # made in every tick in which limits act
@@ -78,28 +86,50 @@ def solve_constrained(
         active_set = np.zeros(n + 1, np.int64)
     if not J.dtype is dx.dtype is weight.dtype is FLOAT64:  # these are users'
         J, dx, weight = (np.asarray(each, FLOAT64) for each in (J, dx, weight))
+    problem = dq_free, weight, is_factor, J, dx, sizes, np.asarray(box, FLOAT64)
+    if len(low) > _FEW:
+        return _with_needed_rows(problem, (C, low, high, groups), active_set)
     dq = np.empty(n)
-    figures = hierarchical_qp(
-        dq_free,
-        weight,
-        is_factor,
-        J,
-        dx,
-        sizes,
-        np.asarray(box, FLOAT64),
-        C,
-        low,
-        high,
-        groups,
-        active_set,
-        dq,
-    )
-    return Constrained(dq, *figures)
+    return Constrained(dq, *hierarchical_qp(*problem, C, low, high, groups, active_set, dq))
 
 
-def _stacked_rows(
-    rows: Sequence[Rows], n: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _with_needed_rows(
+    problem: _Problem, rows: _StackedRows, active_set: np.ndarray
+) -> Constrained:
+    """The optimum under many rows, found with those alone that it would exceed.
+
+    Rows that the optimum keeps anyway do not change it.
+
+    Args:
+        problem: The first seven arguments of hierarchical_qp().
+        rows: As from _stacked_rows().
+        active_set: (n + 1,) as of solve_constrained().
+    """
+    dq_free, *_, box = problem
+    C, low, high, groups = rows
+    n = len(dq_free)
+    group = np.repeat(np.arange(len(groups)), groups)
+    length = np.maximum(np.linalg.norm(C, axis=1), _SHORTEST)
+    chosen = np.zeros(len(low), bool)
+    dq = np.clip(dq_free, *box)
+    solved = None
+    while True:
+        values = C.dot(dq)
+        excess = np.maximum(values - high, low - values) / length
+        excess[chosen] = 0.0
+        exceeded = np.flatnonzero(~(excess <= 0.0))  # also what is not finite
+        if solved and not exceeded.size:
+            break
+        chosen[exceeded[np.argsort(-excess[exceeded])[:_ADDED]]] = True
+        counts = np.bincount(group[chosen], minlength=len(groups))
+        few = C[chosen], low[chosen], high[chosen], counts
+        solved = Constrained(dq, *hierarchical_qp(*problem, *few, active_set, dq))
+    if solved.limiting >= n:
+        solved.limiting = n + int(np.flatnonzero(chosen)[solved.limiting - n])
+    return solved
+
+
+def _stacked_rows(rows: Sequence[Rows], n: int) -> _StackedRows:
     """C (r, n), low and high (r,) of all rows, and the number of rows in each group."""
     if not rows:
         return _no_rows(n)
@@ -115,5 +145,5 @@ def _sizes(*rows: int) -> np.ndarray:
 
 
 @lru_cache
-def _no_rows(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _no_rows(n: int) -> _StackedRows:
     return np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64)

@@ -15,6 +15,7 @@ EXACT = 1e-9  # what is asked of shares and optimality residuals; rounding leave
 PRECISE = {'primal_feasibility_tolerance': 1e-10, 'dual_feasibility_tolerance': 1e-10}
 WEIGHTS = pytest.mark.parametrize('power', [None, 1, 2], ids=['identity', 'M', 'M M'])
 STRETCHES = pytest.mark.parametrize('stretch', [1.0, 10.0])
+HALVES = (slice(0, 40), slice(40, 80))  # of rows
 
 
 def weight(power: int | None, n: int, random: np.random.Generator) -> np.ndarray | None:
@@ -356,6 +357,27 @@ def test_where_a_search_begins_has_no_say_in_where_it_ends(power, stretch):
             assert bounded.dq == pytest.approx(expected.dq, abs=EXACT), (seed, begun)
             assert bounded.s == pytest.approx(expected.s, abs=EXACT), (seed, begun)
             assert bounded.limiting == expected.limiting, (seed, begun)
+
+
+def test_many_rows_have_the_optimum_of_all_at_once(monkeypatch):
+    """Some cannot be kept; the search has a few of them, and then those that it has exceeded."""
+    random = np.random.default_rng(5)
+    for seed in range(60):
+        problem = Problem(seed)
+        C = random.normal(size=(80, 7)) * 10.0 ** random.uniform(-2.0, 2.0, (80, 1))
+        middle = C @ problem.dq_free * random.uniform(0.0, 1.0, 80)
+        width = np.abs(C).sum(axis=1) * random.uniform(0.0, 0.3, 80)
+        groups = [(C[part], (middle - width)[part], (middle + width)[part]) for part in HALVES]
+        arguments = problem.dq_free, problem.W, [problem.task], problem.box, groups
+        few = solve_constrained(*arguments)
+        with monkeypatch.context() as all_at_once:
+            all_at_once.setattr('redres_ros.constrained._FEW', len(C))
+            expected = solve_constrained(*arguments)
+        assert few.dq == pytest.approx(expected.dq, abs=1e-7), seed
+        assert few.s == pytest.approx(expected.s, abs=1e-7), seed
+        assert few.excess == pytest.approx(expected.excess, rel=1e-7, abs=1e-9), seed
+        if expected.limiting >= 0:
+            assert few.limiting == expected.limiting, seed
 
 
 # --- whatever comes -------------------------------------------------------------------------------
