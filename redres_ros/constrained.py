@@ -93,9 +93,7 @@ def solve_constrained(
     return Constrained(dq, *hierarchical_qp(*problem, C, low, high, groups, active_set, dq))
 
 
-def _with_needed_rows(
-    problem: _Problem, rows: _StackedRows, active_set: np.ndarray
-) -> Constrained:
+def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndarray) -> Constrained:
     """The optimum under many rows, found with those alone that it would exceed.
 
     Rows that the optimum keeps anyway do not change it.

@@ -1,7 +1,7 @@
 """Several limits together: one box and the other rows, in order of priority."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class Bounds:
                 break
         _, dx = levels[0]
         shares = executed_fractions(levels[0], components or (len(dx),), dq)
-        return solved._replace(dq=dq, s=min(shares), component_scaling=shares if components else ())
+        return replace(solved, dq=dq, s=min(shares), component_scaling=shares if components else ())
 
     def _steady_box(self) -> Box:
         """The box without the limits on accelerations, in which a joint may also stand still."""
