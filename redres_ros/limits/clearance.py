@@ -106,8 +106,8 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
     C dq is the speed at which a distance d becomes smaller. The nearer, the slower the approach; at
     d_s there is none, and below it they go apart. The second condition is that of the limit
     `position`, for distances in place of joint positions: the arm can always stop in time, unless
-    obstacles move, limits are tightened, or the limit `jerk` makes braking take longer. `scale`
-    acts on the speed and on the accelerations.
+    obstacles move, limits are tightened, commands get lost, or the limit `jerk` makes braking take
+    longer. `scale` acts on the speed and on the accelerations.
 
     Where no acceleration limit is in force, this limit keeps the accelerations itself while
     anything is near, as well as the distances allow: joints that may jump would swing between two
