@@ -85,7 +85,7 @@ def _rounded(column: pyarrow.ChunkedArray) -> pyarrow.ChunkedArray | pyarrow.Arr
     if column.type != pyarrow.float64():
         return column
     digits = [None if each is None else float(f'{each:.4g}') for each in column.to_pylist()]
-    return pyarrow.array(digits, pyarrow.float32())
+    return pyarrow.array(digits)  # as 64 bits: a study that goes on looks for T = 0.005 in its file
 
 
 def read(path: Path) -> list[Result]:

@@ -278,3 +278,14 @@ def test_walls_that_make_no_sense_are_refused(figures, words):
 def test_a_point_that_is_no_link_is_refused_with_those_that_are():
     with pytest.raises(UnknownNameError, match='link_4'):
         WorkspaceLimit(RobotModel.named('lwr4'), points='tip,hand')
+
+
+@pytest.mark.parametrize('size', [1.0, 1e4, 1e9])
+def test_without_a_limit_on_velocities_no_task_velocity_takes_for_ever(size):
+    model = RobotModel.named('lwr4')
+    q = middle_of(model)
+    x, _ = model.tip(q)
+    limit = WorkspaceLimit(model, inside_boxes=(*(x - 0.1), *(x + 0.1)))
+    controller = Controller(model, 'minimum_velocity', T, limits=[limit])
+    q = controller.update(q, np.array((size, 0.0, 0.0))).q_ref
+    assert limit.approaches(q, FARTHEST)[1].min() > -1e-9

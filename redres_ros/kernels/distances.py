@@ -33,6 +33,7 @@ HALF_SPACE = 0.0  # the kinds of walls
 BOX = 1.0
 SPHERE = 2.0
 
+_LONGEST = 1e5  # ticks in which joints brake
 _SHORTEST = 1e-12  # [m] of a vector that has a direction
 _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a part in
 
@@ -432,7 +433,8 @@ def least_on_path(
         walls: Their kinds and figures.
 
     Returns:
-        The distances, (P,) [m], those below `enough` exact; and after how many ticks, (P,).
+        The distances, (P,) [m], those below `enough` exact; and after how many ticks, (P,). Minus
+        infinity for joints so fast that they brake for longer than anybody would wait for this.
     """
     n = len(q)
     frames = np.empty((n + 1, 3, 4))
@@ -446,6 +448,9 @@ def least_on_path(
     last = 1.0
     for k in range(n):
         last = max(last, 1.0 + np.floor(abs(dq[k]) / (A[k] * T)))
+    if not last < _LONGEST:
+        least[:] = -np.inf
+        return least, ticks
     tick = 1.0
     while True:
         for k in range(n):
