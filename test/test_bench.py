@@ -216,8 +216,8 @@ def test_a_peer_gives_the_velocities_of_the_least_velocity_law(
     }
     assert mine
     for label, peer in mine.items():
-        # One that stops earlier, and those that leave the path otherwise where limits act; the bench
-        # says so of each run.
+        # One that stops earlier, and those that leave the path otherwise where limits act; the
+        # bench says so of each run.
         if 'proxqp' not in label and 'acting' not in label:
             assert deviation(peer, model, stretch) < SAME, label
 
