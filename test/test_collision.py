@@ -102,6 +102,15 @@ def test_the_floor_is_below_the_lower_end(arm):
 
 
 @EVERY_ARM
+def test_a_base_that_stands_on_the_floor_is_not_looked_at(arm):
+    """No joint moves it, and the path of an arm was looked at in every tick because of it."""
+    limit = limit_of(arm, floor=0.0, spheres=BALLS)
+    fixed = limit.scene.moved_by < 0
+    one, other = limit.scene.pairs.T
+    assert not (fixed[one] & ((other < 0) | fixed[other])).any()
+
+
+@EVERY_ARM
 def test_rows_say_how_fast_bodies_approach(arm):
     """Against central differences; where bodies in line change their nearest points, none exist."""
     limit = limit_of(arm, influence=1.0, floor=0.0, spheres=BALLS)

@@ -18,7 +18,7 @@ from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.kinematics import Kinematics
+from redres_ros.robots.kinematics import BASE, Kinematics
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
@@ -82,10 +82,14 @@ class Scene(NamedTuple):
             moved_by: The last joint that moves each body, B of them.
             ends: (B, 2, 3) [m].
             radius: (B,) [m].
-            pairs: P of them.
+            pairs: What may collide; those that no joint moves, such as a base that stands on the
+                floor, are left out.
             walls: (W, 7).
         """
         joints = kinematics.joints
+        moving = [
+            (i, j) for i, j in pairs if moved_by[i] != BASE or (j >= 0 and moved_by[j] != BASE)
+        ]
         return cls(
             np.array([joint.before for joint in joints]),
             np.array([joint.axis for joint in joints]),
@@ -94,7 +98,7 @@ class Scene(NamedTuple):
             np.array(moved_by, np.int64),
             np.ascontiguousarray(ends, np.float64),
             np.ascontiguousarray(radius, np.float64),
-            np.array(pairs, np.int64).reshape(-1, 2),
+            np.array(moving, np.int64).reshape(-1, 2),
             np.ascontiguousarray(walls, np.float64).reshape(-1, 7),
         )
 
