@@ -262,6 +262,28 @@ def test_an_arm_outside_comes_back_within_its_limits():
     assert limit.approaches(q, FARTHEST)[1].min() > -1e-3
 
 
+def test_an_arm_outside_of_one_wall_comes_back_along_another_that_it_touches():
+    """It does not pass the second wall for the sake of the first one, and does not hang there."""
+    model = RobotModel.named('gen3')
+    q = middle_of(model)
+    x, _ = model.tip(q)
+    limit = WorkspaceLimit(
+        model,
+        acceleration_is_limited=True,
+        half_spaces=(1.0, 0.0, 0.0, x[0] - 0.05, 0.0, 1.0, 0.0, x[1]),
+    )
+    controller = Controller(
+        model, 'minimum_acceleration', 0.01, limits=('position', 'velocity', 'acceleration', limit)
+    )
+    distances = []
+    for _ in range(300):
+        q = controller.update(q, np.zeros(3)).q_ref
+        distances.append(limit.approaches(q, FARTHEST)[1])
+    first, second = np.transpose(distances)
+    assert first[-1] > -1e-3
+    assert second.min() > -1e-9
+
+
 @pytest.mark.parametrize(
     ('figures', 'words'),
     [

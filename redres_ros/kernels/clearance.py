@@ -216,12 +216,14 @@ def braking_rows(
         margin = distance[i] - clearance
         if after == 0.0 or not margin - bend < reach:
             continue
-        # What is inside already comes out again as slowly as by the damper.
+        size = _WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
+        # What is inside already comes out again as slowly as by the damper, and after the others:
+        # nothing else gets inside for it.
         if margin < 0.0:
             now = _index_of(who_now, i, who[i, 0], who[i, 1])
             if now >= 0 and distance_now[now] < clearance:
                 margin *= min(rate * T, 1.0)
-        size = _WEIGHT * np.sqrt(before / after)  # as long as the other rows, times the weight
+                size /= _WEIGHT
         for j in range(n):
             rows[count, j] *= size
         high[count] = size * (margin - bend + braking)
