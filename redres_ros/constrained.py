@@ -26,8 +26,8 @@ from redres_ros.kernels.closed_form import FACTOR, SQUARE
 from redres_ros.resolution import Level, Weight, as_array, stacked
 from redres_ros.vectors import FLOAT64
 
-# Rows that are given to the search at once, and those that are then added: its time grows with the
-# square of their number
+# Rows that are given to the search at once, and those that are then added, or this part of all that
+# are exceeded: its time grows with the square of their number
 _FEW = 8
 _ADDED = 4
 _SHORTEST = 1e-12  # of a row whose excess is measured by its length
@@ -118,7 +118,8 @@ def _with_needed_rows(problem: _Problem, rows: _StackedRows, active_set: np.ndar
         exceeded = np.flatnonzero(~(excess <= 0.0))  # also what is not finite
         if solved and not exceeded.size:
             break
-        chosen[exceeded[np.argsort(-excess[exceeded])[:_ADDED]]] = True
+        count = max(_ADDED, len(exceeded) // _ADDED)
+        chosen[exceeded[np.argsort(-excess[exceeded])[:count]]] = True
         counts = np.bincount(group[chosen], minlength=len(groups))
         few = C[chosen], low[chosen], high[chosen], counts
         solved = Constrained(dq, *hierarchical_qp(*problem, *few, active_set, dq))

@@ -8,6 +8,7 @@ from redres_ros.kernels.compiled import compiled, direct, inlined, matrix, sever
 # Of a row for the path of a braking arm, beside a velocity damper, where not all can be kept: what
 # cannot be braked any more comes first.
 _WEIGHT = 1000.0
+_INSIDE = 1e-6  # [m] beyond its clearance a pair is too near by more than rounding
 
 _ROWS = float64[:, ::1]
 _VECTOR = float64[::1]
@@ -221,7 +222,7 @@ def braking_rows(
         # nothing else gets inside for it.
         if margin < 0.0:
             now = _index_of(who_now, i, who[i, 0], who[i, 1])
-            if now >= 0 and distance_now[now] < clearance:
+            if now >= 0 and distance_now[now] < clearance - _INSIDE:
                 margin *= min(rate * T, 1.0)
                 size /= _WEIGHT
         for j in range(n):

@@ -34,7 +34,8 @@ HALF_SPACE = 0.0  # the kinds of walls
 BOX = 1.0
 SPHERE = 2.0
 
-_LONGEST = 1e5  # ticks in which joints brake
+_LONGEST = 1e5  # ticks in which joints brake,
+_LOOKS = 500.0  # of which no more are looked at than about so many
 _SHORTEST = 1e-12  # [m] of a vector that has a direction
 _NOTHING = 1e-12  # [m^2] of a length squared, and of a row that no joint has a part in
 
@@ -421,7 +422,8 @@ def least_on_path(
         T: Sampling time [s].
         gap: Cycles between two commands.
         levers: How far a radian of each joint moves any point, at most, (n,) [m].
-        step: Least number of ticks from one look to the next; 1: none is missed.
+        step: Least number of ticks from one look to the next; 1: none is missed, unless joints
+            brake for a thousand ticks.
         enough: [m].
         before: The scene, as the head of this file says, and so are the others.
         axes: Of joints.
@@ -452,27 +454,31 @@ def least_on_path(
     if not last < _LONGEST:
         least[:] = -np.inf
         return least, ticks
+    stride = max(float(step), np.floor(last / _LOOKS))
+    far = np.full(len(pairs), -np.inf)  # for how long a path from the first tick on each pair is
+    path = 0.0
     tick = 1.0
     while True:
         for k in range(n):
             speed = abs(dq[k])
             moving = min(tick, 1.0 + np.floor(speed / (A[k] * T)))
-            path = gap * T * moving * (speed - A[k] * T * (moving - 1.0) / 2.0)
-            ahead[k] = q[k] + (path if dq[k] > 0.0 else -path)
+            moved = gap * T * moving * (speed - A[k] * T * (moving - 1.0) / 2.0)
+            ahead[k] = q[k] + (moved if dq[k] > 0.0 else -moved)
         place(ahead, before, axes, is_prismatic, parents, moved_by, ends, frames, lines, points)
         nearest = np.inf
         for pair in range(len(pairs)):
-            i = pairs[pair, 0]
-            distance = _distance(points, radius, walls, i, pairs[pair, 1], at, normal)
-            nearest = min(nearest, distance)
-            if distance < least[pair]:
-                least[pair] = distance
-                ticks[pair] = tick
+            if not path <= far[pair]:
+                i = pairs[pair, 0]
+                distance = _distance(points, radius, walls, i, pairs[pair, 1], at, normal)
+                far[pair] = path + distance - enough
+                if distance < least[pair]:
+                    least[pair] = distance
+                    ticks[pair] = tick
+            nearest = min(nearest, far[pair])
         looked = tick
-        approached = 0.0  # at most, since then
-        while tick < last and (tick < looked + step or not approached > nearest - enough):
+        while tick < last and (tick < looked + stride or path <= nearest):
             for k in range(n):
-                approached += levers[k] * gap * T * max(abs(dq[k]) - A[k] * T * tick, 0.0)
+                path += levers[k] * gap * T * max(abs(dq[k]) - A[k] * T * tick, 0.0)
             tick += 1.0
-        if tick == looked or not approached > nearest - enough:
+        if tick == looked or path <= nearest:
             return least, ticks

@@ -35,17 +35,15 @@ Near = tuple[np.ndarray, np.ndarray, np.ndarray]  # C (r, n), distance (r,) [m],
 
 
 class _Place(NamedTuple):
-    """Where an arm is that brakes.
+    """A place on the path of a braking arm.
 
     Attributes:
-        q: (n,) [rad].
         v: The velocity of braking in the first tick, (n,) [rad/s].
-        slope: S, of q by v, (n,) [s].
+        slope: S, of the joint positions there by v, (n,) [s].
         ticks: For how long it has braked.
-        near: All pairs.
+        near: All pairs that this tick may bring too near.
     """
 
-    q: np.ndarray
     v: np.ndarray
     slope: np.ndarray
     ticks: float
@@ -238,44 +236,55 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             C (r, n), high (r,), and who approaches whom (r, 2).
         """
         half = 0.5 * T * state.gap * state.dq_prev
-        C, at_half, who = self.approaches(state.q + half, np.inf)
+        farthest = farthest_path(state.dq_prev, state.gap, self.A, T, self.levers)
+        reach = max(self.influence, self.clearance + farthest) + farthest
+        C, at_half, who = self.approaches(state.q + half, reach)
         distance = at_half + C.dot(half)
         figures = (self._rate, self.clearance)
         found = [damper_rows(C, distance, who, state.dq_prev, self.A, T, *figures, self.influence)]
-        lever = float(self.levers.max())
-        for place in self._nearest_places(state, T, distance.min(initial=np.inf)):
-            braking = (place.v, place.slope, self.A, T, state.gap, place.ticks)
-            found.append(braking_rows(*place.near, distance, who, *braking, *figures, lever))
+        if distance.min(initial=np.inf) <= self.clearance + farthest:
+            for place in self._nearest_places(state, T):
+                braking = (place.v, place.slope, self.A, T, state.gap, place.ticks)
+                lever = float(self.levers.max())
+                found.append(braking_rows(*place.near, distance, who, *braking, *figures, lever))
         rows, high, pairs = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 
-    def _nearest_places(self, state: ReferenceState, T: float, nearest: float) -> Iterator[_Place]:
+    def _nearest_places(self, state: ReferenceState, T: float) -> Iterator[_Place]:
         """Where the joints come to rest if they brake, after this tick, and where pairs are nearest
         between.
 
         Args:
             state: Of the reference at this tick.
             T: Sampling time [s].
-            nearest: The least distance at this tick [m].
         """
-        farthest = farthest_path(state.dq_prev, state.gap, self.A, T, self.levers)
-        if nearest > self.clearance + farthest:
-            return
         rest = self._braked(state, T, np.inf)
         yield rest
         if rest.ticks == 1.0:
             return
         yield self._braked(state, T, 1.0)
         step = 1 + int(rest.ticks) // _LOOKS
-        change = 2.0 * T * float(self.levers.dot(rest.slope * self.A))  # of the path, in this tick
-        least, ticks = self._least(state, rest.v, T, step, self.clearance + change)
+        near = self.clearance + self._change(rest.slope, state, T)
+        least, ticks = self._least(state, rest.v, T, step, near)
         taken = [1.0, rest.ticks]
         for pair in np.argsort(least).tolist():
-            if least[pair] > self.clearance + change or len(taken) == 2 + _MOST_PLACES:
+            if least[pair] > near or len(taken) == 2 + _MOST_PLACES:
                 return
             if min(abs(ticks[pair] - each) for each in taken) > step:
                 taken.append(ticks[pair])
                 yield self._braked(state, T, ticks[pair])
+
+    def _change(self, slope: np.ndarray, state: ReferenceState, T: float) -> float:
+        """How far a place on the path of a braking arm may move in this tick, at most [m].
+
+        Args:
+            slope: Of the place, (n,) [s].
+            state: Of the reference at this tick.
+            T: Sampling time [s].
+        """
+        steps = (slope + state.gap * T) * self.A * T
+        first_order = 2.0 * float(self.levers.dot(steps))
+        return first_order + 0.5 * float(self.levers.max() * steps.dot(steps))
 
     def _least(
         self, state: ReferenceState, dq: np.ndarray, T: float, step: int, enough: float
@@ -304,7 +313,8 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         """
         q, v, slope = np.empty((3, len(state.q)))
         longest = brake(state.q, state.dq_prev, state.gap, self.A, T, ticks, q, v, slope)
-        return _Place(q, v, slope, min(ticks, longest), self.approaches(q, np.inf))
+        near = self.approaches(q, self.clearance + self._change(slope, state, T))
+        return _Place(v, slope, min(ticks, longest), near)
 
     @property
     def _rate(self) -> float:
