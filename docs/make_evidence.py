@@ -102,8 +102,9 @@ def sample(short: Sequence[Result], long: Sequence[Result]) -> str:
         long: Of long ones.
     """
     fewest, *_, most = sorted(_counts(short))
+    tasks = f'{most:,}' if fewest == most else f'{fewest:,} to {most:,}'
     return (
-        f'Of each arm, kind and law there are {fewest} to {most} tasks, and {min(_counts(long))} '
+        f'Of each arm, kind and law there are {tasks} tasks, and {min(_counts(long))} '
         f'long ones:\n{len(short) + len(long):,} motions.\n'
     )
 
