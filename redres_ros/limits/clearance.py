@@ -18,7 +18,7 @@ from redres_ros.limits.joint import AccelerationFigures
 from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
-from redres_ros.robots.kinematics import BASE, Kinematics
+from redres_ros.robots.kinematics import Kinematics
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3
@@ -27,6 +27,8 @@ _OWN_WEIGHT = 1e-3
 # get rows
 _LOOKS = 16
 _MOST_PLACES = 5
+
+_POSTURES = 3  # random ones, in which a pair that a joint may bring nearer shows that
 
 _FLOOR = -1  # in place of a second body: it is the first wall
 
@@ -75,20 +77,18 @@ class Scene(NamedTuple):
     ) -> 'Scene':
         """A scene of bodies that these joints move.
 
+        Pairs that no joint brings nearer are left out, such as a base that stands on the floor.
+
         Args:
             kinematics: The joints.
             moved_by: The last joint that moves each body, B of them.
             ends: (B, 2, 3) [m].
             radius: (B,) [m].
-            pairs: What may collide; those that no joint moves, such as a base that stands on the
-                floor, are left out.
+            pairs: P of them.
             walls: (W, 7).
         """
         joints = kinematics.joints
-        moving = [
-            (i, j) for i, j in pairs if moved_by[i] != BASE or (j >= 0 and moved_by[j] != BASE)
-        ]
-        return cls(
+        every = cls(
             np.array([joint.before for joint in joints]),
             np.array([joint.axis for joint in joints]),
             np.array([joint.is_prismatic for joint in joints]),
@@ -96,9 +96,15 @@ class Scene(NamedTuple):
             np.array(moved_by, np.int64),
             np.ascontiguousarray(ends, np.float64),
             np.ascontiguousarray(radius, np.float64),
-            np.array(moving, np.int64).reshape(-1, 2),
+            np.array(pairs, np.int64).reshape(-1, 2),
             np.ascontiguousarray(walls, np.float64).reshape(-1, 7),
         )
+        changed: set[tuple[int, int]] = set()
+        for q in np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, kinematics.n)):
+            _, _, who = distance_kernels().approaches(q, np.inf, *every)
+            changed.update(map(tuple, who.tolist()))
+        kept = [tuple(pair) in changed for pair in every.pairs.tolist()]
+        return every._replace(pairs=every.pairs[kept])
 
 
 @dataclass(frozen=True, eq=False)
