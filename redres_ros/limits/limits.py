@@ -15,7 +15,7 @@ from redres_ros.resolution import Level, Weight
 _AT_REST = 1e-12  # [rad/s]
 _FASTEST = 100.0  # [rad/s] of a joint without a limit
 _UPPER = 1  # the place of the upper bound in a box
-_SHARES = (0.5, 0.25, 0.125, 0.0)  # of a velocity, the rest is that of braking; that can be kept
+_SHARES = (0.5, 0.25, 0.125, 0.0)  # of a velocity mixed with that of braking, tried in this order
 
 
 @dataclass(slots=True)  # made in every tick
