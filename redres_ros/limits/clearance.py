@@ -161,6 +161,11 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         """How far a radian of each joint moves any point of the arm, at most, (n,) [m]."""
         return self.model.kinematics.levers
 
+    @cached_property
+    def lever(self) -> float:
+        """The longest of them [m]."""
+        return float(self.levers.max())
+
     def approaches(self, q: np.ndarray, reach: float) -> Near:
         """What is nearer than `reach`: C dq is the speed of approach [m/s]; who approaches whom.
 
@@ -251,8 +256,9 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         if distance.min(initial=np.inf) <= self.clearance + farthest:
             for place in self._nearest_places(state, T):
                 braking = (place.v, place.slope, self.A, T, state.gap, place.ticks)
-                lever = float(self.levers.max())
-                found.append(braking_rows(*place.near, distance, who, *braking, *figures, lever))
+                found.append(
+                    braking_rows(*place.near, distance, who, *braking, *figures, self.lever)
+                )
         rows, high, pairs = zip(*found, strict=True)
         return np.concatenate(rows), np.concatenate(high), np.concatenate(pairs)
 
@@ -290,7 +296,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         """
         steps = (slope + state.gap * T) * self.A * T
         first_order = 2.0 * float(self.levers.dot(steps))
-        return first_order + 0.5 * float(self.levers.max() * steps.dot(steps))
+        return first_order + 0.5 * self.lever * float(steps.dot(steps))
 
     def _least(
         self, state: ReferenceState, dq: np.ndarray, T: float, step: int, enough: float
