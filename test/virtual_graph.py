@@ -7,6 +7,8 @@ come, and services are called directly.
 
 import heapq
 import inspect
+import os
+import re
 import threading
 import time
 from collections import deque
@@ -17,6 +19,7 @@ from itertools import count
 from typing import Any, NamedTuple
 from unittest import mock
 
+import numpy as np
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from own_ros import ros
@@ -387,8 +390,18 @@ def virtual_run(**parameters: Any) -> Iterator[VirtualRun]:
                 nodes[node.get_name()] = node
             yield VirtualRun(graph, nodes)
         finally:
+            _freeze(graph)
             for node in nodes.values():
                 node.destroy_node()
+
+
+def _freeze(graph: Graph) -> None:
+    """Write the references that were published where scripts/frozen asks for them."""
+    folder = os.environ.get('REDRES_FROZEN')
+    if folder:
+        name = re.sub(r'\W+', '_', os.environ['PYTEST_CURRENT_TEST'].partition('::')[2])
+        published = [message.position for _, message in graph.kept.get('joint_command', ())]
+        np.save(f'{folder}/{name}.npy', np.array(published))
 
 
 def _as_yaml(value: Any) -> str:
