@@ -8,15 +8,7 @@ import pytest
 
 SCRIPTS = Path(__file__).resolve().parents[1] / 'scripts'
 LINT = SCRIPTS / 'lint'
-UNDESCRIBED = """
-class OwnError(Exception): ...
-def f(x: int, y: int) -> int:
-    '''The sum.
-
-    Args:
-        x: One.
-    '''
-"""
+BARE = "import numpy as np\ndef f(q: np.ndarray) -> int:\n    '''The sum.'''\n"
 RAISING = 'class OwnError(Exception): ...\ndef f() -> None:\n    raise OwnError()\n'
 
 
@@ -37,7 +29,7 @@ def faults(source: str, folder: Path) -> list[str]:
         ('a, b = 1, 2', 'several values'),
         ('[[i for i in row] for row in rows]', 'a comprehension'),
         ('x if p else y if q else z', 'a conditional expression'),
-        (UNDESCRIBED, 'f: y is not below Args:'),
+        (BARE, 'f: q has neither shape nor unit'),
         (RAISING, 'f: OwnError is not below Raises:'),
     ],
 )
