@@ -18,8 +18,9 @@ from redres_ros.parameter import Parameter, check_value
 from redres_ros.policy import SPEED_LIMIT, Crossfade, Motion, Policy, advanced, make_policy
 from redres_ros.preferences import Preference
 from redres_ros.resolution import Solution
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import RobotModel, RobotState, TickContext
 from redres_ros.tasks import Task
+from redres_ros.types import JointAccelerations, JointPositions, JointVelocities, TaskVelocity
 from redres_ros.vectors import as_vector, check_finite
 
 if TYPE_CHECKING:
@@ -54,10 +55,8 @@ class _Ahead(NamedTuple):
             and state.q is own.q
             and state.dq_prev is own.dq_prev
             and state.ddq_prev is own.ddq_prev
-            and not state.measurements
-            and state.correction is None
-            and state.gap == own.gap
-            and state.longest_gap == own.longest_gap
+            and state.tick.correction is None
+            and state.tick == own.tick
             and dx.tobytes() == self.dx
         )
 
@@ -352,8 +351,7 @@ class Controller:
             dq_prev = self._dq_prev
         ddq_prev = self._bridging_acceleration if missed else self._ddq_prev
         at = q if self.policy.limits is None else start
-        state = self._state(at, dq_prev, ddq_prev)
-        state.correction = correction
+        state = self._state(at, dq_prev, ddq_prev, correction)
 
         motion = self._motion_at(state, (missed + 1) * self.T)
         if self._ahead is not None and self._ahead.is_of(motion, state, dx):
@@ -431,13 +429,16 @@ class Controller:
         J = policy.task.jacobian(state)
         return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, self._all_achieved)
 
-    def _state(self, q: np.ndarray, dq_prev: np.ndarray, ddq_prev: np.ndarray) -> RobotState:
-        """The state of a tick; arguments as of RobotState."""
-        state = RobotState(self.model, q, dq_prev, ddq_prev)
-        state.gap = self.gap
-        state.longest_gap = self.longest_gap
-        state.measurements = self.measurements
-        return state
+    def _state(
+        self,
+        q: JointPositions,
+        dq_prev: JointVelocities,
+        ddq_prev: JointAccelerations,
+        correction: TaskVelocity | None = None,
+    ) -> RobotState:
+        """The state of a tick; arguments as of RobotState and TickContext."""
+        tick = TickContext(self.measurements, self.gap, self.longest_gap, correction)
+        return RobotState(self.model, q, dq_prev, ddq_prev, tick)
 
     def _motion_at(self, state: RobotState, elapsed: float) -> Motion:
         """The motion of this tick, `elapsed` [s] after the last one."""

@@ -5,7 +5,7 @@ from copy import copy
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +14,7 @@ from redres_ros.errors import FileError, RangeError, UnknownNameError
 from redres_ros.robots import Arm, arm_from_urdf, find_arm
 from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.kinematics import Kinematics
+from redres_ros.types import Cycles, TaskVelocity
 from redres_ros.vectors import finite_vector
 
 _ALIGNED = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, along the axes of the base
@@ -28,6 +29,25 @@ _CROSS = np.array(
 )
 
 
+class TickContext(NamedTuple):
+    """What a tick needs besides the state of the arm.
+
+    Attributes:
+        measurements: By name, as preferences and limits ask for them.
+        gap: Between two commands, in which every joint must be able to stop.
+        longest_gap: The same of the next command alone, which may be the last one for long.
+        correction: The part of dx that only holds what nobody asks to move.
+    """
+
+    measurements: Mapping[str, np.ndarray] = MappingProxyType({})
+    gap: Cycles = 1
+    longest_gap: Cycles = 1
+    correction: TaskVelocity | None = None
+
+
+_USUAL = TickContext()
+
+
 class RobotState:
     """Kinematics and dynamics at one (q, dq_prev), for laws, tasks and preferences.
 
@@ -39,6 +59,7 @@ class RobotState:
         dq_prev: (n,) [rad/s], the last command, which is all that is known of the velocity at a
             tick (footnote 4).
         ddq_prev: (n,) [rad/s^2], the acceleration of the last command; None: zero.
+        tick: What a tick needs besides.
     """
 
     # Until a quantity is asked for. A property with such a default takes half of what a
@@ -48,10 +69,6 @@ class RobotState:
     _n: np.ndarray | None = None
     _x: np.ndarray | None = None
     _R: np.ndarray | None = None
-    measurements: Mapping[str, np.ndarray] = MappingProxyType({})  # by name
-    gap = 1  # cycles between two commands, with which a joint must be able to stop
-    longest_gap = 1  # the same of the next command alone, which may be the last one for long
-    correction: np.ndarray | None = None  # of dx, (m,): it holds what is not asked for
 
     def __init__(
         self,
@@ -59,8 +76,10 @@ class RobotState:
         q: np.ndarray,
         dq_prev: np.ndarray,
         ddq_prev: np.ndarray | None = None,
+        tick: TickContext = _USUAL,
     ) -> None:
         self.model = model
+        self.tick = tick
         self.q = q
         self.dq_prev = dq_prev
         self.ddq_prev = np.zeros(len(q)) if ddq_prev is None else ddq_prev
@@ -71,6 +90,11 @@ class RobotState:
         state.dq_prev = dq_prev
         state._n = None
         return state
+
+    @property
+    def measurements(self) -> Mapping[str, np.ndarray]:
+        """Of this tick by name: those that are fresh."""
+        return self.tick.measurements
 
     @property
     def J(self) -> np.ndarray:

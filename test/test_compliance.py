@@ -11,6 +11,7 @@ from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 from redres_ros.paper.contact.scenes import PUSH, elbow_direction, elbow_pushed
 from redres_ros.policy import make_policy
+from redres_ros.robot_model import RobotState, TickContext
 
 pytestmark = pytest.mark.slow
 
@@ -41,15 +42,19 @@ def test_the_elbow_gives_while_the_tip_rests_in_free_space(arm: str) -> None:
 # --- the measurement ------------------------------------------------------------------------------
 
 
+def with_torques(model: RobotModel, torques: np.ndarray) -> RobotState:
+    tick = TickContext({'external_torques': torques})
+    return RobotState(model, np.array(model.arm.start), np.zeros(model.n), tick=tick)
+
+
 def test_the_acceleration_is_the_gain_times_the_torques_from_outside() -> None:
     model = RobotModel.named('fr3')
-    state = model.state(np.array(model.arm.start), np.zeros(model.n))
     compliance = Compliance(gain=2.0)
-    assert not compliance.acceleration(state).any()
+    assert not compliance.acceleration(RobotState(model, np.zeros(7), np.zeros(7))).any()
     torques = np.arange(7.0)
-    state.measurements = {'external_torques': torques}
+    state = with_torques(model, torques)
     assert (compliance.acceleration(state) == 2.0 * torques).all()
-    state.measurements = {'external_torques': np.zeros(3)}
+    state = with_torques(model, np.zeros(3))
     with pytest.raises(ArrayError, match='expected 7 values'):
         compliance.acceleration(state)
 

@@ -15,7 +15,7 @@ from redres_ros.limits import LIMITS, BoxLimit, Limits, limit_name, make_limits
 from redres_ros.limits.joint import AccelerationLimit
 from redres_ros.limits.limits import ActiveLimit
 from redres_ros.resolution import resolve
-from redres_ros.robot_model import RobotState
+from redres_ros.robot_model import RobotState, TickContext
 
 T = 0.002  # [s]
 EVERY_PERIOD = pytest.mark.parametrize('T', [0.0005, 0.001, 0.002, 0.01])
@@ -99,9 +99,7 @@ def test_with_distance_left_for_a_gap_the_box_of_the_next_tick_is_never_empty(na
     dq = np.zeros(model.n)
     ddq = dq
     for tick in range(4000):
-        state = RobotState(model, q, dq, ddq)
-        state.gap = gap
-        state.longest_gap = 12
+        state = RobotState(model, q, dq, ddq, TickContext(gap=gap, longest_gap=12))
         bounds = limits.at(state, T)
         assert bounds.kept
         if tick % 300 == 0:

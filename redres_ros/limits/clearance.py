@@ -246,8 +246,8 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         Returns:
             C (r, n), high (r,), and who approaches whom (r, 2).
         """
-        half = 0.5 * T * state.gap * state.dq_prev
-        farthest = farthest_path(state.dq_prev, state.gap, self.A, T, self.levers)
+        half = 0.5 * T * state.tick.gap * state.dq_prev
+        farthest = farthest_path(state.dq_prev, state.tick.gap, self.A, T, self.levers)
         reach = max(self.influence, self.clearance + farthest) + farthest
         C, at_half, who = self.approaches(state.q + half, reach)
         distance = at_half + C.dot(half)
@@ -255,7 +255,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
         found = [damper_rows(C, distance, who, state.dq_prev, self.A, T, *figures, self.influence)]
         if distance.min(initial=np.inf) <= self.clearance + farthest:
             for place in self._nearest_places(state, T):
-                braking = (place.v, place.slope, self.A, T, state.gap, place.ticks)
+                braking = (place.v, place.slope, self.A, T, state.tick.gap, place.ticks)
                 found.append(
                     braking_rows(*place.near, distance, who, *braking, *figures, self.lever)
                 )
@@ -294,7 +294,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             state: Of the reference at this tick.
             T: Sampling time [s].
         """
-        steps = (slope + state.gap * T) * self.A * T
+        steps = (slope + state.tick.gap * T) * self.A * T
         first_order = 2.0 * float(self.levers.dot(steps))
         return first_order + 0.5 * self.lever * float(steps.dot(steps))
 
@@ -311,7 +311,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             step: Ticks from one look to the next.
             enough: Distance from which on it need not be exact [m].
         """
-        path = (state.q, dq, self.A, T, state.gap, self.levers)
+        path = (state.q, dq, self.A, T, state.tick.gap, self.levers)
         least, ticks = distance_kernels().least_on_path(*path, step, enough, *self.scene)
         return least, ticks
 
@@ -324,7 +324,7 @@ class ClearanceLimit(AccelerationFigures, RowLimit):
             ticks: Their number.
         """
         q, v, slope = np.empty((3, len(state.q)))
-        longest = brake(state.q, state.dq_prev, state.gap, self.A, T, ticks, q, v, slope)
+        longest = brake(state.q, state.dq_prev, state.tick.gap, self.A, T, ticks, q, v, slope)
         near = self.approaches(q, self.clearance + self._change(slope, state, T))
         return _Place(v, slope, min(ticks, longest), near)
 

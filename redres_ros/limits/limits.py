@@ -72,7 +72,7 @@ class Bounds:
         """
         problem = dq, W, levels, self.box, self.rows, self.limits.active_set
         if components:
-            held = _held(components, self.state.correction)
+            held = _held(components, self.state.tick.correction)
             steady_box = self._steady_box()
             solved = solve_components(*problem, components, held, steady_box, self.state.dq_prev)
         else:
@@ -302,8 +302,8 @@ class Limits:
             self._kinds,
             figures,
             self._boxes,
-            state.gap,
-            state.longest_gap,
+            state.tick.gap,
+            state.tick.longest_gap,
         )
 
 

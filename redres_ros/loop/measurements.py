@@ -12,7 +12,7 @@ from redres_ros.contact.settings import BASE
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
 from redres_ros.loop.cycle_counter import CycleCounter
-from redres_ros.robot_model import RobotState
+from redres_ros.robot_model import RobotState, TickContext
 from redres_ros.vectors import check_finite
 
 _PAUSE = 0.5  # [s] for which a motion goes on after the last measurement that asked for it
@@ -174,7 +174,6 @@ class Measurements:
         self.asks = False
 
     def _state(self, q: np.ndarray) -> RobotState:
-        model = self._controller.model
-        state = model.unchecked_state(q, np.zeros(model.n))
-        state.measurements = self._controller.measurements
-        return state
+        controller = self._controller
+        tick = TickContext(controller.measurements)
+        return RobotState(controller.model, q, np.zeros(len(q)), tick=tick)

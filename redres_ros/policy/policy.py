@@ -292,7 +292,8 @@ class Hold:
 
 def _asked(dx: np.ndarray, state: RobotState) -> np.ndarray:
     """dx (m,) without what only holds a component that nobody asks to move."""
-    return dx if state.correction is None else np.where(state.correction, 0.0, dx)
+    correction = state.tick.correction
+    return dx if correction is None else np.where(correction, 0.0, dx)
 
 
 def _escape(state: RobotState, task: Task, J: np.ndarray, dx: np.ndarray) -> np.ndarray | float:

@@ -12,7 +12,7 @@ from redres_ros.fake_robot.plant import IdealPlant, MujocoPlant
 from redres_ros.laws import make_law
 from redres_ros.paper.contact.scenes import elbow_direction
 from redres_ros.preferences import Compliance
-from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.robot_model import RobotModel, RobotState, TickContext
 from redres_ros.robots import find_arm
 
 T = 0.001  # [s]
@@ -120,10 +120,9 @@ class PushedArm:
             q: (n,) [rad].
             dq: (n,) [rad/s].
         """
-        state = self.model.state(q, dq)
-        J = state.jacobian(self.model.elbow_frame)[:3]
-        state.measurements = {Compliance.measurement: J.T @ (_push_at(t - 0.5) * self._push)}
-        return state
+        J = self.model.jacobian(q, self.model.elbow_frame)[:3]
+        measurements = {Compliance.measurement: J.T @ (_push_at(t - 0.5) * self._push)}
+        return RobotState(self.model, q, dq, tick=TickContext(measurements))
 
 
 def by_velocity(
