@@ -1,77 +1,76 @@
-"""The command of a tick, and its figures for recordings and topics."""
+"""The command of a tick, and its values for recordings and topics."""
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
-from redres_ros.resolution import ResistingLimit, Weight, resolve_one
+from redres_ros.resolution import Solution, resolve_one
 from redres_ros.robot_model import RobotState
+from redres_ros.types import (
+    JointAccelerations,
+    JointPositions,
+    JointTorques,
+    JointVelocities,
+    Seconds,
+    TaskVelocity,
+)
 
 
-class Command(NamedTuple):
-    """The command of a tick. Figures for recordings and topics are computed on request.
+@dataclass(slots=True)  # made in every tick
+class Command:
+    """A solution and the position reference that it leads to. Other values are computed on request.
 
     Attributes:
-        dq: Joint velocity, (n,) [rad/s].
-        q_ref: Position reference, (n,) [rad].
-        state: The state it responds to.
-        T: Sampling time [s].
-        J: Jacobian of the first task, (m, n).
-        W: Weight of the law.
-        s: Task scaling: the fraction of dx that the limits allow.
-        unachieved: The part of dx that a singularity blocks, (m,).
-        component_scaling: The fraction of each component of dx, translation and rotation, that the
-            limits allow, if they are scaled separately; else empty.
-        active_limit: The limit that resists hardest; None if none does.
+        solution: The joint velocity, and how far it executes the tasks.
+        state: The state that it responds to.
     """
 
-    dq: np.ndarray
-    q_ref: np.ndarray
+    solution: Solution
+    q_ref: JointPositions
     state: RobotState
-    T: float
-    J: np.ndarray
-    W: Weight
-    s: float
-    unachieved: np.ndarray
-    component_scaling: tuple[float, ...] = ()
-    active_limit: ResistingLimit | None = None
+    T: Seconds
+
+    dq = property(attrgetter('solution.dq'))
+    J = property(attrgetter('solution.J'))
+    W = property(attrgetter('solution.W'))
+    s = property(attrgetter('solution.s'))
+    component_scaling = property(attrgetter('solution.component_scaling'))
+    active_limit = property(attrgetter('solution.active_limit'))
+
+    @property
+    def unachieved(self) -> TaskVelocity:
+        """The part of dx that a singularity blocks."""
+        unachieved = self.solution.unachieved
+        return np.zeros(len(self.J)) if unachieved is None else unachieved
 
     @property
     def active_limits(self) -> str:
-        """The most active limit as 'joint: limit'; empty if none is active."""
+        """The limit that resists hardest, as 'joint: limit'; empty if none does."""
         return self.active_limit.name if self.active_limit else ''
 
     @property
-    def escape(self) -> np.ndarray | None:
-        """Joint velocity away from the most active limit, (n,), of any length; None if none is
-        active.
-        """
-        return self.active_limit.escape if self.active_limit else None
-
-    @property
-    def null(self) -> np.ndarray:
-        """The null-space term of Eq. (2), (n,) [rad/s].
-
-        It is P dq, which is P b: P J_W^# = 0.
-        """
+    def null(self) -> JointVelocities:
+        """The null-space term of Eq. (2), P dq; it is P b, for P J_W^# = 0."""
         null, _ = resolve_one(self.J, np.zeros(len(self.J)), self.dq, self.W)
         return null
 
     @property
-    def ddq(self) -> np.ndarray:
-        """Joint acceleration (dq_k - dq_{k-1}) / T, (n,) [rad/s^2], Eq. (13)."""
+    def ddq(self) -> JointAccelerations:
+        """(dq_k - dq_{k-1}) / T, Eq. (13)."""
         return (self.dq - self.state.dq_prev) / self.T
 
     @property
-    def tau(self) -> np.ndarray:
-        """Joint torque M(q_k) ddq_k + n(q_k, dq_{k-1}), (n,) [Nm], Eq. (6)."""
+    def tau(self) -> JointTorques:
+        """M(q_k) ddq_k + n(q_k, dq_{k-1}), Eq. (6)."""
         return self.state.M @ self.ddq + self.state.n
 
     @property
     def min_singular_value(self) -> float:
-        """Smallest singular value of the task Jacobian."""
+        """Of the task Jacobian."""
         return float(np.linalg.svd(self.J, compute_uv=False)[-1])
 
 
@@ -87,7 +86,7 @@ def norms(vectors: Any) -> np.ndarray:
 
 
 # By the names of columns and topics. All norms are Euclidean.
-FIGURES: dict[str, Callable[[Command], float]] = {
+VALUES: dict[str, Callable[[Command], float]] = {
     'joint_velocity_norm': lambda command: norm(command.dq),
     'joint_acceleration_norm': lambda command: norm(command.ddq),
     'null_velocity_norm': lambda command: norm(command.null),

@@ -184,8 +184,6 @@ class Controller:
         """Whether dx is the velocity of all joints, (n,) [rad/s], instead of that of the task."""
         self._follows_joints = follows
         self.m = self.model.n if follows else self.policy.task.rows(self.model)
-        self._all_achieved = np.zeros(self.m)
-        self._all_achieved.flags.writeable = False  # every command shares it
 
     def switch_law(self, law: str | Law) -> None:
         """Switch to another law, or to other gains; by name or as an object.
@@ -378,19 +376,8 @@ class Controller:
         self._has_open_targets = False
         if self._begins_anew and not dq.any():
             self.place(q_ref)
-        unachieved = self._all_achieved if solution.unachieved is None else solution.unachieved
-        return Command(
-            dq.copy(),
-            q_ref.copy(),
-            state,
-            self.T,
-            solution.J,
-            solution.W,
-            solution.s,
-            unachieved,
-            solution.component_scaling,
-            solution.active_limit,
-        )
+        solution.dq = dq.copy()
+        return Command(solution, q_ref.copy(), state, self.T)
 
     def prepare(self, dx: np.ndarray) -> None:
         """Solve the next tick before its state comes, while nobody waits for the command.
@@ -427,7 +414,7 @@ class Controller:
         state = RobotState(self.model, q_ref, zeros)
         policy = self.policy.for_joints if self._follows_joints else self.policy
         J = policy.task.jacobian(state)
-        return Command(zeros, q_ref.copy(), state, self.T, J, None, 1.0, self._all_achieved)
+        return Command(Solution(zeros, J, zeros[: self.m]), q_ref.copy(), state, self.T)
 
     def _state(
         self,

@@ -1,5 +1,7 @@
 """The gate: what it does with a reference, and how it reports that."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ class Guarded:
 
     def admit(self, wanted: np.ndarray, missed: int) -> Command:
         self.controller.before = self.controller.bridged(missed)
-        return self.gate.admit(self.controller.standing()._replace(q_ref=wanted))
+        return self.gate.admit(replace(self.controller.standing(), q_ref=wanted))
 
 
 def only(value: float) -> np.ndarray:

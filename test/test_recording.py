@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from redres_ros import Command, RobotModel
-from redres_ros.command import FIGURES
+from redres_ros.command import VALUES
 from redres_ros.errors import FileError
 from redres_ros.planning.planner import Reference
+from redres_ros.resolution import Solution
 from redres_ros.simulation.recording import MotionRecorder, Recording, columns
 
 T = 0.002  # [s]
@@ -27,7 +28,7 @@ def tick(model: RobotModel) -> tuple[Command, Reference]:
     dq = random.normal(size=7)
     x_d = random.normal(size=3)
     reference = Reference(random.normal(size=3), x_d, x_d - state.x, 2, False)
-    command = Command(dq, state.q + T * dq, state, T, state.J[:3], None, 0.75, '', np.zeros(3))
+    command = Command(Solution(dq, state.J[:3], np.zeros(3), s=0.75), state.q + T * dq, state, T)
     return command, reference
 
 
@@ -93,7 +94,7 @@ def test_a_row_holds_the_norms_of_its_tick(tick):
 
 def test_a_figure_is_that_of_the_command_to_rounding(tick):
     recording = of_one(*tick)
-    for name, figure in FIGURES.items():
+    for name, figure in VALUES.items():
         assert recording[name] == pytest.approx(figure(tick[0]), rel=1e-12)
 
 

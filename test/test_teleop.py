@@ -22,8 +22,7 @@ from std_srvs.srv import Trigger
 
 from redres_ros.cli import main
 from redres_ros.errors import RangeError
-from redres_ros.graph.teleop import HELP, WAYS, KeyMap, TwistPublisher, limit_bar
-from redres_ros.loop.limit_report import read
+from redres_ros.graph.teleop import HELP, WAYS, KeyMap, TwistPublisher
 
 FORWARD = np.array((0.05, 0.0, 0.0, 0.0, 0.0, 0.0))  # [m/s], [rad/s]
 
@@ -69,11 +68,6 @@ def test_speeds_stay_within_what_a_keyboard_should_have() -> None:
     assert (key_map.speed, key_map.turn) == (2.0, 6.0)
     with pytest.raises(RangeError, match=r'speed is nan; allowed: 0\.001 to 2 \(m/s\)'):
         KeyMap(speed=np.nan)
-
-
-def test_a_bar_shows_what_limits_leave() -> None:
-    said = read('fr3_joint4: position; away -z; s 0.00; translation 0.31; rotation 1.00')
-    assert limit_bar(said) == '[###-------] fr3_joint4: position, away -z'
 
 
 def test_without_a_terminal_it_refuses_in_one_line(

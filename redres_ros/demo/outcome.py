@@ -17,6 +17,7 @@ from redres_ros.files.text import write_json
 from redres_ros.kernels.rotation_error import rotation_error
 from redres_ros.laws import Law
 from redres_ros.planning.planner import Reference
+from redres_ros.resolution import Solution
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.rotation import from_quaternion
 from redres_ros.simulation.recording import MotionRecorder, Recording
@@ -158,16 +159,9 @@ def replay(
             state = model.state(log.states[stamp], dq_prev)
             elapsed = (stamp - stamp_prev) / 1e9 if stamp_prev else T
             J = state.J if pose else state.J[:3]
-            command = Command(
-                dq,
-                q_ref,
-                state,
-                elapsed,
-                J,
-                make_law(log.law_at(stamp)).weight(state),
-                s=log.scaling_at(stamp),
-                unachieved=np.zeros(len(J)),
-            )
+            W = make_law(log.law_at(stamp)).weight(state)
+            solution = Solution(dq, J, J.dot(dq), W=W, s=log.scaling_at(stamp))
+            command = Command(solution, q_ref, state, elapsed)
             reference = _reference(desired[stamp], state, log.segment_at(stamp), pose)
             recorder.add((stamp - under_way[0]) / 1e9, command, reference)
         dq_prev = dq

@@ -15,7 +15,6 @@ from std_msgs.msg import Float64, String
 
 from redres_ros.errors import one_line
 from redres_ros.graph.client import PATIENCE, GraphClient
-from redres_ros.loop.limit_report import LimitReport, read
 from redres_ros.nodes.topics import (
     ACTIVE_LIMITS,
     LATCHED,
@@ -173,9 +172,10 @@ class GraphMonitor(Node):
         """The fraction of the goal that is done, 0 to 1; followed from the first call on."""
         return float(self._newest(PROGRESS, Float64, 0.0))
 
-    def limits(self) -> LimitReport:
-        """The last report on active limits; followed from the first call on."""
-        return read(self._newest(ACTIVE_LIMITS, String, ''))
+    def limits(self) -> dict[str, set[str]]:
+        """The most active limit by joint or pair of bodies; followed from the first call on."""
+        place, _, limit = self._newest(ACTIVE_LIMITS, String, '').rpartition(': ')
+        return {place: {limit}} if limit else {}
 
     def _newest(self, topic: str, kind: type, before: Any) -> Any:
         """The newest value of a sampled topic; `before` until there is one."""

@@ -20,7 +20,6 @@ from std_srvs.srv import Trigger
 
 from redres_ros.errors import RangeError, RedresError, one_line
 from redres_ros.files.signals import handled
-from redres_ros.loop.limit_report import LimitReport, read
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.topics import ACTIVE_LIMITS, NEWEST, PUBLISH
 from redres_ros.nodes.wire import TwistWriter
@@ -44,7 +43,6 @@ _PERIOD = 0.02  # [s] between messages
 _MOST_KEYS = 64  # read at once
 _ENDING = (signal.SIGTERM, signal.SIGHUP)  # these would end the process without clean-up
 _CLEAR = '\r\x1b[K'  # a terminal's line
-_BAR = 10  # characters
 
 
 class KeyMap:
@@ -183,11 +181,11 @@ class Teleop(Node):
         super().__init__('teleop', namespace=namespace or None)
         self.key_map = key_map
         self.twists = TwistPublisher(self, frame)
-        self.limits = read('')  # what was reported of them last
+        self.limits = ''  # what was reported of them last
         self.create_subscription(String, ACTIVE_LIMITS, self._on_limits, NEWEST)
 
     def _on_limits(self, message: String) -> None:
-        self.limits = read(one_line(message.data))
+        self.limits = one_line(message.data)
 
     def publish(self, now: float) -> np.ndarray:
         """Publish the task velocity of now [s]; it is returned, (6,)."""
@@ -266,12 +264,4 @@ def _line(node: Teleop, dx: np.ndarray) -> str:
         if value
     ]
     asked = f'{speeds} | {"  ".join(moves) or "standing still"}'
-    return f'{asked} | {limit_bar(node.limits)}' if moves and node.limits.limit else asked
-
-
-def limit_bar(limits: LimitReport) -> str:
-    """A bar of what is executed, and a word on what limits it."""
-    full = round(_BAR * min(max(limits.least, 0.0), 1.0))
-    bar = '#' * full + '-' * (_BAR - full)
-    away = f', away {limits.away}' if limits.away else ''
-    return f'[{bar}] {limits.limit}{away}'
+    return f'{asked} | {node.limits}' if moves and node.limits else asked

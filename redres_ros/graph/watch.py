@@ -9,7 +9,7 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from std_msgs.msg import Float64, Int32, String
 
-from redres_ros.command import FIGURES
+from redres_ros.command import VALUES
 from redres_ros.errors import RedresError
 from redres_ros.graph.graph_monitor import WORDS, GraphMonitor
 from redres_ros.graph.live_arm import LiveArm
@@ -63,7 +63,7 @@ class Watch(GraphMonitor):
         seen = arm.look()
         if not seen:
             return
-        for name in FIGURES:
+        for name in VALUES:
             self.keep(f'controller/{name}', getattr(seen[-1], name))
         self.keep(_TIP, tuple(arm.model.tip(arm.q)[0].tolist()))
 
@@ -71,7 +71,7 @@ class Watch(GraphMonitor):
         arm = self._arm
         if arm is None:
             return []
-        acting = self.limits().by_place
+        acting = self.limits()
         names = arm.model.joint_names
         return [
             JointBar(name, fraction, q, tuple(sorted(acting.get(name, ()))))

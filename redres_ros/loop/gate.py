@@ -9,6 +9,8 @@ published reference and m cycles (Controller.bridged), a reference q_ref passes 
 (outside the range: only towards it). Otherwise the arm brakes within A.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from redres_ros.command import Command
@@ -39,7 +41,9 @@ class Gate:
         self.count += 1
         self.reason = self._reason(joint, float(command.q_ref[joint]))
         controller.correct(q_ref, dq)
-        return command._replace(q_ref=q_ref.copy(), dq=dq.copy())
+        return replace(
+            command, q_ref=q_ref.copy(), solution=replace(command.solution, dq=dq.copy())
+        )
 
     def _allowed(self) -> tuple[np.ndarray, np.ndarray]:
         """V (n,) [rad/s] and A (n,) [rad/s^2]; infinite for a controller without limits."""

@@ -17,7 +17,6 @@ from redres_ros.files.plugins import load_plugins
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import CommandLoop, Response
 from redres_ros.loop.modes import Mode
-from redres_ros.loop.null_space_stability import swing_warning
 from redres_ros.loop.settings import LoopSettings, why_it_would_leap
 from redres_ros.loop.twist_buffer import TwistBufferSettings
 from redres_ros.nodes.clocks import create_steady_timer
@@ -116,8 +115,6 @@ class ControllerNode(ManagedNode):
         self._loop.deactivate()
         if leap := why_it_would_leap(settings.forward_commands, loop_settings.bridging):
             self.get_logger().warning(leap)
-        if swing := swing_warning(model, self._policy.policy, T):
-            self.get_logger().warning(swing)
         frame = settings.base_frame or model.base_frame
         self._transformer = TwistTransformer(model, frame)
         self._states = JointStateReader()

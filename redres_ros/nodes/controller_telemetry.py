@@ -13,11 +13,10 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_msgs.msg import Float64, Float64MultiArray, String
 
-from redres_ros.command import FIGURES, Command, norm
+from redres_ros.command import VALUES, Command, norm
 from redres_ros.errors import ArrayError
 from redres_ros.laws import law_name
 from redres_ros.loop.command_loop import Response
-from redres_ros.loop.limit_report import report
 from redres_ros.nodes.conversions import to_pose
 from redres_ros.nodes.telemetry import Telemetry
 from redres_ros.policy import Policy
@@ -29,11 +28,11 @@ PERIOD = 50_000_000  # [ns] of the robot's clock from one snapshot to the next
 
 _SCALING = 'task_scaling'
 _LIMITS = 'active_limits'
-_FIGURES = {name: figure for name, figure in FIGURES.items() if name != _SCALING}
-_EVERY_TICK = ('tip_pose', *_FIGURES, 'lost_velocity', 'law')  # others are published less often
+_VALUES = {name: figure for name, figure in VALUES.items() if name != _SCALING}
+_EVERY_TICK = ('tip_pose', *_VALUES, 'lost_velocity', 'law')  # others are published less often
 _TYPES = {
     'tip_pose': PoseStamped,
-    **dict.fromkeys((*FIGURES, 'lost_velocity'), Float64),
+    **dict.fromkeys((*VALUES, 'lost_velocity'), Float64),
     'law': String,
     _LIMITS: String,
     _NAME: Float64MultiArray,
@@ -79,7 +78,7 @@ class ControllerSnapshot(NamedTuple):
             speed: Largest norm of the joint velocity since the last snapshot [rad/s].
             acceleration: The same of the joint acceleration [rad/s^2].
         """
-        values = {name: figure(command) for name, figure in FIGURES.items()}
+        values = {name: figure(command) for name, figure in VALUES.items()}
         values |= {'joint_velocity_norm': speed, 'joint_acceleration_norm': acceleration}
         return cls(Figures(stamp / 1e9, **values), command.state.q)
 
@@ -184,25 +183,25 @@ class MotionTelemetry:
         if self._unsaid >= self._unsaid_most:
             self._publish_scaling(response.scaling)
         command = response.command
-        self._publish_limits(command, policy)
+        self._publish_limits(command)
         self._snapshots.see(response.stamp, command)
         if self._telemetry.subscribed.isdisjoint(_EVERY_TICK):
             return
         publish = self._telemetry.publish
         publish('tip_pose', lambda: self._tip_pose(response))
-        for name, figure in _FIGURES.items():
+        for name, figure in _VALUES.items():
             publish(name, partial(figure, command))
         publish('lost_velocity', lambda: norm(command.unachieved))
         publish('law', lambda: law_name(policy.law))
 
-    def _publish_limits(self, command: Command, policy: Policy) -> None:
+    def _publish_limits(self, command: Command) -> None:
         """Publish which limits act: often while they do or have just changed, else now and then."""
         self._limits_age += 1
         is_quiet = not command.active_limit and not self._active_limits
         if self._limits_age >= (self._limits_most if is_quiet else self._limits_least):
             self._active_limits = command.active_limits
             self._limits_age = 0
-            self._telemetry.publish(_LIMITS, lambda: report(command, policy.limits).text)
+            self._telemetry.publish(_LIMITS, lambda: command.active_limits)
 
     def _tip_pose(self, response: Response) -> PoseStamped:
         """The measured pose of the tip."""

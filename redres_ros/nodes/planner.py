@@ -12,7 +12,6 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from redres_ros.errors import RedresError, one_line
-from redres_ros.loop.limit_report import read
 from redres_ros.nodes.conversions import JointMapper, from_pose
 from redres_ros.nodes.diagnostics import (
     ERROR,
@@ -265,7 +264,7 @@ class PlannerNode(ManagedNode):
         self._run.set_mode(self._mode)
 
     def _on_limits(self, message: String) -> None:
-        self._run.set_active_limits(one_line(read(message.data).limit))
+        self._run.set_active_limits(one_line(message.data))
 
     def _on_stop_reason(self, message: String) -> None:
         stopped = one_line(message.data)

@@ -17,7 +17,7 @@ from redres_ros.errors import ArrayError, DivergedError, RangeError, UnknownName
 from redres_ros.parameter import check_parameters, param
 from redres_ros.policy import SPEED_LIMIT
 from redres_ros.preferences import Preference
-from redres_ros.resolution import Square, Weight
+from redres_ros.resolution import Solution, Square, Weight
 from redres_ros.robot_model import RobotModel, RobotState
 from redres_ros.vectors import finite_vector
 
@@ -240,16 +240,7 @@ class SecondOrderController:
             raise DivergedError(norm(dq), SPEED_LIMIT, 'the scheme')
         q_ref = (state.q if self._last is None else self._last.q_ref) + self.T * dq  # footnote 1
         W = self.scheme.metric(state)
-        self._last = Command(
-            dq,
-            q_ref,
-            state,
-            self.T,
-            state.J[:3],
-            W,
-            s=1.0,
-            unachieved=np.zeros(3),
-        )
+        self._last = Command(Solution(dq, state.J[:3], dx, W=W), q_ref, state, self.T)
         self._dx_prev = dx
         return self._last
 

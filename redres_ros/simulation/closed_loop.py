@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -129,7 +130,9 @@ class _Loop:
             return True
         command = self._controller.update(self._q, reference.dx)
         executed = self._speed.fraction * command.s  # of the nominal speed
-        recorded = command if executed == command.s else command._replace(s=executed)
+        recorded = command
+        if executed != command.s:
+            recorded = replace(command, solution=replace(command.solution, s=executed))
         self._recorder.add(t, recorded, reference)
         self._late += (1.0 - executed) * self._controller.T
         self._speed.advance(command.s, self._controller.T)

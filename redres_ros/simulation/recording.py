@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from redres_ros.command import FIGURES, Command, norms
+from redres_ros.command import VALUES, Command, norms
 from redres_ros.files.text import writing
 from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Weight, resolve_one
@@ -38,7 +38,7 @@ def columns(n: int, pose: bool = False) -> tuple[str, ...]:
         'z_d',
         'task_error',
         *(('orientation_error',) if pose else ()),
-        *FIGURES,
+        *VALUES,
         'segment',
     )
 
@@ -110,7 +110,7 @@ class MotionRecorder:
             'task_scaling': s,
         }
         errors = [norms(error), norms(turn_left)] if self._pose else [norms(error)]
-        ordered = [figures[name] for name in FIGURES]
+        ordered = [figures[name] for name in VALUES]
         block = np.column_stack((t, q, dq, x_d - error, x_d, *errors, *ordered, segment))
         self._blocks.append(block)
         self._weights.clear()

@@ -9,7 +9,6 @@ from viser import uplot
 
 from redres_ros.graph.graph_monitor import NODES
 from redres_ros.graph.watch_page import is_near_an_end
-from redres_ros.loop.limit_report import LimitReport
 from redres_ros.nodes.controller_telemetry import Figures
 from redres_ros.nodes.topics import MODE, QUALITY, REASON, SESSION, TASK_STATE
 from redres_ros.planning.task_executor import UNDER_WAY
@@ -22,8 +21,6 @@ _STYLE = 'font: 13px/1.45 system-ui, sans-serif; padding: 2px 12px;'
 _ALARM = 'background: #d62728; color: white; border-radius: 4px; padding: 6px 8px; margin: 4px 0;'
 _DIM = 'color: #777;'
 _TRACK = 'position: relative; height: 9px; background: #e8eaee; border-radius: 5px;'
-_ALMOST_ALL = 0.995  # of a velocity
-_SCALED = {'s': 'whole task', 'translation': 'translation', 'rotation': 'rotation'}
 _LONGEST = 400  # letters
 _UNDER_WAY = {each.value for each in UNDER_WAY}
 
@@ -55,19 +52,11 @@ def state_text(words: Mapping[str, str], health: Mapping[str, str], progress: fl
     return f'<div style="{_STYLE}">{"".join(lines)}</div>'
 
 
-def limits_text(report: LimitReport) -> str:
-    """The task scaling as HTML, the acting limit, and the direction that leads away from it."""
-    scaling = report.scaling if report.limit else {}
-    shown = {_SCALED[name]: min(max(scaling.get(name, 1.0), 0.0), 1.0) for name in _SCALED}
-    rows = [
-        _row(f'{name} {fraction:.0%}', _filled(fraction), ()) for name, fraction in shown.items()
-    ]
-    line = _dim('no limit acts')
-    if report.limit:
-        line = f'<b>{_escaped(report.limit)}</b>'
-        if report.away:
-            line += f'<br>free direction: <b>{_escaped(report.away)}</b> of the base'
-    return f'<div style="{_STYLE} min-height: 3em;">{line}</div>{_table(rows)}'
+def limits_text(limits: Mapping[str, Iterable[str]]) -> str:
+    """The acting limits, by place, as HTML."""
+    lines = [f'{place}: {limit}' for place, names in limits.items() for limit in names]
+    line = f'<b>{_escaped(lines[0])}</b>' if lines else _dim('no limit acts')
+    return f'<div style="{_STYLE} min-height: 1.5em;">{line}</div>'
 
 
 def joint_bars(
@@ -113,15 +102,6 @@ def _bar(fraction: float) -> str:
         f'height: 9px; border-radius: 5px; background: {colour};"></div>'
     )
     return f'<div style="{_TRACK}">{knob}</div>'
-
-
-def _filled(fraction: float) -> str:
-    colour = '#2ca02c' if fraction > _ALMOST_ALL else '#ff7f0e'
-    full = (
-        f'<div style="width: {100.0 * fraction:.1f}%; height: 9px; border-radius: 5px; '
-        f'background: {colour};"></div>'
-    )
-    return f'<div style="{_TRACK}">{full}</div>'
 
 
 def _tag(limit: str) -> str:

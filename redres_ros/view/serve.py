@@ -149,7 +149,7 @@ class Page:
         self._state.content = state_text(newest, self._monitor.health(), progress)
         arm = self._arm
         limits = self._monitor.limits()
-        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, limits.by_place)
+        self._bars.content = joint_bars(arm.model.joint_names, arm.fractions, limits)
         self._leave.content = limits_text(limits)
         for name, path in self._paths.items():
             self._scene.trace(name, np.array(path))
