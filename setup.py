@@ -91,15 +91,13 @@ setup(
         'paper': PAPER,
         'docs': DOCS,
         'parquet': ['pyarrow>=15'],  # results of a batch in that form
-        'bench': [  # others' inverse kinematics, which `redres bench` sets beside ours
+        'bench': [  # others' inverse kinematics, which benchmarks/ sets beside ours
             'embodik>=0.23',
             'roboplan-oink>=0.7',
             'pin-pink>=4.4',
             'mink>=1.3',
             'qpsolvers>=4.13',
             'quadprog>=0.1.14',
-            'daqp>=0.11',
-            'proxsuite>=0.8',
         ],
         'test': [
             *DOCS,

@@ -12,7 +12,7 @@ import redres_ros
 PACKAGE = Path(redres_ros.__file__).parent
 ROS = r'(rcl|rpy|ros|rmw|ament|launch|tf2|unique_identifier)\w*|\w+_(msgs|srvs|interfaces)'
 
-WITH_ROS = {'nodes', 'graph', 'demo', 'bench', 'preflight', 'view'}  # subpackages
+WITH_ROS = {'nodes', 'graph', 'demo', 'preflight', 'view'}  # subpackages
 
 
 class Import(NamedTuple):

@@ -223,7 +223,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
 
 @pytest.mark.parametrize(
     ('command', 'name'),
-    [('compare', 'comparison.png'), ('demo', 'sim.log'), ('bench', 'bench.json')],
+    [('compare', 'comparison.png'), ('demo', 'sim.log')],
 )
 def test_a_directory_in_the_place_of_a_result_is_refused_before_the_work(
     tmp_path, capsys, command, name
@@ -325,7 +325,7 @@ def test_the_list_of_laws_keeps_to_the_width_of_a_terminal_and_to_a_line_elsewhe
     assert wrapped.split() == lines.split()
 
 
-COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'bench', 'laws', 'watch')
+COMMANDS = ('simulate', 'compare', 'reproduce', 'demo', 'laws', 'watch')
 MOTIONS = ('simulate', 'compare', 'demo')
 
 

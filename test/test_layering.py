@@ -30,7 +30,6 @@ LAYERS = (
     {'nodes', 'paper'},
     {'graph'},
     {'preflight', 'demo', 'view'},
-    {'bench'},
     {'cli'},
 )
 
@@ -59,21 +58,15 @@ def test_imports_are_found():
     assert Import('controller.py', 'numpy', True) in imports()
 
 
-# What others' inverse kinematics cost must not depend on our wrappers, so the peers have the two
-# libraries bare.
-PEERS = 'bench/peers.py'
-
-
-def test_only_what_reads_urdfs_the_robot_model_and_the_peers_import_pinocchio():
+def test_only_what_reads_urdfs_and_the_robot_model_import_pinocchio():
     assert files_with('pinocchio') == {
         'robots/urdf.py',
         'robots/kinematics.py',
         'robot_model.py',
-        PEERS,
     }
 
 
-def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
+def test_only_the_plant_and_its_pictures_import_mujoco():
     assert (
         {'fake_robot/plant.py', 'fake_robot/mujoco_arm.py'}
         <= files_with('mujoco')
@@ -82,15 +75,8 @@ def test_only_the_plant_its_pictures_and_the_peers_import_mujoco():
             'fake_robot/mujoco_arm.py',
             'fake_robot/environment.py',
             'simulation/render.py',
-            PEERS,
         }
     )
-
-
-def test_what_is_not_required_is_imported_when_it_is_asked_for():
-    others = ('embodik', 'pink', 'mink')
-    assert not any(found.on_loading for found in imports() if found.library in others)
-    assert {other: files_with(other) for other in others} == {other: {PEERS} for other in others}
 
 
 def test_only_the_page_imports_viser():

@@ -39,10 +39,6 @@ from redres_ros.nodes.sim import SimNode
 from redres_ros.nodes.topics import LATCHED
 from redres_ros.robot_model import RobotModel
 
-sys.path.insert(0, str(Path(__file__).parents[1] / 'benchmarks'))
-
-from every_message import Said, compare, missing, record
-
 NAMES = ('a', 'b')
 MS = 1_000_000  # [ns]
 CONFIG = Path(__file__).parents[1] / 'config'
@@ -213,30 +209,6 @@ def test_no_message_of_a_running_graph_is_lost(recording: Path) -> None:
     descriptions = [message.data for topic, message, _ in found if topic == '/robot_description']
     changed = [f'<robot name="{number}"/>' for number in range(0, 2000, 100)]
     assert descriptions == ['<robot/>', *changed]
-
-
-def test_what_was_not_received_is_counted() -> None:
-    said = every_20_ms('bccd')
-    assert missing(said, every_20_ms('bccd', 0.001)) == 0
-    assert missing(said, every_20_ms('abbccdb', -0.04)) == 0  # began before, and goes on
-    assert missing(said, every_20_ms('-ccd', 0.001)) == 1  # the very first one
-    assert missing(said, every_20_ms('bc-d', 0.001)) == 1
-    assert missing(said, every_20_ms('bccd', -0.1)) == 4  # received before, so it was another
-    assert missing(said, every_20_ms('bccd', 0.6)) == 4  # or far too late
-    assert missing(said, []) == 4
-
-
-def every_20_ms(letters: str, delay: float = 0.0) -> list[Said]:
-    """A message for each letter."""
-    return [Said(20 * MS * k + round(1e9 * delay), each) for k, each in enumerate(letters)]
-
-
-@pytest.mark.realtime
-@pytest.mark.nightly
-def test_all_that_three_nodes_say_is_in_the_file(tmp_path: Path) -> None:
-    topics = compare(tmp_path, record(tmp_path, 3.0, rate=200.0))
-    assert min(topic.said for topic in topics.values()) > 0
-    assert {name for name, topic in topics.items() if topic.lost} == set()
 
 
 # --- the command ----------------------------------------------------------------------------------

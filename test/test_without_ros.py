@@ -86,7 +86,7 @@ def test_laws_are_listed_without_the_tools():
     assert 'minimum_acceleration' in run_blocked(REDRES, 'laws', libraries=TOOLS).stdout
 
 
-@pytest.mark.parametrize('command', by_day(1, ['demo', 'watch', 'bench']))
+@pytest.mark.parametrize('command', by_day(1, ['demo', 'watch']))
 def test_what_needs_ros_says_how_to_get_it(command, tmp_path):
     out = [] if command == 'watch' else ['--out', str(tmp_path)]
     result = run_blocked(REDRES, command, *out)

@@ -70,7 +70,7 @@ class NodeProcess:
     It does not get the terminal's Ctrl-C: the process that started it ends it.
 
     Args:
-        name: The executable in nodes/, or a module of the package, such as 'bench.echo'; its own
+        name: The executable in nodes/, or a module of the package, such as 'view.serve'; its own
             options may follow, as in 'composed --no-sim'.
         log: File for what it prints.
         parameters: Parameters of the node.

@@ -1,1 +1,0 @@
-"""Benchmarks: a tick beside its peers, the loop over DDS beside bare echoes."""
