@@ -13,8 +13,9 @@ import redres_ros
 
 # From the bottom up. A module imports from layers below its own, and from its own subpackage.
 LAYERS = (
+    {'types'},
     {'errors', 'interpolation'},
-    {'files'},
+    {'files', 'robot_interface'},
     {'kernels'},
     {'parameter', 'rotation', 'robots'},
     {'vectors', 'table'},
