@@ -9,7 +9,7 @@ _NO_TURN = np.eye(3)
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:
     """The logarithm of R (3, 3): its axis times its angle, (3,) [rad], the angle at most pi."""
-    from redres_ros.kernels.rotation_error import rotation_error  # for which many need not wait
+    from redres_ros.kernels.tick import rotation_error  # for which many need not wait
 
     return rotation_error(_NO_TURN, R)
 

@@ -6,11 +6,9 @@ import pkgutil
 from importlib import import_module
 
 from redres_ros import kernels
-from redres_ros.kernels.ahead import compile_ahead
 
 
 def compile_all() -> None:
-    compile_ahead()
     for module in pkgutil.iter_modules(kernels.__path__, f'{kernels.__name__}.'):
         import_module(module.name)
 

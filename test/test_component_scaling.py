@@ -7,11 +7,11 @@ from scipy.optimize import linprog
 from test_constrained import EXACT, PRECISE, WEIGHTS, active_rows, unexplained, weight
 
 from redres_ros import Controller, RobotModel
-from redres_ros.constrained import Box, Constrained, solve_constrained
 from redres_ros.errors import UnknownNameError
 from redres_ros.limits.component_scaling import DIRECTION_TOLERANCE, solve_components
 from redres_ros.resolution import resolve
 from redres_ros.rotation import rotation_matrix, rotation_vector
+from redres_ros.solver import Box, Constrained, solve_constrained
 
 MANY = 20_000 if NIGHTLY else 150
 SIZES = (3, 3)

@@ -7,8 +7,8 @@ from nightly import NIGHTLY
 from scipy.optimize import linprog, nnls
 
 from redres_ros import RobotModel
-from redres_ros.constrained import Constrained, solve_constrained
 from redres_ros.resolution import Factor, Square, resolve, resolve_in_order
+from redres_ros.solver import Constrained, solve_constrained
 
 MANY = 100_000 if NIGHTLY else 300
 EXACT = 1e-9  # what is asked of shares and optimality residuals; rounding leaves 1e-12
@@ -371,7 +371,7 @@ def test_many_rows_have_the_optimum_of_all_at_once(monkeypatch):
         arguments = problem.dq_free, problem.W, [problem.task], problem.box, groups
         few = solve_constrained(*arguments)
         with monkeypatch.context() as all_at_once:
-            all_at_once.setattr('redres_ros.constrained._FEW', len(C))
+            all_at_once.setattr('redres_ros.solver._FEW', len(C))
             expected = solve_constrained(*arguments)
         assert few.dq == pytest.approx(expected.dq, abs=1e-7), seed
         assert few.s == pytest.approx(expected.s, abs=1e-7), seed

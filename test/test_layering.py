@@ -96,7 +96,7 @@ def test_only_nodes_and_the_command_line_import_ros_at_all():
     assert {subpackage(file) for file in files_with(ROS)} - WITH_ROS <= {'cli'}
 
 
-AROUND_THEM = ('ahead', 'compiled', 'compile_log')
+AROUND_THEM = ('compiled',)
 
 
 def test_resolution_needs_nothing_but_numpy_and_the_compiled_formulas():

@@ -8,7 +8,6 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from redres_ros import Controller, RobotModel, load_task
-from redres_ros.constrained import solve_constrained
 from redres_ros.errors import ArrayError, RangeError, UnknownNameError
 from redres_ros.kernels.boxes import stopping_speed
 from redres_ros.limits import LIMITS, BoxLimit, Limits, limit_name, make_limits
@@ -16,6 +15,7 @@ from redres_ros.limits.joint import AccelerationLimit
 from redres_ros.limits.limits import ActiveLimit
 from redres_ros.resolution import resolve
 from redres_ros.robot_model import RobotState, TickContext
+from redres_ros.solver import solve_constrained
 
 T = 0.002  # [s]
 EVERY_PERIOD = pytest.mark.parametrize('T', [0.0005, 0.001, 0.002, 0.01])

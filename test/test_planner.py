@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from redres_ros import Planner, WaypointTask
 from redres_ros.interpolation import quintic
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.planner import Reference
 
 T = 0.001  # [s]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from redres_ros import Controller, RobotModel
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.loop.modes import Mode
 from redres_ros.nodes.policy_parameters import END_OF_REACH

@@ -11,7 +11,7 @@ import pytest
 from nightly import by_day
 
 from redres_ros import LAWS, Command, Controller, RobotModel, load_task, make_law, run
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.limits import make_limits
 from redres_ros.loop.command_loop import CommandLoop
 from redres_ros.robots import ARMS

@@ -53,10 +53,6 @@ def find_tables(*, limits: bool) -> 'list[Table[Any]]':
     Args:
         limits: With the limits, which take longer to load, and are compiled the first time.
     """
-    if limits:
-        from redres_ros.kernels.ahead import compile_ahead
-
-        compile_ahead()  # laws would load formulas one after the other
     from redres_ros.laws import LAWS
     from redres_ros.preferences import PREFERENCES
     from redres_ros.tasks import TASKS

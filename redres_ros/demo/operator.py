@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.nodes.parameters import declare
 from redres_ros.nodes.planner import WaitingPlannerNode
 from redres_ros.parameter import param

@@ -14,7 +14,7 @@ from redres_ros.demo.cycles import CycleCounts
 from redres_ros.demo.figures import Endurance, GoalCounts, MotionFigures, PressingFigures, Rows
 from redres_ros.demo.log import Log
 from redres_ros.files.text import write_json
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.laws import Law
 from redres_ros.planning.planner import Reference
 from redres_ros.resolution import Solution

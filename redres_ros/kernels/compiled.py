@@ -5,14 +5,15 @@ user's cache directory. It compiles a function anew when the file of that functi
 looks at no other file. So each file here holds all that its functions call.
 """
 
+import sys
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numba
 from numba import types
 
 from redres_ros.files.signals import interruptible
-from redres_ros.kernels.compile_log import log_compiling
 
 # Somebody looks for a fault by NUMBA_DISABLE_JIT: nothing is compiled.
 _IN_PYTHON = bool(vars(numba.config)['DISABLE_JIT'])
@@ -34,10 +35,20 @@ def compiled(*signatures: Any) -> Callable[[Callable[..., Any]], Any]:
             except RuntimeError:  # there is no folder that can be written
                 made = numba.njit(list(signatures), **options)(function)
         if not made.stats.cache_hits:
-            log_compiling(made.stats.cache_path or '')
+            _report_compiling(made.stats.cache_path or '')
         return made
 
     return decorate
+
+
+@cache
+def _report_compiling(folder: str) -> None:
+    """Print why a start takes so long, without a terminal too: other programs start nodes."""
+    how_often = f'once, cached in {folder}'
+    if not folder:
+        how_often = 'in every process, since no cache is writable; set NUMBA_CACHE_DIR'
+    line = f'compiling the formulas, about a quarter of a minute: {how_often}'
+    print(line, file=sys.stderr, flush=True)
 
 
 def part(function: Callable[..., Any]) -> Any:

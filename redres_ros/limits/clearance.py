@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.constrained import Rows
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.clearance import brake, braking_rows, damper_rows, farthest_path
 from redres_ros.limits.joint import AccelerationFigures
@@ -19,6 +18,7 @@ from redres_ros.limits.limit import ReferenceState, RowLimit
 from redres_ros.parameter import param
 from redres_ros.robots.bodies import Bodies
 from redres_ros.robots.kinematics import Kinematics
+from redres_ros.solver import Rows
 
 # Of the row that bounds a joint's acceleration, beside those of distances
 _OWN_WEIGHT = 1e-3

@@ -1,6 +1,6 @@
 """A task velocity whose components, translation and rotation, have scaling factors of their own.
 
-A path must keep its direction: one factor s for all of dx (constrained.py). An operator prefers an
+A path must keep its direction: one factor s for all of dx (solver.py). An operator prefers an
 arm that goes on with what is possible. Where s < 1, the other factors follow, each level as well as
 the higher ones allow:
 
@@ -29,9 +29,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
 from redres_ros.resolution import Factor, Level, Weight, as_array
 from redres_ros.singularity import locked
+from redres_ros.solver import Box, Constrained, Rows, solve_constrained
 
 DIRECTION_TOLERANCE = float(np.radians(10.0))  # [rad] of what is left of a component
 SLIDING_TOLERANCES = tuple(np.radians((60.0, 85.0)).tolist())  # [rad], where it leaves nothing

@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.constrained import Box, Rows
 from redres_ros.errors import ArrayError
 from redres_ros.kernels.boxes import ACCELERATION, JERK, POSITION, VELOCITY, fill_boxes, within
 from redres_ros.kernels.tick import agitation, differentiate
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.parameter import param
+from redres_ros.solver import Box, Rows
 
 # What a robot may be shown of its limits. It judges differences of positions, whose 16 digits leave
 # an acceleration 10 and a jerk 9 at 1 kHz.

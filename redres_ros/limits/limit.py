@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from redres_ros.constrained import Box, Rows
 from redres_ros.parameter import Parameter, check_parameters, check_value
 from redres_ros.robot_model import RobotModel, RobotState
+from redres_ros.solver import Box, Rows
 
 ReferenceState = RobotState  # at the reference that is integrated, with the last command
 

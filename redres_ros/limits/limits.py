@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from redres_ros.constrained import Box, Constrained, Rows, solve_constrained
 from redres_ros.kernels.boxes import GIVEN, fill_boxes, stopping_speed, within
 from redres_ros.limits.component_scaling import executed_fractions, solve_components
 from redres_ros.limits.joint import AccelerationLimit, JerkLimit, JointLimit
 from redres_ros.limits.limit import BoxLimit, Limit, ReferenceState, RowLimit
 from redres_ros.resolution import Level, Weight
+from redres_ros.solver import Box, Constrained, Rows, solve_constrained
 
 _AT_REST = 1e-12  # [rad/s]
 _FASTEST = 100.0  # [rad/s] of a joint without a limit

@@ -8,8 +8,7 @@ import numpy as np
 
 from redres_ros.controller import Controller
 from redres_ros.errors import RedresError
-from redres_ros.kernels.following import largest_excess, update_peak, widen
-from redres_ros.kernels.tick import largest
+from redres_ros.kernels.tick import largest, largest_excess, update_peak, widen
 
 _LAG_TIME = 0.1  # [s] by which a servo may be behind a moving reference
 _DECAY_TIME = 0.2  # [s] for which a reference counts as moving after it has stopped

@@ -23,7 +23,6 @@ from rclpy.task import Future
 from redres_ros.errors import RedresError, reason_of
 from redres_ros.files.processes import end_with_parent, open_error_output
 from redres_ros.files.signals import handle
-from redres_ros.kernels.compile_log import time_compiling
 from redres_ros.nodes import discovery
 from redres_ros.nodes.parameters import misspelt, overruled
 from redres_ros.nodes.real_time import ask_kernel
@@ -189,9 +188,6 @@ def run_nodes(*makes: Callable[[], Node], arguments: list[str] | None = None) ->
 def _log_start(nodes: list[Node], arguments: list[str]) -> None:
     """Log what the start waited for, and which parameters have no effect, each in one line."""
     logger = nodes[0].get_logger()
-    seconds = time_compiling()
-    if seconds:
-        logger.info(f'compiled the formulas in {seconds:.0f} s')
     meant = [f'{name} (is {nearest} meant?)' for name, nearest in misspelt(nodes).items()]
     if meant:
         logger.warning(f'no parameter {", ".join(meant)}; it changes nothing')

@@ -8,7 +8,7 @@ import numpy as np
 
 from redres_ros.errors import RedresError
 from redres_ros.interpolation import PEAK_SPEED
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.loop.cycle_counter import NANOSECONDS, is_of_this_moment
 from redres_ros.parameter import check_parameters, param
 from redres_ros.planning.joint_path import JointPath, path_to

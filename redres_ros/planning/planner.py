@@ -2,13 +2,13 @@
 position of the tip alone or together with its orientation.
 """
 
+import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from redres_ros.interpolation import quintic
-from redres_ros.kernels.rotation_error import rotation_error
-from redres_ros.kernels.straight_line import follow_line, limited
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
 
@@ -134,10 +134,11 @@ class Planner(ReferenceSource):
         s, ds = (1.0, 0.0) if self._finished else quintic((t - self._t_segment) / T_AB)
         start = min(self._index, len(self._points) - 2)
         ds *= rate / T_AB  # [1/s]
-        x_d = np.empty(3)
-        error = np.empty(3)
-        dx = np.empty(3)
-        follow_line(self._points, start, s, ds, x, *self._feedback, x_d, error, dx)
+        end = self._points[start + 1]
+        way = end - self._points[start]
+        x_d = self._points[start] + way * s if s < 1.0 else end.copy()  # Eq. (36)
+        error = x_d - x
+        dx = limited(*self._feedback, error) + way * ds  # Eq. (37)
         segment = start + self._first_segment
         if R is None or self._turns is None:
             return Reference(dx, x_d, error, segment, self._finished)
@@ -250,3 +251,11 @@ class Planner(ReferenceSource):
 def _pairs(errors: list[np.ndarray], unachieved: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Each error (3,) with the part of `unachieved` that belongs to it."""
     return [(error, unachieved[3 * i : 3 * i + 3]) for i, error in enumerate(errors)]
+
+
+def limited(gain: float, limit: float, error: np.ndarray) -> np.ndarray:
+    """The feedback k_P e of Eq. (37), (3,), no longer than the limit, which may be infinite."""
+    feedback = gain * error
+    x, y, z = feedback.tolist()
+    excess = math.sqrt(x * x + y * y + z * z) / limit
+    return feedback / excess if excess > 1.0 else feedback

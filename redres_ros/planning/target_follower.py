@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from redres_ros.kernels.rotation_error import rotation_error
-from redres_ros.kernels.straight_line import limited
-from redres_ros.planning.planner import LEVER, Reference, ReferenceSource
+from redres_ros.kernels.tick import rotation_error
+from redres_ros.planning.planner import LEVER, Reference, ReferenceSource, limited
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.rotation import rotation_matrix
 

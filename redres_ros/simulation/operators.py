@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redres_ros.kernels.rotation_error import rotation_error
+from redres_ros.kernels.tick import rotation_error
 from redres_ros.planning.waypoints import WaypointTask
 from redres_ros.robot_model import RobotModel
 from redres_ros.simulation.recording import Recording
