@@ -1,6 +1,5 @@
 """Every message between the nodes, with every kind of fault, and what becomes of the arm.
 
-The table is that of docs/troubleshooting.md, which `python test/test_fault_matrix.py` writes.
 The kinds of faults are those that PX4 injects into its sensors. All of it runs in virtual time with
 the nodes as they are (virtual_graph.py), the robot as strict as a real one.
 """
@@ -9,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import Enum
 from itertools import product
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,7 +32,6 @@ RATE = 100.0  # [Hz]
 DURATION = 0.6  # [s] of a fault
 # [rad/s] left of a null-space motion of 0.3 rad/s, which fades with 10 /s once no task moves
 DECAYED = 2e-3
-PAGE = Path(__file__).parents[1] / 'docs' / 'troubleshooting.md'
 LIMITS = JointLimits.of(find_arm('lwr4_paper'))
 
 # --- what becomes of the arm ----------------------------------------------------------------------
@@ -425,66 +422,3 @@ def test_without_a_fault_the_gate_never_acts(situation: Situation) -> None:
         run.run(2.0)
         judge.assert_followable()
         assert run.nodes['controller']._loop.gate.count == 0
-
-
-# --- the page -------------------------------------------------------------------------------------
-
-
-def section() -> str:
-    """The page's section with the table, in Markdown."""
-    lines = [TEXT]
-    lines += [f'| message | {" | ".join(FAULTS)} |', '|---' * (len(FAULTS) + 1) + '|']
-    for channel in (*CHANNELS, WRENCH):
-        row = EXPECTED[channel.topic, channel.listener]
-        shown = ' | '.join(map(_shown, row))
-        lines.append(f'| {channel.title} | {shown} |')
-    lines += ['', 'Wrong is:', '']
-    lines += [f'- {channel.title}: {channel.wrong_words}' for channel in (*CHANNELS, WRENCH)]
-    lines += ['', 'An arm that presses 20 N on a table comes to hold, and reports why:', '']
-    lines += ['| in contact | on the log and on /diagnostics |', '|---|---|']
-    lines += [f'| {name} | *{case.words}* |' for name, case in IN_CONTACT.items()]
-    return '\n'.join(lines) + '\n\n'
-
-
-def _shown(cell: Cell) -> str:
-    word = SHORT[cell.outcome]
-    return f'{word}: *{cell.words}*' if cell.words else word
-
-
-SHORT = {
-    Outcome.GOES_ON: 'goes on',
-    Outcome.RESTS: 'rests',
-    Outcome.STOPS: 'stops',
-    Outcome.HELD: 'holds',
-    Outcome.STAYS: 'stays',
-    Outcome.NONE: 'none',
-}
-
-HEAD = '## The fault matrix\n'
-TEXT = f"""\
-{HEAD}
-Every message between the nodes, with every kind of fault that PX4 injects into its sensors. Each cell is a test (test_fault_matrix.py) with
-the real nodes at {RATE:g} Hz, in virtual time; a fault acts for {DURATION:g} s while the arm moves. The same faults meet an arm that is mirroring,
-holding, stopping, inactive, starting, at the end of a joint's range and in a crossfade; test_random_pairs.py has disturbances
-come in pairs. In every case all references are finite and within the range, velocity and acceleration limits, constant while the arm is
-held, and none is published while the controller is inactive. The tests write this section.
-
-- *off*: nothing arrives. *stuck*: the same message again and again. *garbage*: NaN, wrong lengths, unknown names, impossible stamps.
-  *wrong*: can be read, and is not true. *slow*: one of ten arrives. *delayed*: 0.3 s late. *intermittent*: 0.1 s off, 0.1 s on.
-  *reordered*: of two messages the second arrives first.
-- **goes on**: {Outcome.GOES_ON.value}. **rests**: {Outcome.RESTS.value}. **stops**: {Outcome.STOPS.value}.
-  **holds**: {Outcome.HELD.value}. **stays**: {Outcome.STAYS.value}. **none**: there is no such fault, for the reason given. Words in italics are on a node's log.
-"""  # noqa: E501, the page has lines of its own length
-
-
-def shown() -> str:
-    """The section as the page has it."""
-    return HEAD + PAGE.read_text().partition(HEAD)[2].partition('## ')[0]
-
-
-def test_the_page_shows_this_table() -> None:
-    assert shown() == section(), 'run: python test/test_fault_matrix.py'
-
-
-if __name__ == '__main__':
-    PAGE.write_text(PAGE.read_text().replace(shown(), section()))
