@@ -20,7 +20,7 @@ LAYERS = (
     {'parameter', 'rotation', 'robots'},
     {'vectors', 'table'},
     {'resolution', 'robot_model'},
-    {'constrained', 'singularity'},
+    {'singularity', 'solver'},
     {'laws', 'tasks', 'preferences'},
     {'limits'},
     {'policy', 'command'},
